@@ -263,10 +263,20 @@ def body_contact(
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
-    @pointwise(BodyContact, writes=("displacement", *given))
+    @wp.func
+    def take_change(i: int, a: BodyContact):
+        """The change of a point's velocity, which belongs to one half step."""
+        change = a.changes[i]
+        a.changes[i] = wp.vec3d()
+        forget(i, a)
+        if wp.static(moves_freely and marked):
+            a.marks[i] = wp.where(wp.length_sq(change) > wp.float64(0.0), wp.uint8(1), wp.uint8(0))
+        return change
+
+    @pointwise(BodyContact, writes=("displacement", "changes", "marks", *given))
     def take_in_step(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            change = a.changes[i]
+            change = take_change(i, a)
             if wp.length_sq(change) > wp.float64(0.0):
                 dt = wp.float64(a.step[0])
                 arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
@@ -277,10 +287,10 @@ def body_contact(
                 if wp.static(tracked and loaded):
                     a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
-    @pointwise(BodyContact, writes=given)
+    @pointwise(BodyContact, writes=("changes", "marks", *given))
     def take_at_end(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            change = a.changes[i]
+            change = take_change(i, a)
             if wp.length_sq(change) > wp.float64(0.0):
                 end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
 

@@ -24,7 +24,9 @@ from warp_pd import (
     TearingEnergy,
     TensionField,
 )
-from warp_pd.kernels.surface_contact import distances_of_faces
+from warp_pd.kernels.surface_contact import clearances
+from warp_pd.parts.body_shapes import in_frame, on_device
+from warp_pd.parts.body_surface import segments_on_device
 
 MU, SHARE, THICKNESS, DENSITY, RADIUS, STRETCH, LENGTH = 0.4e6, 0.1, 0.3e-3, 1000.0, 0.05, 2.5, 0.1
 # Of transverse waves: the Cauchy stress over the density.
@@ -33,10 +35,12 @@ WAVE_SPEED = np.sqrt(MU * (1.0 - SHARE + SHARE * STRETCH**2) * (STRETCH**2 - STR
 
 def distances(corners, half_length):
     """Distances of triangles (F, 3, 3) from a segment along z about the origin, (F,)."""
-    found = wp.zeros(len(corners), dtype=wp.float64, device="cpu")
-    axis, given = wp.vec3d(0.0, 0.0, half_length), wp.array(corners, dtype=wp.vec3d, device="cpu")
-    wp.launch(distances_of_faces, len(corners), inputs=[given, axis, 0], outputs=[found], device="cpu")
-    return found.numpy()
+    shape = Capsule(1e-9, 2.0 * half_length) if half_length else Sphere(1e-9)
+    (segments, _tree), (body, _mesh) = segments_on_device(shape, 0.0, wp.get_device("cpu")), on_device(shape, "cpu")
+    found, given = wp.zeros(len(corners), dtype=wp.float64, device="cpu"), wp.array(corners, dtype=wp.vec3d, device="cpu")
+    inputs = [given, 100.0, segments, body, 0]
+    wp.launch(clearances(shape.distance), len(corners), inputs=inputs, outputs=[found], device="cpu")
+    return np.maximum(found.numpy(), 0.0)
 
 
 class Gaps:

@@ -20,7 +20,7 @@ from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import body_contact
 from .body_motion import BodyMotion
-from .body_shapes import BodyShape, on_device, signed_distances
+from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 
@@ -46,10 +46,10 @@ class RigidBody(Contact):
         friction: Coefficient of Coulomb friction; 0 for none.
         name: What its columns of the history begin with; bodies of one scene have different names.
         surface: Whether triangles of the sheet press on it, not only points: it may be thinner than the spacing. For
-            Sphere and Capsule on a BodyPath. Triangles that a crack cuts do not press.
+            Sphere, Capsule, Box and TriangleMesh. Triangles that a crack cuts do not press.
 
     Raises:
-        InputError: for a wrong shape or motion, negative friction, or a surface with another shape or motion.
+        InputError: for a wrong shape or motion, negative friction, or a surface with another shape.
     """
 
     shape: BodyShape
@@ -71,8 +71,11 @@ class RigidBody(Contact):
         self.motion.check(self.shape)
         if not isinstance(self.surface, bool):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
-        if self.surface and (self.shape.axis() is None or self.motion.free):
-            raise InputError(f"RigidBody {self.name!r}: surface = True: expected a Sphere or Capsule on a BodyPath")
+        if self.surface and self.shape.segments() is None:
+            raise InputError(
+                f"RigidBody {self.name!r}: surface = True: a {self.shape.kind} has no edges: expected a Sphere, Capsule, "
+                "Box or TriangleMesh"
+            )
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that no other body has the same name.
@@ -112,12 +115,15 @@ class BuiltBody(BuiltContact):
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body passes between points.
         if part.shape.bounded and not part.surface:
-            resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
+            what = f"RigidBody {name!r}: surface = {part.surface}: smallest extent"
+            resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
         self._rubs = part.friction > 0.0
-        self._surface = BodySurface(name, context, law, part.shape, self._rubs) if part.surface else None
-        self._check_apart()
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
+        self._surface: BodySurface | None = None
+        if part.surface:
+            self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
+        self._check_apart()
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
@@ -160,9 +166,7 @@ class BuiltBody(BuiltContact):
 
     def _distances(self, points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """Signed distances of points [m] from the surface of the body at a place and unit quaternion."""
-        arms, back = points - place, -rotation[:3]
-        axis = np.cross(back, arms)
-        arms = arms + 2.0 * (rotation[3] * axis + np.cross(back, axis))
+        arms = in_frame(points, place, rotation)
         return signed_distances(self.part.shape, arms, self.context.device, (self._body, self._mesh))[:, 3]
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -183,7 +187,9 @@ class BuiltBody(BuiltContact):
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
             take = kernels.take_in_step if project else kernels.take_at_end
-            stage.pointwise(part.name, take, context.sheet.size, **self._arguments())
+            stage.pointwise(part.name, take, context.sheet.size, **self._surface.when, **self._arguments())
+            motion.after(stage, **self._surface.when)
+            self._surface.add_end(stage)
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
         if alone:

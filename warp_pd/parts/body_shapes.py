@@ -55,8 +55,8 @@ class BodyShape(Protocol):
         """Vertices and triangles that the distance searches, or None."""
         return None
 
-    def axis(self) -> tuple[float, float] | None:
-        """Radius and half of the length along z of a body around a segment or a point [m]; None for others."""
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """What may enter a triangle: vertices [m], (V, 3), pairs of them, (S, 2), and a radius [m]; None: unknown."""
         return None
 
 
@@ -84,9 +84,9 @@ class Sphere(BodyShape):
         """The diameter [m]."""
         return self.diameter
 
-    def axis(self) -> tuple[float, float] | None:
-        """The radius, and a point."""
-        return self.radius(), 0.0
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The centre, with the radius."""
+        return np.zeros((1, 3)), np.array([[0, 0]]), self.radius()
 
     def inertia(self) -> np.ndarray:
         """Two fifths of the radius squared [m^2]."""
@@ -169,9 +169,10 @@ class Capsule(BodyShape):
         """The diameter [m]."""
         return self.diameter
 
-    def axis(self) -> tuple[float, float] | None:
-        """The radius, and half of the length."""
-        return 0.5 * self.diameter, 0.5 * self.length
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The axis, with the radius."""
+        radius, half = self.sizes()
+        return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), np.array([[0, 1]]), radius
 
     def inertia(self) -> np.ndarray:
         """That of the cylinder and of the half balls [m^2]."""
@@ -263,6 +264,24 @@ class Box(BodyShape):
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The edges."""
+        return *convex_edges(*self.outline(0.0)), 0.0
+
+
+def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices of a closed surface, and the pairs of them, (S, 2), between triangles that do not see each other."""
+    sides = np.vstack([np.roll(triangles, -k, axis=1)[:, :2] for k in range(3)])
+    face, opposite = np.tile(np.arange(len(triangles)), 3), np.concatenate([triangles[:, (k + 2) % 3] for k in range(3)])
+    order, back = np.lexsort(sides.T), np.lexsort(sides[:, ::-1].T)
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # The same side runs the other way in the triangle beyond it.
+    beyond = vertices[opposite[back]] - vertices[sides[order, 0]]
+    lower = np.einsum("sc,sc->s", normals[face[order]], beyond) < -1e-9 * np.ptp(vertices)
+    return vertices, sides[order][lower & (sides[order, 0] < sides[order, 1])]
+
 
 def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
     """A profile, from top to bottom, turned around z; its first and last radius are zero."""
@@ -283,6 +302,13 @@ def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
     low = 1 + (rows - 1) * AROUND
     triangles.append(np.column_stack([low + here, np.full(AROUND, last), low + after]))
     return vertices, np.vstack(triangles).astype(np.int32)
+
+
+def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Points [m], shape (N, 3), in the frame of a body at a place and unit quaternion."""
+    arms, back = points - place, -rotation[:3]
+    axis = np.cross(back, arms)
+    return np.asarray(arms + 2.0 * (rotation[3] * axis + np.cross(back, axis)))
 
 
 def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]:

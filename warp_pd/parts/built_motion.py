@@ -75,8 +75,15 @@ class BuiltMotion:
     def before_separation(self, stage: Stage) -> None:
         """Add launches after touching points have been found, before they are separated."""
 
-    def after(self, stage: Stage) -> None:
-        """Add launches after points have got their impulses."""
+    def after(self, stage: Stage, **when: Any) -> None:
+        """Add launches after points have got their impulses; `when` says when they need not run."""
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3), of a body that feels the sheet."""
+        return None
+
+    def give_way(self, stage: Stage, changes: Array | None, at_end: bool, **when: Any) -> None:
+        """Add the launch that changes velocity and spin, in the step with the place, before points get impulses."""
 
     def sums(self) -> dict[str, Array]:
         """Momentum that the sheet was given since the last frame, and the loss; by name, if the motion knows them."""
@@ -190,15 +197,26 @@ class InFlight(BuiltMotion):
     def before_projection(self, stage: Stage) -> None:
         """Find how the body yields to the points inside it, and move it so."""
         self._solve(stage, at_end=False)
-        stage.launch(
-            self.name, self._kernels.yield_to, 1, changes=self._changes, step=self.context.state.step,
-            place=self.place, rotation=self.rotation, motion=self.motion,
-        )  # fmt: skip
+        self.give_way(stage, self._changes, at_end=False)
 
     def before_separation(self, stage: Stage) -> None:
         """Find how the body yields to the points that touch it."""
         self._solve(stage, at_end=True)
-        stage.launch(self.name, self._kernels.foresee, 1, changes=self._changes, motion=self.motion)
+        self.give_way(stage, self._changes, at_end=True)
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
+        return float(self.body.mass), self.inertia
+
+    def give_way(self, stage: Stage, changes: Array | None, at_end: bool, **when: Any) -> None:
+        """Change velocity and spin, and in the step the place."""
+        if at_end:
+            stage.launch(self.name, self._kernels.foresee, 1, changes=changes, motion=self.motion, **when)
+            return
+        stage.launch(
+            self.name, self._kernels.yield_to, 1, changes=changes, step=self.context.state.step,
+            place=self.place, rotation=self.rotation, motion=self.motion, **when,
+        )  # fmt: skip
 
     def _solve(self, stage: Stage, at_end: bool) -> None:
         state = self.context.state
@@ -216,17 +234,19 @@ class InFlight(BuiltMotion):
                 inertia=self._inertia, rotation=self.rotation, changes=self._changes,
             )  # fmt: skip
 
-    def after(self, stage: Stage) -> None:
+    def after(self, stage: Stage, **when: Any) -> None:
         """Take from the body what the points got."""
         stage.launch(
             self.name, self._kernels.gather_given, self.blocks, marks=self.marks, push=self.push, arms=self.arms,
             push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self.block, sums=self._sums,
+            **when,
         )  # fmt: skip
-        stage.launch(self.name, self._kernels.reduce, 14 if self._rubs else 7, sums=self._sums, totals=self._totals)
+        rows = 14 if self._rubs else 7
+        stage.launch(self.name, self._kernels.reduce, rows, sums=self._sums, totals=self._totals, **when)
         stage.launch(
             self.name, self._kernels.give, 1, totals=self._totals, mass=float(self.body.mass),
             inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
-            given=self.given,
+            given=self.given, **when,
         )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:
