@@ -348,7 +348,8 @@ def surface_contact(
                     slot = count
                     if wp.static(edged):
                         if counts:
-                            counts = distance(spot + found.away, wp.float64(2.0) * reach, a.body) >= NEAREST * gap
+                            beside = distance(spot + found.away, wp.float64(2.0) * reach, a.body)
+                            counts = beside[3] >= NEAREST * gap
                         if counts and count == wp.static(slots):
                             slot = 0
                             for k in range(1, wp.static(slots)):
