@@ -5,7 +5,9 @@ A body further away than `reach` may answer `reach`. All of it is float64, in an
 differs from what does not by less than float32 resolves of a large body.
 
 Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is then
-taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. Its sign is
+that of the normal of the face, edge or vertex there, the last weighted by angles (Baerentzen and Aanaes, Signed distance
+computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 
 import functools
@@ -30,12 +32,16 @@ NEAR = wp.constant(wp.float64(1e-7))
 
 @wp.struct
 class BodyShape:
-    """Sizes [m] of a body, and its surface if it is a mesh; what they mean, each distance says."""
+    """Sizes [m] of a body, and its surface if it is a mesh; what they mean, each distance says.
+
+    normals: of the sides of each triangle, opposite to its corners, and of its corners, (F, 6), of any length.
+    """
 
     size: wp.vec4d
     mesh: wp.uint64
     vertices: wp.array(dtype=wp.vec3d)
     triangles: wp.array(dtype=wp.vec3i)
+    normals: wp.array2d(dtype=wp.vec3d)
 
 
 @wp.func
@@ -157,7 +163,7 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
     # The search is float32: it must not miss what is within reach.
     further = reach + wp.float64(1e-5) * body.size[0]
-    hit = wp.mesh_query_point_sign_normal(body.mesh, point, wp.float32(further))
+    hit = wp.mesh_query_point_no_sign(body.mesh, point, wp.float32(further))
     n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
     distance = reach
     if hit.result:
@@ -173,9 +179,14 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
         if length <= NEAR * body.size[0]:
             distance = height
         else:
-            side = wp.where(hit.sign < wp.float32(0.0), wp.float64(-1.0), wp.float64(1.0))
-            if wp.abs(height) > wp.float64(0.999) * length:
-                side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
+            toward = n
+            for k in range(3):
+                if w[k] == wp.float64(0.0):
+                    toward = body.normals[hit.face, k]
+            for k in range(3):
+                if w[k] == wp.float64(1.0):
+                    toward = body.normals[hit.face, 3 + k]
+            side = wp.where(wp.dot(out, toward) < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
             distance = side * length
             n = (side / length) * out
     return with_normal(n, distance)

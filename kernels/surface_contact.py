@@ -32,7 +32,7 @@ from .numeric import numeric
 
 # Part of the depth at the beginning of a step that the step mends: more of it would become velocity.
 MENDED = wp.constant(wp.float64(0.2))
-# Constraints of a triangle with a body of many segments, at most: those of the nearest.
+# Constraints of a triangle, at most: those of the nearest pairs.
 SLOTS = 4
 # A segment is what the body has nearest if the distance of the body is no less than this part of that of the segment.
 NEAREST = wp.constant(wp.float64(0.999))
@@ -43,29 +43,21 @@ class Segments:
     """Segments of a body in its frame.
 
     vertices: [m]. ends: indices of the vertices of a segment, and which of them are its own (1: first, 2: second), so
-    that each vertex belongs to one segment. tree: of the boxes of the segments, float32. radius: [m]. size: largest
-    distance of a vertex from the origin [m].
+    that each vertex belongs to one segment. tree: of the boxes of the segments, float32. core: radius of the body around
+    them, radius: with the layer [m]. size: largest distance of a vertex from the origin [m].
     """
 
     vertices: wp.array(dtype=wp.vec3d)
     ends: wp.array(dtype=wp.vec3i)
     tree: wp.uint64
+    core: wp.float64
     radius: wp.float64
     size: wp.float64
 
 
-@wp.struct
-class Nearest:
-    """Where a triangle is nearest to a segment: weights of its corners, vector from it, place on it (-1 to 1)."""
-
-    weights: wp.vec3d
-    away: wp.vec3d
-    along: wp.float64
-
-
 @wp.func
 def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
-    """Nearest points p + s d, |s| <= 1, and q + t e, 0 <= t <= 1: (s, t). Ericson, 2005, section 5.1.9."""
+    """Nearest points p + s d and q + t e, 0 <= s, t <= 1: (s, t). Ericson, 2005, section 5.1.9."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     r = p - q
@@ -77,87 +69,66 @@ def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
     s = zero
     left = dd * ee - de * de
     if left > wp.float64(1e-12) * dd * ee:
-        s = wp.clamp((de * er - dr * ee) / left, -one, one)
+        s = wp.clamp((de * er - dr * ee) / left, zero, one)
     t = wp.clamp((de * s + er) / ee, zero, one)
-    s = wp.clamp((de * t - dr) / dd, -one, one)
+    s = wp.clamp((de * t - dr) / dd, zero, one)
     return s, t
 
 
 @wp.func
-def nearest_to_segment(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, axis: wp.vec3d):
-    """Where the triangle is nearest to the segment from -axis to axis, or to the origin if that is zero."""
-    one = wp.float64(1.0)
-    found = Nearest()
-    if wp.length(axis) <= TINY:
-        w = weights_of_nearest(wp.vec3d(), a, b, c)
-        found.weights = w
-        found.away = w[0] * a + w[1] * b + w[2] * c
-        return found
-    normal = wp.cross(b - a, c - a)
-    over = wp.dot(normal, axis)
-    if wp.abs(wp.dot(normal, a)) < wp.abs(over):
-        s = wp.dot(normal, a) / over
-        w = weights_of_nearest(s * axis, a, b, c)
-        off = w[0] * a + w[1] * b + w[2] * c - s * axis
-        if wp.length(off) <= wp.float64(1e-12) * (wp.length(axis) + wp.length(a)):
-            found.weights = w
-            found.along = s
-            return found
-    least = wp.float64(1e300)
-    for end in range(2):
-        s = wp.float64(2 * end - 1)
-        w = weights_of_nearest(s * axis, a, b, c)
-        away = w[0] * a + w[1] * b + w[2] * c - s * axis
-        if wp.length_sq(away) < least:
-            least = wp.length_sq(away)
-            found.weights = w
-            found.away = away
-            found.along = s
-    for k in range(3):
-        q = a
-        r = b
-        if k == 1:
-            q = b
-            r = c
-        elif k == 2:
-            q = c
-            r = a
-        s, t = between_segments(wp.vec3d(), axis, q, r - q)
-        away = q + t * (r - q) - s * axis
-        if wp.length_sq(away) < least:
-            least = wp.length_sq(away)
-            w = wp.vec3d()
-            w[k] = one - t
-            w[(k + 1) % 3] = t
-            found.weights = w
-            found.away = away
-            found.along = s
-    return found
+def nearest_pair(pair: int, x: wp.mat33d, entry: int, of: Segments):
+    """Where two features of a triangle, with the corners x in the frame of the body, and a segment are nearest.
 
-
-@wp.func
-def nearest_to_entry(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, entry: int, of: Segments):
-    """Where the triangle, in the frame of the body, is nearest to a segment: that, the nearest point of the segment, and
-    whether it is the segment's own."""
+    Pairs 0 and 1 are an end of the segment and the triangle, 2 to 4 the segment and a side. Weights of the corners, the
+    point on the segment, and whether the pair stands for itself: no end that another segment owns, no side nearest to
+    an end.
+    """
     ends = of.ends[entry]
-    half = wp.float64(0.5)
-    centre = half * (of.vertices[ends[0]] + of.vertices[ends[1]])
-    axis = half * (of.vertices[ends[1]] - of.vertices[ends[0]])
-    near = nearest_to_segment(a - centre, b - centre, c - centre, axis)
-    own = bool(True)
-    if near.along <= -wp.float64(1.0) or ends[0] == ends[1]:
-        own = (ends[2] & 1) != 0
-    elif near.along >= wp.float64(1.0):
-        own = (ends[2] & 2) != 0
-    return near, centre + near.along * axis, own
+    begin = of.vertices[ends[0]]
+    along = of.vertices[ends[1]] - begin
+    spot = begin
+    w = wp.vec3d()
+    counts = bool(True)
+    if pair < 2 or ends[0] == ends[1]:
+        counts = (ends[2] & (pair + 1)) != 0 and pair < 2
+        if pair == 1:
+            spot = begin + along
+        w = weights_of_nearest(spot, x[0], x[1], x[2])
+    else:
+        k = pair - 2
+        side = x[(k + 1) % 3] - x[k]
+        s, t = between_segments(begin, along, x[k], side)
+        spot = begin + s * along
+        w[k] = wp.float64(1.0) - t
+        w[(k + 1) % 3] = t
+        counts = s > wp.float64(0.0) and s < wp.float64(1.0)
+    return w, spot, counts
 
 
 @wp.func
-def box_around(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, reach: wp.float64, of: Segments):
+def passes_through(x: wp.mat33d, entry: int, of: Segments):
+    """Whether a segment passes through a triangle."""
+    ends = of.ends[entry]
+    begin = of.vertices[ends[0]] - x[0]
+    end = of.vertices[ends[1]] - x[0]
+    normal = wp.cross(x[1] - x[0], x[2] - x[0])
+    below = wp.dot(normal, begin)
+    above = wp.dot(normal, end)
+    passes = bool(False)
+    if below * above < wp.float64(0.0):
+        met = x[0] + (above * begin - below * end) / (above - below)
+        w = weights_of_nearest(met, x[0], x[1], x[2])
+        # The weights of a point within have no zero.
+        passes = wp.min(w) > wp.float64(0.0)
+    return passes
+
+
+@wp.func
+def box_around(x: wp.mat33d, reach: wp.float64, of: Segments):
     """Lower and upper corner of the box of a triangle and what is nearer than `reach`, in float32."""
-    wider = reach + wp.float64(1e-6) * (of.size + wp.length(a))
-    lower = wp.min(a, wp.min(b, c))
-    upper = wp.max(a, wp.max(b, c))
+    wider = reach + wp.float64(1e-6) * (of.size + wp.length(x[0]))
+    lower = wp.min(x[0], wp.min(x[1], x[2]))
+    upper = wp.max(x[0], wp.max(x[1], x[2]))
     return (
         wp.vec3(wp.float32(lower[0] - wider), wp.float32(lower[1] - wider), wp.float32(lower[2] - wider)),
         wp.vec3(wp.float32(upper[0] + wider), wp.float32(upper[1] + wider), wp.float32(upper[2] + wider)),
@@ -168,7 +139,7 @@ def box_around(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, reach: wp.float64, of: Seg
 def clearances(distance: wp.Function) -> wp.Kernel:
     """Kernel of the distances of triangles (F, 3), in the frame of a body, from its segments, as far as `reach` [m].
 
-    It is -1 where a side of the triangle passes through the body.
+    It is -1 where a segment passes through the triangle, or one of its sides through the body.
     """
     way_out = ways_out(distance).way_out
 
@@ -179,15 +150,19 @@ def clearances(distance: wp.Function) -> wp.Kernel:
     ):  # fmt: skip
         f = wp.tid() + first
         least = reach
-        lower, upper = box_around(corners[f, 0], corners[f, 1], corners[f, 2], reach, of)
+        x = wp.matrix_from_rows(corners[f, 0], corners[f, 1], corners[f, 2])
+        lower, upper = box_around(x, reach, of)
         query = wp.bvh_query_aabb(of.tree, lower, upper)
         entry = int(0)  # noqa: RUF046
         while wp.bvh_query_next(query, entry):
-            near, _at, _own = nearest_to_entry(corners[f, 0], corners[f, 1], corners[f, 2], entry, of)
-            least = wp.min(least, wp.length(near.away))
+            for pair in range(5):
+                w, spot, _counts = nearest_pair(pair, x, entry, of)
+                least = wp.min(least, wp.length(wp.transpose(x) * w - spot))
+            if passes_through(x, entry, of):
+                least = wp.float64(-1.0)
         for k in range(3):
-            begin = corners[f, k]
-            end = corners[f, (k + 1) % 3]
+            begin = x[k]
+            end = x[(k + 1) % 3]
             far = wp.length(begin) + wp.length(end) + of.size
             unturned = wp.quat_identity(wp.float64)
             touches, _n, _shift, _pressed, _of = way_out(
@@ -206,8 +181,7 @@ class SurfaceContact:
 
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
-        constraints: Arrays of the constraints of triangles, `slots` for each.
-        slots: Constraints of a triangle, at most.
+        constraints: Arrays of the constraints of triangles, SLOTS for each.
         find: Constraints of the triangles that are near, when a half of a step begins.
         press: Impulses of the triangles, after one more iteration.
         react: Sums of blocks of triangles, of their impulses on a free body.
@@ -218,7 +192,6 @@ class SurfaceContact:
 
     struct: Any
     constraints: Any
-    slots: int
     find: Kernel
     press: Kernel
     react: Kernel
@@ -229,7 +202,7 @@ class SurfaceContact:
 
 @functools.cache
 def surface_contact(
-    bits: int, distance: wp.Function, edged: bool, moves_freely: bool, rubs: bool, curved: bool, held: bool,
+    bits: int, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, held: bool,
     damped: bool, torn: bool,
 ) -> SurfaceContact:  # fmt: skip
     """Kernels of contact by triangles.
@@ -237,7 +210,6 @@ def surface_contact(
     Args:
         bits: 32 or 64.
         distance: Signed distance of the body, see kernels/distances.py.
-        edged: Whether the body has several segments.
         moves_freely: Whether it feels the sheet.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
@@ -248,7 +220,6 @@ def surface_contact(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     wide, placed = wide_places(bits, curved)
-    slots = SLOTS if edged else 1
 
     @wp.struct
     class Surface:
@@ -301,10 +272,6 @@ def surface_contact(
                 return wp.float64(0.0)
         return wp.float64(1.0) / wp.float64(a.mass[i])
 
-    @wp.func
-    def relative_speed(i: int, a: Surface):
-        return wp.length(wide(a.velocity[i]) - a.motion[0])
-
     @kernel(per="face")
     def find_pressing(
         a: Surface, at_end: int, first: int,
@@ -324,51 +291,48 @@ def surface_contact(
             back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
             when = wp.where(at_end != 0, 0, 1)
             centre = a.place[when]
-            xa = began(corners[0], back, a) - centre
-            xb = began(corners[1], back, a) - centre
-            xc = began(corners[2], back, a) - centre
-            most = wp.max(wp.length_sq(xb - xa), wp.length_sq(xc - xa))
-            fast = wp.max(
-                relative_speed(corners[0], a), wp.max(relative_speed(corners[1], a), relative_speed(corners[2], a))
-            )
+            q = a.rotation[when]
+            x = wp.mat33d()
+            most = wp.float64(0.0)
+            fast = wp.float64(0.0)
+            for k in range(3):
+                x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
+                most = wp.max(most, wp.length(x[k] - x[0]))
+                fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
             turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
             reach = a.segments.radius + a.skin + back * (fast + turning)
-            if wp.length(xa) < reach + a.segments.size + wp.sqrt(most):
-                q = a.rotation[when]
-                xa = wp.quat_rotate_inv(q, xa)
-                xb = wp.quat_rotate_inv(q, xb)
-                xc = wp.quat_rotate_inv(q, xc)
-                lower, upper = box_around(xa, xb, xc, reach, a.segments)
+            if wp.length(x[0]) < reach + a.segments.size + most:
+                lower, upper = box_around(x, reach, a.segments)
                 query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
                 entry = int(0)  # noqa: RUF046
                 while wp.bvh_query_next(query, entry):
-                    found, spot, counts = nearest_to_entry(xa, xb, xc, entry, a.segments)
-                    gap = wp.length(found.away)
-                    counts = counts and gap > TINY and gap < reach
-                    slot = count
-                    if wp.static(edged):
+                    passes = passes_through(x, entry, a.segments)
+                    for pair in range(5):
+                        w, spot, counts = nearest_pair(pair, x, entry, a.segments)
+                        away = wp.transpose(x) * w - spot
+                        gap = wp.length(away)
+                        counts = counts and gap > TINY and gap < reach and not passes
                         if counts:
-                            beside = distance(spot + found.away, wp.float64(2.0) * reach, a.body)
-                            counts = beside[3] >= NEAREST * gap
-                        if counts and count == wp.static(slots):
+                            beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
+                            counts = beside[3] + a.segments.core >= NEAREST * gap
+                        slot = count
+                        if counts and count == wp.static(SLOTS):
                             slot = 0
-                            for k in range(1, wp.static(slots)):
-                                if gaps[wp.static(slots) * f + k] > gaps[wp.static(slots) * f + slot]:
+                            for k in range(1, wp.static(SLOTS)):
+                                if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
                                     slot = k
-                            counts = gap < gaps[wp.static(slots) * f + slot]
-                    if counts:
-                        s = wp.static(slots) * f + slot
-                        w = found.weights
-                        left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
-                        weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
-                        normals[s] = wp.quat_rotate(q, found.away / gap)
-                        spots[s] = spot
-                        pushes[s] = wp.vec4d()
-                        pressed[s] = wp.uint8(0)
-                        earlier[s] = wp.float64(0.0)
-                        if wp.static(edged):
+                            counts = gap < gaps[wp.static(SLOTS) * f + slot]
+                        if counts:
+                            s = wp.static(SLOTS) * f + slot
+                            left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
+                            weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
+                            normals[s] = wp.quat_rotate(q, away / gap)
+                            spots[s] = spot
+                            pushes[s] = wp.vec4d()
+                            pressed[s] = wp.uint8(0)
+                            earlier[s] = wp.float64(0.0)
                             gaps[s] = gap
-                        count = wp.max(count, slot + 1)
+                            count = wp.max(count, slot + 1)
         near[f] = wp.uint8(count)
         if count > 0:
             any_near[0] = 1
@@ -383,7 +347,7 @@ def surface_contact(
             f = c.sides[at] / 3
             corner = c.sides[at] - 3 * f
             for slot in range(wp.int32(c.near[f])):
-                s = wp.static(slots) * f + slot
+                s = wp.static(SLOTS) * f + slot
                 if pressed[s] != wp.uint8(0):
                     b = c.weights[s][corner]
                     push = pushes[s]
@@ -419,7 +383,7 @@ def surface_contact(
                 v[k] = wide(a.velocity[i]) + change
                 counts[k] = count
             for slot in range(wp.int32(c.near[f])):
-                s = wp.static(slots) * f + slot
+                s = wp.static(SLOTS) * f + slot
                 w = c.weights[s]
                 n = c.normals[s]
                 spot = wp.vec3d()
@@ -477,7 +441,7 @@ def surface_contact(
         centre = a.place[wp.where(at_end != 0, 0, 1)]
         for f in range(part * block, wp.min((part + 1) * block, c.near.shape[0])):
             for slot in range(wp.int32(c.near[f])):
-                s = wp.static(slots) * f + slot
+                s = wp.static(SLOTS) * f + slot
                 if pressed[s] != wp.uint8(0):
                     push = pushes[s]
                     impulse = push[3] * c.normals[s] + wp.vec3d(push[0], push[1], push[2])
@@ -526,4 +490,4 @@ def surface_contact(
         if wp.static(moves_freely):
             changes[0] = vec6d()
 
-    return SurfaceContact(Surface, Constraints, slots, find_pressing, press, react, give_way, spread, clear)
+    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, spread, clear)

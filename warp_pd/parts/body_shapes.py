@@ -270,17 +270,40 @@ class Box(BodyShape):
 
 
 def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of a closed surface, and the pairs of them, (S, 2), between triangles that do not see each other."""
-    sides = np.vstack([np.roll(triangles, -k, axis=1)[:, :2] for k in range(3)])
-    face, opposite = np.tile(np.arange(len(triangles)), 3), np.concatenate([triangles[:, (k + 2) % 3] for k in range(3)])
-    order, back = np.lexsort(sides.T), np.lexsort(sides[:, ::-1].T)
+    """Vertices of a closed surface, and pairs of them, (S, 2), along which it is convex."""
+    face, corner, beyond = _sides(triangles)
+    begin, end, opposite = (triangles[face, (corner + k) % 3] for k in (1, 2, 0))
+    height = np.einsum("sc,sc->s", _unit_normals(vertices, triangles)[face[beyond]], vertices[opposite] - vertices[begin])
+    convex = height < -1e-9 * np.ptp(vertices)
+    return vertices, np.column_stack([begin, end])[convex & (begin < end)]
+
+
+def side_and_corner_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals of the sides opposite to the corners of triangles, and of the corners, by angles: (F, 6, 3)."""
+    normals = _unit_normals(vertices, triangles)
+    face, _, beyond = _sides(triangles)
+    sides = (normals[face] + normals[face[beyond]]).reshape(3, -1, 3)
+    to = [vertices[np.roll(triangles, -k, axis=1)] - vertices[triangles] for k in (1, 2)]
+    angles = np.arctan2(np.linalg.norm(np.cross(*to), axis=2), np.einsum("fkc,fkc->fk", *to))
+    corners = np.zeros_like(vertices)
+    np.add.at(corners, triangles, angles[:, :, None] * normals[:, None])
+    return np.concatenate([sides.swapaxes(0, 1), corners[triangles]], axis=1)
+
+
+def _sides(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the sides of a closed surface, corner by corner: triangle, corner opposite, and the same side beyond."""
+    face, corner = np.tile(np.arange(len(triangles)), 3), np.repeat(np.arange(3), len(triangles))
+    begin, end = triangles[face, (corner + 1) % 3], triangles[face, (corner + 2) % 3]
+    beyond = np.empty(len(face), np.int64)
+    # There the side runs the other way.
+    beyond[np.lexsort((begin, end))] = np.lexsort((end, begin))
+    return face, corner, beyond
+
+
+def _unit_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # The same side runs the other way in the triangle beyond it.
-    beyond = vertices[opposite[back]] - vertices[sides[order, 0]]
-    lower = np.einsum("sc,sc->s", normals[face[order]], beyond) < -1e-9 * np.ptp(vertices)
-    return vertices, sides[order][lower & (sides[order, 0] < sides[order, 1])]
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
@@ -327,6 +350,7 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
     made.mesh = mesh.id
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.triangles = wp.array(triangles, dtype=wp.vec3i, device=device)
+    made.normals = wp.array(side_and_corner_normals(vertices, triangles), dtype=wp.vec3d, device=device)
     return made, mesh
 
 

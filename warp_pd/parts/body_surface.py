@@ -44,8 +44,8 @@ class BodySurface:
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
         free = motion.free_inertia()
         made = self._kernels = kernels.surface_contact(
-            context.bits, shape.distance, len(self._segments.ends) > 1, free is not None, rubs,
-            sheet.frames is not None, f.held, f.damped, law.intact is not None,
+            context.bits, shape.distance, free is not None, rubs, sheet.frames is not None, f.held, f.damped,
+            law.intact is not None,
         )  # fmt: skip
 
         def table(what: str, dtype: Any, values: np.ndarray) -> Any:
@@ -59,7 +59,7 @@ class BodySurface:
         self._intact = None if law.intact is None else room("pressing_faces", wp.uint8, "face", faces)
         self._any = room("any_near", wp.int32, "once", 1)
         self.when = {"only_if": self._any, "grouped": True}
-        size = made.slots * faces
+        size = kernels.SLOTS * faces
         self._found = {
             "near": room("near", wp.uint8, "face", faces),
             "weights": room("weights", wp.vec4d, "table", size),
@@ -69,7 +69,7 @@ class BodySurface:
         sides = {"begins": table("begins", wp.int32, begins), "sides": table("sides", wp.int32, order)}
         self._constraints = with_values(made.constraints(), {**self._found, **sides})
         self._earlier = room("earlier", wp.float64, "table", size)
-        self._gaps = room("gaps", wp.float64, "table", size) if made.slots > 1 else None
+        self._gaps = room("gaps", wp.float64, "table", size)
         # An iteration reads one and writes the other.
         self._given = [
             {"pushes": room(f"pushes{k}", wp.vec4d, "table", size), "pressed": room(f"pressed{k}", wp.uint8, "table", size)}
@@ -181,6 +181,6 @@ def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tup
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.ends = wp.array(np.column_stack([pairs, own]).astype(np.int32), dtype=wp.vec3i, device=device)
     tree = wp.Bvh(*boxes)
-    made.tree, made.radius = tree.id, radius + layer
+    made.tree, made.core, made.radius = tree.id, radius, radius + layer
     made.size = float(np.linalg.norm(vertices, axis=1).max(initial=0.0))
     return made, tree
