@@ -28,6 +28,8 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 SKIN = 1e-4
 # How far from a point the surface of a mesh is sought [spacings], and how wrong the search may be, over the size.
 FAR, UNSURE = 4.0, 1e-5
+# The most that a body with edges moves in a step, over the spacing, if triangles touch it: at twice that they cut in.
+EDGE_TRAVEL = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
 
@@ -278,7 +280,7 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """It moves a quarter of a spacing, or of its thickness, at most; an eighth if bonds can break."""
+        """It moves a quarter of a spacing, or of half its thickness, at most; less if bonds can break, or with edges."""
         shape, sheet = self.part.shape, self.context.whole
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
         speed = self.part.motion.speed(min(shape.radius(), furthest))
@@ -286,7 +288,9 @@ class BuiltBody(BuiltContact):
             return None
         smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
-        return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel} spacings")
+        if self._surface is not None and self._surface.edged:
+            travel = min(travel, EDGE_TRAVEL * sheet.spacing / smaller)
+        return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel:.3g} spacings")
 
     def outline(self) -> Body:
         """How it is drawn."""

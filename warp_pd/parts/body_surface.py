@@ -29,6 +29,7 @@ class BodySurface:
         changes: What it changes of the velocity of each point in a half step [m/s], (N,) vec3d.
         rubbing: The part of it by friction [m/s], (N,) vec3d, or None.
         when: What launches take that need not run while no triangle is near.
+        edged: Whether the body has edges without a radius.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class BodySurface:
         sheet, f = context.sheet, context.features
         self._layer = LAYER * min(sheet.spacing, shape.thinnest())
         self._segments, self._tree = segments_on_device(shape, self._layer, context.device)
+        self.edged = self._segments.core == 0.0
         corners = np.asarray(sheet.triangles, np.int32)
         order = np.argsort(corners.ravel(), kind="stable").astype(np.int32)
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
