@@ -4,9 +4,9 @@ A distance is a function (arm, reach, body) -> (normal, distance), one vec4d; `a
 A body further away than `reach` may answer `reach`. All of it is float64, in any precision of the sheet: what touches
 differs from what does not by less than float32 resolves of a large body.
 
-Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is then
-taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. Its sign is
-that of the normal of the face, edge or vertex there, the last weighted by angles (Baerentzen and Aanaes, Signed distance
+Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is
+then taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The
+sign is that of the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes, Signed distance
 computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 

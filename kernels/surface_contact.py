@@ -1,12 +1,12 @@
-"""Contact of the triangles of a sheet with a rigid body whose surface has edges, or that is a segment with a radius.
+"""Contact of the triangles of a sheet with a rigid body that is thin or has edges.
 
-A body has segments with a radius: its axis (spheres, capsules), or its convex edges (boxes, meshes), which get a thin
-layer. Between its points and the flat faces of a body nothing can enter a triangle: the segments are what may, and
-points outside all faces are the matter of kernels/body_contact.py. Each triangle has a few constraints in each half of
-a step, one for a segment that is near: the point of the triangle that was nearest to the segment when the half began,
-with the weights b of its corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in
-kernels/body_contact.py). Its impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a
-corner's work is that of any point. A free body yields to the sum of all impulses within the iterations.
+A body has segments with a radius: the axis of a sphere or capsule, or the convex edges of a box or mesh with a thin
+layer around them. Points of the sheet and faces of the body are the matter of kernels/body_contact.py. What remains are
+pairs of an end of a segment and a triangle, and of a segment and a side of a triangle. Each triangle has a constraint
+for each pair that is near when half a step begins: the nearest point of the triangle, which has the weights b of its
+corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in kernels/body_contact.py). The
+impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a corner's work is that of any
+point. A free body yields to the sum of all impulses in every iteration.
 
 The impulses are found by Jacobi's method, projected onto lambda >= 0, with Nesterov's momentum: a thin tip in a cone of
 triangles presses on all of them, and their impulses nearly cancel. Points, and a free body, divide their mass among the
@@ -14,8 +14,8 @@ constraints that press on them, so that none overshoots (Tonge, Benevolenski and
 jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a fixed
 order.
 
-The distance of a triangle has no sign. What passes a segment within a step is told by the normal of its beginning. A
-segment counts only where the body has nothing nearer to that point of the triangle.
+The distance of a pair has no sign. What passes a segment within a step is told by the normal of its beginning. A pair
+counts only where the body has nothing nearer to that point of the triangle.
 """
 
 import functools
@@ -42,9 +42,9 @@ NEAREST = wp.constant(wp.float64(0.999))
 class Segments:
     """Segments of a body in its frame.
 
-    vertices: [m]. ends: indices of the vertices of a segment, and which of them are its own (1: first, 2: second), so
-    that each vertex belongs to one segment. tree: of the boxes of the segments, float32. core: radius of the body around
-    them, radius: with the layer [m]. size: largest distance of a vertex from the origin [m].
+    vertices: [m]. ends: indices of the vertices of a segment, and which of them it owns (1: first, 2: second, 3: both);
+    each vertex has one owner. tree: of the boxes of the segments, float32. core: radius of the body around them [m].
+    radius: the same with the layer [m]. size: largest distance of a vertex from the origin [m].
     """
 
     vertices: wp.array(dtype=wp.vec3d)
@@ -246,7 +246,8 @@ def surface_contact(
     @wp.struct
     class Constraints:
         """near: how many a triangle has. weights: of the corners, and the gap that must be left [m]. normals: in space.
-        spots: on the body, in its frame [m]. begins, sides: 3 f + k of the triangles f of a point, whose corner k it is.
+        spots: on the segment, in the frame of the body [m]. begins, sides: 3 f + k for each triangle f of a point, its
+        corner k.
         """
 
         near: wp.array(dtype=wp.uint8)

@@ -1,15 +1,15 @@
 """A blade cuts a stretched strip. Lake and Yeoh (1978): the energy that it takes per torn area.
 
 The strip of `pure_shear_tear`, H = 40 mm high, 1 mm thick, mu 1 kPa, with a cut along its middle, is held stretched
-across, so that its cut is open: G = H W(stretch) is `opening` times the tearing energy Gc, too little to tear it. A blade
-then moves along the cut at constant speed: a wire of diameter `blade` perpendicular to the sheet, finer than the spacing
-and without friction. Triangles of the sheet press on it (`surface=True`). Per advance da it does the work F da, and the
-strip unloads G h da; both together make h da of torn area, for which a sharp blade takes Gc h da:
+across, so that the cut is open: G = H W(stretch) is `opening` times the tearing energy Gc, too little to tear it. A
+blade then moves along the cut at constant speed: a wire of diameter `blade` perpendicular to the sheet, finer than the
+spacing and without friction. Triangles of the sheet press on it (`surface=True`). When the blade moves by da, it does
+the work F da and the strip unloads G h da, which a sharp blade needs for the torn area h da alone:
 
-    F / h + G = cutting energy >= Gc.
+    cutting energy = F / h + G >= Gc.
 
-G. J. Lake and O. H. Yeoh, Measurement of rubber cutting resistance in the absence of friction, Int. J. Fracture 14 (1978)
-509. `cutting_energy` is the mean of it over Gc, while the blade moves through the middle half of its way.
+G. J. Lake and O. H. Yeoh, Measurement of rubber cutting resistance in the absence of friction, Int. J. Fracture 14
+(1978) 509. `cutting_energy` is its mean over Gc while the blade moves through the middle half of its way.
 """
 
 import numpy as np

@@ -27,6 +27,7 @@ SMALL = {
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
     "balloon_paths": {},
     "balloon_burst": {"points": 10, "duration": 4e-3, "frames": 8},
+    "cutting": {"points": 12, "frames": 30, "speed": 0.4, "travel": 0.03, "pull": 0.3, "blade": 1e-3},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
     "holed_strip": {"points": 21, "load_steps": 2},

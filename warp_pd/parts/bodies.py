@@ -75,8 +75,8 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
         if self.surface and self.shape.segments() is None:
             raise InputError(
-                f"RigidBody {self.name!r}: surface = True: a {self.shape.kind} has no edges: expected a Sphere, Capsule, "
-                "Box or TriangleMesh"
+                f"RigidBody {self.name!r}: surface = True: a {self.shape.kind} has no edges: expected a Sphere, "
+                "Capsule, Box or TriangleMesh"
             )
 
     def check(self, others: Sequence[Part]) -> None:
@@ -280,7 +280,7 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """It moves a quarter of a spacing, or of half its thickness, at most; less if bonds can break, or with edges."""
+        """It moves a quarter of a spacing, or of half its thickness, at most; less if bonds break, or with edges."""
         shape, sheet = self.part.shape, self.context.whole
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
         speed = self.part.motion.speed(min(shape.radius(), furthest))

@@ -273,7 +273,8 @@ def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
     """Vertices of a closed surface, and pairs of them, (S, 2), along which it is convex."""
     face, corner, beyond = _sides(triangles)
     begin, end, opposite = (triangles[face, (corner + k) % 3] for k in (1, 2, 0))
-    height = np.einsum("sc,sc->s", _unit_normals(vertices, triangles)[face[beyond]], vertices[opposite] - vertices[begin])
+    normals = _unit_normals(vertices, triangles)[face[beyond]]
+    height = np.einsum("sc,sc->s", normals, vertices[opposite] - vertices[begin])
     convex = height < -1e-9 * np.ptp(vertices)
     return vertices, np.column_stack([begin, end])[convex & (begin < end)]
 

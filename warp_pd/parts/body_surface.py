@@ -73,9 +73,10 @@ class BodySurface:
         self._earlier = room("earlier", wp.float64, "table", size)
         self._gaps = room("gaps", wp.float64, "table", size)
         # An iteration reads one and writes the other.
+        kinds = {"pushes": wp.vec4d, "pressed": wp.uint8}
         self._given = [
-            {"pushes": room(f"pushes{k}", wp.vec4d, "table", size), "pressed": room(f"pressed{k}", wp.uint8, "table", size)}
-            for k in ("", "_after")
+            {what: room(what + later, dtype, "table", size) for what, dtype in kinds.items()}
+            for later in ("", "_after")
         ]  # fmt: skip
         self.changes = room("changes_by_faces", wp.vec3d, "point", sheet.size)
         self.rubbing = room("rubbing_by_faces", wp.vec3d, "point", sheet.size) if rubs else None
@@ -88,7 +89,8 @@ class BodySurface:
             parts = -(-faces // self._block)
             self._sums = {"sums": room("sums_of_faces", vec6d, "block", parts)}
             self._sums["numbers"] = room("numbers_of_faces", wp.float64, "block", parts)
-            self._yielded = {"changes": room("yielded", vec6d, "once", 1), "splits": room("splits", wp.float64, "once", 1)}
+            self._yielded = {"changes": room("yielded", vec6d, "once", 1)}
+            self._yielded["splits"] = room("splits", wp.float64, "once", 1)
             inverse = np.linalg.inv(inertia)
             self._numbers = {
                 "inverse_mass": 1.0 / mass, "inverse_inertia": wp.mat33d(*inverse.ravel().tolist()),
@@ -171,15 +173,13 @@ def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tup
     vertices, pairs, radius = found
     # Each vertex belongs to the first segment that has it.
     first = np.unique(pairs.ravel(), return_index=True)[1]
-    own = np.zeros(pairs.size, np.int32)
-    own[first] = 1
-    own = own.reshape(-1, 2) @ [1, 2]
+    own = np.isin(np.arange(pairs.size), first).reshape(-1, 2) @ [1, 2]
     ends, rounding = vertices[pairs], 1e-6 * np.abs(vertices).max(initial=0.0)
     boxes: list[Any] = [
         wp.array(corner.astype(np.float32), dtype=wp.vec3, device=device)
         for corner in (ends.min(axis=1) - rounding, ends.max(axis=1) + rounding)
     ]
-    made = kernels.Segments()
+    made: Any = kernels.Segments()
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.ends = wp.array(np.column_stack([pairs, own]).astype(np.int32), dtype=wp.vec3i, device=device)
     tree = wp.Bvh(*boxes)
