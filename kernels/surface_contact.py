@@ -2,11 +2,11 @@
 
 A body has segments with a radius: the axis of a sphere or capsule, or the convex edges of a box or mesh with a thin
 layer around them. Points of the sheet and faces of the body are the matter of kernels/body_contact.py. What remains are
-pairs of an end of a segment and a triangle, and of a segment and a side of a triangle. Each triangle has a constraint
-for each pair that is near when half a step begins: the nearest point of the triangle, which has the weights b of its
-corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in kernels/body_contact.py). The
-impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a corner's work is that of any
-point. A free body yields to the sum of all impulses in every iteration.
+pairs of an end of a segment and a triangle, and of a segment and a side of a triangle. A triangle has a constraint for
+each pair that is near when half a step begins: the nearest point of the triangle, which has the weights b of its
+corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in
+kernels/body_contact.py). The impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a
+corner's work is that of any point. A free body yields to the sum of all impulses in every iteration.
 
 The impulses are found by Jacobi's method, projected onto lambda >= 0, with Nesterov's momentum: a thin tip in a cone of
 triangles presses on all of them, and their impulses nearly cancel. Points, and a free body, divide their mass among the
