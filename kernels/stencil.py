@@ -32,8 +32,3 @@ class Stencil:
     inside: tuple[tuple[bool, ...], ...]
     inverse: tuple[tuple[float, float, float], ...]
     weights: tuple[float, ...]
-
-    @property
-    def all_members(self) -> int:
-        """Bits of all members."""
-        return (1 << len(self.steps)) - 1

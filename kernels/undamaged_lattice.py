@@ -47,7 +47,8 @@ def undamaged_lattice_force(
         stencil: Stencil.
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
-        breakable: Whether families may be damaged; others leave those alone.
+        breakable: Whether families may be damaged. The points of those, and at edges, are then listed in `others`, in
+            any order: they are left to another kernel.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -126,6 +127,8 @@ def undamaged_lattice_force(
         first: int,
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
+        others: wp.array(dtype=wp.int32),
+        other_count: wp.array(dtype=wp.int32),
     ):
         i = wp.tid() + first
         # One number of both, so that a compiler does not wait for the class before it reads the bits.
@@ -133,6 +136,8 @@ def undamaged_lattice_force(
         if wp.static(breakable):
             other = other | (wp.uint32(wp.static(full)) ^ intact[0, i])
         if other != wp.uint32(0):
+            if wp.static(breakable):
+                others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
         T = Vectors()
@@ -243,24 +248,3 @@ def undamaged_lattice_force(
         force[i] = pull
 
     return undamaged_family_force
-
-
-@functools.cache
-def list_of_others() -> Kernel:
-    """Kernel that lists the points whose families the kernel of undamaged ones leaves alone, in any order."""
-
-    @kernel(per="list")
-    def list_other_families(
-        family_class: wp.array(dtype=wp.int32),
-        inner: int,
-        all_members: wp.uint32,
-        intact: wp.array2d(dtype=wp.uint32),
-        first: int,
-        others: wp.array(dtype=wp.int32),
-        other_count: wp.array(dtype=wp.int32),
-    ):
-        i = wp.tid() + first
-        if (wp.uint32(family_class[i] - inner) | (intact[0, i] ^ all_members)) != wp.uint32(0):
-            others[wp.atomic_add(other_count, 0, 1)] = i
-
-    return list_other_families

@@ -21,7 +21,7 @@ from warp_pd.device.checks import InputError, count, positive, resolved
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.parts.tearing_energy import DEFAULT_LENGTH
+from warp_pd.parts.field_constants import DEFAULT_LENGTH
 
 WIDTH, HEIGHT, THICKNESS, DENSITY, MU = 0.04, 0.06, 1e-3, 1000.0, 1e3
 # k in tension field theory, by a / w (rows) and stretch, to about 2 %.

@@ -128,7 +128,7 @@ def build(
         ],
         outcomes=[
             Outcome("onset_ratio", "1", onset, 1.0, "Rivlin and Thomas 1953: G = H W"),
-            Outcome("released_ratio", "1", released_ratio, 1.0, "energy of broken bonds over Gc times new area"),
+            Outcome("released_ratio", "1", released_ratio, 1.0, "energy lost to tearing over Gc times new area"),
             Outcome("crack_speed", "m/s", speed),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],

@@ -94,7 +94,7 @@ def build(
         outcomes=[
             Outcome("crack_speed", "m/s", speed),
             Outcome("share_of_wave_speed", "1", share_of_wave_speed),
-            Outcome("released_ratio", "1", released, 1.0, "energy of broken bonds over Gc times new area"),
+            Outcome("released_ratio", "1", released, 1.0, "energy lost to tearing over Gc times new area"),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
         notes=[f"the strip is stretched to {stretch:.4g}; the shear wave speed is {WAVE_SPEED:.4g} m/s"],

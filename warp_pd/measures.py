@@ -120,8 +120,14 @@ class TearLine:
         return max(0.0, float(((self.centres[torn] - start) @ along).max()))
 
     def pieces(self, intact: np.ndarray, least_fraction: float = 0.01) -> int:
-        """Number of pieces with at least `least_fraction` of the sheet's area, joined through whole faces."""
-        _, area = self._joined(intact)
+        """Number of pieces with at least `least_fraction` of the sheet's area; faces that share a point are of one."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        whole, n = self.sheet.triangles[intact], self.sheet.size
+        ends = np.repeat(whole[:, 0], 2), whole[:, 1:].ravel()
+        _, label = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
+        area = np.bincount(label[whole[:, 0]], self.areas[intact])
         return int((area >= least_fraction * self.areas.sum()).sum())
 
     def attached_fraction(self, intact: np.ndarray, points: np.ndarray) -> float:

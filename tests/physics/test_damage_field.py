@@ -300,12 +300,12 @@ def test_a_stretch_at_break_is_a_strength():
         build(sheet, damage=TearingEnergy(60.0, **given)).rupture
         for given in ({"stretch_at_break": 1.3}, {"strength": strength})
     )
-    assert by_stretch.wanted_length() == pytest.approx(by_energy.wanted_length(), rel=5e-3)
+    assert by_stretch.constants.wanted_length() == pytest.approx(by_energy.constants.wanted_length(), rel=5e-3)
 
 
 def test_the_spacing_that_is_named_for_a_strength_resolves_it():
     coarse = build(square(11), damage=TearingEnergy(60.0, strength=3e4)).rupture
-    needed = coarse.resolving_length()
+    needed = coarse.constants.resolving_length()
     spacing = coarse.context.sheet.spacing * needed / coarse.length
     fine = Sheet.rectangle(10 * spacing, 10 * spacing, thickness=1e-3, density=1000.0, points=11)
     rupture = build(fine, damage=TearingEnergy(60.0, strength=3e4)).rupture

@@ -34,7 +34,7 @@ from warp_pd import (
     together,
 )
 from warp_pd.measures import support_force
-from warp_pd.parts.tearing_energy import bias
+from warp_pd.parts.field_constants import bias
 from warp_pd.parts.weak_seams import seam_energy
 from warp_pd.run.modes import natural_modes
 

@@ -78,6 +78,10 @@ def test_a_crack_through_the_sheet_makes_two_pieces_and_cuts_do_not_count():
     line = TearLine(sheet)
     through = torn_by(sheet, ((-0.1, 0.404), (1.1, 0.404)))
     assert line.pieces(through) == 2
+    above = sheet.points[sheet.triangles, 1] > 0.404
+    at_one_point = through.copy()
+    at_one_point[np.flatnonzero(~through & (above.sum(axis=1) == 1))[30]] = True
+    assert line.pieces(at_one_point) == 1
     assert line.length(through) == pytest.approx(1.0, abs=0.03)
     cut = sheet.cut((0.2, 0.404), (0.8, 0.404))
     assert TearLine(cut).length(np.ones(len(cut.triangles), bool)) == 0.0

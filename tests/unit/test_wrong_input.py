@@ -91,7 +91,7 @@ def test_a_ball_may_touch_the_sheet_at_the_start():
 
 def test_values_in_messages_are_short():
     assert said(np.zeros((3, 200))) == "float64 array of shape (3, 200)"
-    assert said(int) == "the class int"
+    assert said(int) == "the class int" and said(lambda x: x) == "the function <lambda>"
     assert len(said("x" * 1000)) == 90 and "\n" not in said([np.zeros(5), "a\nb"])
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import difflib
+import inspect
 import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -49,6 +50,8 @@ def said(value: Any) -> str:
         return f"{value.dtype} array of shape {value.shape}"
     if isinstance(value, type):
         return f"the class {value.__name__}"
+    if inspect.isroutine(value):
+        return f"the function {value.__name__}"
     text = " ".join(repr(value).split())
     return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 3]}..."
 

@@ -97,6 +97,7 @@ class BuiltLaw(BuiltPart, Protocol):
         correction: Report on a correction of the weights, for the summary, or None.
         earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
         coarsens: Whether there is a law on coarser sheets.
+        goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
             other states than in the present one, as bonds of two moduli are; None for others.
     """
@@ -113,6 +114,7 @@ class BuiltLaw(BuiltPart, Protocol):
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None
     coarsens: bool
+    goes_slack: bool
     slack_frequency: float | None
 
     @property
@@ -206,8 +208,8 @@ class BuiltLaw(BuiltPart, Protocol):
         """Hash of the values of user functions at fixed arguments: a restart must use the same functions."""
         return ""
 
-    def likely_cause(self) -> str:
-        """The likely cause if a dynamic run diverged."""
+    def likely_cause(self, safety: float) -> str:
+        """The likely cause if a dynamic run diverged, and a safety of the step to try."""
         ...
 
 

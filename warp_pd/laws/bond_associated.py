@@ -237,8 +237,8 @@ class BondAssociatedForce(FamilyLaw):
         """The law with plain weights, which need no correction."""
         return BondAssociatedForce(replace(self.law, weights="plain", horizon=horizon), context)
 
-    def likely_cause(self) -> str:
+    def likely_cause(self, safety: float) -> str:
         """The likely cause if a run diverged."""
         if self.weights == "published" and self.lock is None:
             return "the published weights do not conserve energy and can add it once bonds break; try weights 'plain'"
-        return super().likely_cause()
+        return super().likely_cause(safety)

@@ -285,16 +285,16 @@ class FamilyLaw(BuiltLaw):
         """Names of all fields that the law offers."""
         return (*self.offered_fields, *offered(self.context, self.shown_stress))
 
-    def likely_cause(self) -> str:
-        """The likely cause if a run diverged."""
+    def likely_cause(self, safety: float) -> str:
+        """The likely cause if a run diverged, and a safety of the step to try."""
         if self.lock is not None:
             return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step followed"
         if not self.has_energy:
             return "the law has no potential and can add energy; try damping or the law bond_associated"
-        stiffened = "the sheet stiffened faster than the step was reduced"
+        stiffened, smaller = "the sheet stiffened faster than the step was reduced", f"a safety of {safety:.2g}"
         if self.intact is None:
-            return f"{stiffened}; try a smaller safety"
+            return f"{stiffened}; try {smaller}"
         if self.takes_tension_field and not self.goes_slack:
             # Torn edges collapse in plane where a real sheet wrinkles: within steps, their stiffness rises many times.
-            return f"{stiffened}, as torn edges do that are compressed; try a TensionField material or a smaller safety"
-        return f"{stiffened}, as torn edges do; try a smaller safety"
+            return f"{stiffened}, as torn edges do that are compressed; try a TensionField material or {smaller}"
+        return f"{stiffened}, as torn edges do; try {smaller}"

@@ -27,7 +27,7 @@ from ..kernels.family_rows import family_rows
 from ..kernels.reference_force import reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
-from ..kernels.undamaged_lattice import list_of_others, undamaged_lattice_force
+from ..kernels.undamaged_lattice import undamaged_lattice_force
 from ..materials import Material, capabilities
 from .family_struct import moments_of
 from .undamaged_lattice import undamaged_stencil
@@ -383,7 +383,7 @@ class UndamagedLattice:
         here = whole_families(law)
         assert law.families.family_class is not None
         self.edges = np.flatnonzero(law.families.family_class[here] != inner).astype(np.int32) + np.int32(here.start)
-        # Where bonds can break, a launch finds the others; else they are those at edges.
+        # Where bonds can break, the kernel finds the others; else they are those at edges.
         listed = None if breakable else self.edges if len(self.edges) else np.zeros(1, np.int32)
         count = None if breakable else np.array([len(self.edges)], np.int32)
         self.others = context.array("other_points", law.owner, wp.int32, listed, shape=law.points, per="table")
@@ -404,6 +404,7 @@ class UndamagedLattice:
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""
         law = self.law
+        listed = (self.others, self.count) if law.layout.breakable else (None, None)
         for strip in self.forces.strips:
             # First: it need not wait for an exchange.
             stage.launch(
@@ -413,7 +414,7 @@ class UndamagedLattice:
                 # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
                 turns=self.stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
                 unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[self.inner],
-                bond_force=self.forces.array, force=force,
+                bond_force=self.forces.array, force=force, others=listed[0], other_count=listed[1],
             )  # fmt: skip
             self._add_others(stage, strip, displacement, force)
 
@@ -426,11 +427,6 @@ class UndamagedLattice:
             self.blocks.add_families(stage, edges, displacement, force)
             self.forces.add_gather(stage, strip, force)
             return
-        stage.launch(
-            law.owner, list_of_others(), strip.end - strip.begin, begin=strip.begin,
-            family_class=law.struct.family_class, inner=self.inner, all_members=self.stencil.all_members,
-            intact=law.intact, others=self.others, other_count=self.count,
-        )  # fmt: skip
         self.blocks.add_families(stage, Selected(0, law.points, self.others, self.count), displacement, force)
         self.forces.add_gather(stage, strip, force, self.count)
 

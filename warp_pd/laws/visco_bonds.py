@@ -135,11 +135,11 @@ class ViscoBondBasedForce(FamilyLaw):
         """Kernel of the energy of each family, without Prony terms."""
         return self.kernels.strain_energy
 
-    def likely_cause(self) -> str:
+    def likely_cause(self, safety: float) -> str:
         """What to suspect where a run diverged."""
         if self.internal and self.law.update == "series":
             return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
-        return super().likely_cause()
+        return super().likely_cause(safety)
 
 
 def _bond_weights(families: Families) -> np.ndarray:

@@ -32,7 +32,7 @@ COLUMNS = {
     "strain": "strain energy",
     "external": "work of loads and supports",
     "damping": "lost to damping",
-    "rupture": "lost to broken bonds",
+    "rupture": "lost to tearing",
     "viscous": "lost to viscosity",
     "contact": "energy of the contact",
     "sheet_friction": "lost to friction of the sheet",

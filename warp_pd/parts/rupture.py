@@ -230,7 +230,7 @@ class Damaged(BuiltRupture):
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """The energy lost with broken bonds."""
+        """The energy lost with broken bonds, and to a damage field."""
         return {} if self.released is None else {"rupture": self.released}
 
     def column_names(self) -> Sequence[str]:

@@ -21,16 +21,10 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
+from .field_constants import FieldConstants
 from .rupture import AT_REST, Damaged
 from .weak_seams import narrow_seam
 
-# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
-DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
-# Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
-MIN_LENGTH = 0.75
-# A tear begins at 1 + BIAS[0] x + BIAS[1] x^2 times the energy that the field is given, x = horizon / length, as
-# families average over the horizon. Fitted to strips of three horizons and five grids, see docs/tearing-energy.md.
-BIAS = (0.12, 0.075)
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
@@ -138,6 +132,7 @@ class DamageField(Damaged):
 
     Attributes:
         field: Damage of the points, (N,), in the precision of the device.
+        constants: Its length and strength.
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3], the least of all points.
         sweeps: Sweeps in one of INTERVAL steps.
@@ -149,157 +144,97 @@ class DamageField(Damaged):
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
-        horizon = law.families.horizon
-        self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
-        self._energy = by_point("TearingEnergy.energy", rupture.energy, context.given.points)
-        self._least_energy = float(np.min(self._energy))
-        self.length = self._length(rupture, law)
-        # Energy density of the field [J/m^3], a number or that of each point of the whole sheet.
-        units = 3.0 * self._energy / (8.0 * self.length * self._bias(self.length))
-        self._unit, self._strongest = float(np.min(units)), 0.5 * float(np.max(units))
-        self.limit = self._strength()
-        self._fastest = self._unit / self.limit
-        weak = self._fastest > 2.0
-        sheet, whole, real = context.sheet, context.whole, context.types.real
-        n = sheet.size
-        spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
-        finest = whole.spacing if whole.spacings is None else whole.spacings.min()
-        areas = law.represented_areas()
-        self._ghosts: DamageGhosts | None = None
-        if context.partition is None:
-            self._own, (neighbours, couplings) = slice(0, n), gradient_couplings(sheet)
-        else:
-            self._ghosts = DamageGhosts(self.owner, context)
-            self._own, areas = self._ghosts.own, self._ghosts.areas(areas)
-            neighbours, couplings = self._ghosts.couplings()
-        couplings *= 2.0 * self.length**2 / areas
-        unit = context.here(units) if isinstance(units, np.ndarray) else units
-        # Energy of the field per area [J/m^2]; between two points it is the mean of theirs.
-        per_area = unit * sheet.thickness
-        if isinstance(per_area, np.ndarray):
-            couplings *= 0.5 * (1.0 + per_area[neighbours] / per_area)
-        profile, ahead = self._profile(whole)
-        self._profile_mean, profile = float(profile.mean()), context.here(profile)
-
-        def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
-            return context.array(name, self.owner, dtype, values, per=per)
-
-        self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
-        self._least = profile
-        self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
-        self._before = context.array("damage_before", self.owner, real, shape=n)
-        self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
-        self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
-        self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
-        self._found: Array | None = None
-        if not context.device.is_cuda:
-            threads = -(-(self._own.stop - self._own.start) // TOGETHER)
-            self._found = context.array("listed_by_threads", self.owner, wp.int32, shape=threads, per="table")
-        self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
-        self._couplings = put("field_couplings", couplings, per="bond")
-        relative = sheet.thickness / whole.mean_thickness
-        self._scale = put("driving_scale", law.families.reference_area / (areas * unit * relative))
-        self._limits = put("limit_energy", per_area * areas)
-        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
-        self._ahead = put("ahead_of_cut", context.here(ahead) & (profile + GROWN > severed_at), wp.uint8)
-        self._severed_at = context.array(
-            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
+        points, whole, real = context.given.points, context.whole, context.types.real
+        self._energy = by_point("TearingEnergy.energy", rupture.energy, points)
+        self.constants = FieldConstants(
+            self._energy, rupture.length, rupture.strength, rupture.stretch_at_break, law, context.sheet.spacing
         )
-        self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
-        self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
+        self.length, self.limit = self.constants.length, self.constants.limit
+        self._fastest = self.constants.steepness
+        weak = self._fastest > 2.0
+        self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
+        self._own = slice(0, context.sheet.size) if self._ghosts is None else self._ghosts.own
+        profile, ahead = self._profile(whole)
+        self._profile_mean, self._least = float(profile.mean()), context.here(profile)
+        self._declare(self._least)
+        self._declare_couplings(self._least)
+        self._declare_severing(self._least, context.here(ahead))
+        finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         # Without acceleration a length takes as many as its square in spacings.
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
-        self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
-        self._looked = put("looked_at", looked_at, wp.int32, "table")
-        apart = profile - profile[neighbours]
-        stored = per_area * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
-        self.fracture = context.array("fracture", self.owner, wp.float64, stored)
-        self._fracture_at_start = context.total(self.fracture)
+        self._looked = context.array("looked_at", self.owner, wp.int32, looked_at, per="table")
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
         )  # fmt: skip
         self._softening = self.field
         if weak:
-            self._softening = context.array(
-                "softening", self.owner, real, self._softened(profile), restart=True, own_exchange=True
-            )
+            softened = self.constants.softened(self._least)
+            self._softening = context.array("softening", self.owner, real, softened, restart=True, own_exchange=True)
         law.soften(self._softening)
         self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
+
+    def _declare(self, profile: np.ndarray) -> None:
+        """Declare the arrays of the field, whose damage at the start is `profile`, and of the list of points."""
+        context, owner, n, real = self.context, self.owner, self.context.sheet.size, self.context.types.real
+        self.field = context.array("damage_field", owner, real, profile, restart=True, own_exchange=True)
+        self._other = context.array("damage_after_sweep", owner, real, profile, own_exchange=True)
+        self._before = context.array("damage_before", owner, real, shape=n)
+        self._driving = context.array("driving", owner, real, shape=n, own_exchange=True)
+        self._awake = context.array("awake", owner, wp.uint8, shape=n, restart=True)
+        self._listed = context.array("listed_points", owner, wp.int32, shape=n, per="table")
+        self._count = context.array("listed_count", owner, wp.int32, shape=1, per="once")
+        self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
+        self._found: Array | None = None
+        if not context.device.is_cuda:
+            threads = -(-(self._own.stop - self._own.start) // TOGETHER)
+            self._found = context.array("listed_by_threads", owner, wp.int32, shape=threads, per="table")
+
+    def _declare_couplings(self, profile: np.ndarray) -> None:
+        """Declare what couples the damage of neighbours and scales what drives it, and the energy of the field."""
+        context, law, sheet = self.context, self.law, self.context.sheet
+        areas, real = law.represented_areas(), context.types.real
+        if self._ghosts is None:
+            neighbours, couplings = gradient_couplings(sheet)
+        else:
+            areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
+        couplings *= 2.0 * self.length**2 / areas
+        units = self.constants.units
+        unit = context.here(units) if isinstance(units, np.ndarray) else units
+        # Energy of the field per area [J/m^2]; between two points it is the mean of theirs.
+        per_area = unit * sheet.thickness
+        if isinstance(per_area, np.ndarray):
+            couplings *= 0.5 * (1.0 + per_area[neighbours] / per_area)
+        self._neighbours = context.array("field_neighbours", self.owner, wp.int32, neighbours, per="bond")
+        self._couplings = context.array("field_couplings", self.owner, real, couplings, per="bond")
+        relative = sheet.thickness / context.whole.mean_thickness
+        scale = law.families.reference_area / (areas * unit * relative)
+        self._scale = context.array("driving_scale", self.owner, real, scale)
+        self._limits = context.array("limit_energy", self.owner, real, per_area * areas)
+        apart = profile - profile[neighbours]
+        stored = per_area * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        self.fracture = context.array("fracture", self.owner, wp.float64, stored)
+        self._fracture_at_start = context.total(self.fracture)
+
+    def _declare_severing(self, profile: np.ndarray, ahead: np.ndarray) -> None:
+        """Declare the damage at which points are severed; `ahead` are those beyond the ends of cracks."""
+        context, sheet, real = self.context, self.context.sheet, self.context.types.real
+        spacing = np.full(sheet.size, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
+        ahead = ahead & (profile + GROWN > severed_at)
+        self._ahead = context.array("ahead_of_cut", self.owner, wp.uint8, ahead)
+        self._severed_at = context.array(
+            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
+        )
+        reach = (NEAR * spacing / self.law.families.horizon) ** 2
+        self._reach = context.array("severed_reach", self.owner, real, reach)
 
     def assign(self, damage: np.ndarray) -> None:
         """Give all points a damage, (N,)."""
         self.field.assign(damage)
         if self._softening is not self.field:
-            self._softening.assign(self._softened(damage))
-
-    def _softened(self, damage: np.ndarray) -> np.ndarray:
-        """1 - sqrt(g) of a damage, see kernels/damage_field.py."""
-        steepness = self._fastest
-        part = steepness * damage * (1.0 + min(1.0, 1.5 * (steepness - 2.0) - 0.5) * damage)
-        return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
-
-    def _length(self, rupture: TearingEnergy, law: BuiltLaw) -> float:
-        """The length of the field [m].
-
-        Raises:
-            InputError: if it is too short for the families.
-        """
-        if rupture.length is not None:
-            least = MIN_LENGTH * law.families.horizon
-            if rupture.length < least:
-                raise InputError(
-                    f"TearingEnergy.length = {rupture.length:g}: expected {least:.3g} m or more at a horizon of "
-                    f"{law.families.horizon:.3g} m; better {self._resolved:.3g} m"
-                )
-            return rupture.length
-        wanted = self.wanted_length()
-        return self._resolved if wanted is None else max(wanted, self._resolved)
-
-    def _given_strength(self) -> float | None:
-        """The strength that the user gives [J/m^3]; None without one."""
-        if self.rupture.stretch_at_break is None:
-            return self.rupture.strength
-        # Uniaxial tension is the least energy of all widths.
-        widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
-        stretches = np.full_like(widths, self.rupture.stretch_at_break)
-        return float(np.nanmin(self.law.energy_density(stretches, widths)))
-
-    def _strength(self) -> float:
-        """Energy density at which intact material begins to tear [J/m^3].
-
-        Raises:
-            InputError: for a strength that is greater than the length allows.
-        """
-        strength = self._given_strength()
-        if self.rupture.length is None or strength is None:
-            return 0.5 * self._unit
-        if strength > 0.5 * self._unit:
-            raise InputError(
-                f"TearingEnergy.strength = {strength:.4g} J/m^3 at a length of {self.length:.3g} m: expected at most "
-                f"{0.5 * self._unit:.4g} J/m^3, or a shorter length"
-            )
-        return strength
-
-    def wanted_length(self) -> float | None:
-        """The length that follows from the strength [m]; None without one, or where a length is given."""
-        strength = self._given_strength()
-        if strength is None or self.rupture.length is not None:
-            return None
-        # length * bias(length) = 3 Gc / (16 strength)
-        horizon = self.law.families.horizon
-        whole = 3.0 * self._least_energy / (16.0 * strength) - BIAS[0] * horizon
-        return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * BIAS[1] * horizon**2, 0.0))))
-
-    def resolving_length(self) -> float:
-        """The length of the strength on a sheet whose spacing just resolves it [m]."""
-        strength = self._given_strength()
-        return 3.0 * self._least_energy / (16.0 * (strength or self.limit) * self._bias(self._resolved))
-
-    def _bias(self, length: float) -> float:
-        """Energy that a tear takes over the one that the field is given."""
-        return bias(self.law.families.horizon / length)
+            self._softening.assign(self.constants.softened(damage))
 
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
         """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
@@ -510,16 +445,13 @@ class DamageField(Damaged):
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
-            begins = f"{most * self._unit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
+            begins = f"{most * self._fastest * self.limit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
             if np.ndim(self._energy):
                 begins = f"{most * self._fastest:.3g} times the strength of a point"
             raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {begins} that {self._said_length()} stands for; "
-                f"expected a shorter length or a larger energy"
+                f"damage = TearingEnergy: the sheet starts with {begins} that a length of {self.length:.3g} m "
+                f"stands for; expected a shorter length or a larger energy"
             )
-
-    def _said_length(self) -> str:
-        return f"a length of {self.length:.3g} m"
 
     def fingerprint(self) -> str:
         """A hash of the tearing energies, where they vary: a function of the same name may give others."""
@@ -545,22 +477,10 @@ class DamageField(Damaged):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """What the tearing energy stands for, and damage of much of the sheet."""
-        upto = f" to {self._strongest:.4g}" if np.ndim(self._energy) else ""
-        said = [
-            f"the tearing energy has a length of {self.length:.4g} m: intact material begins to tear at "
-            f"{self.limit:.4g}{upto} J/m^3"
-        ]
+        said = self.constants.notes()
         if isinstance(self._energy, np.ndarray):
-            spacing, resolved = self.context.sheet.spacing, self._resolved
+            spacing, resolved = self.context.sheet.spacing, self.constants.resolved
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
-        wanted = self.wanted_length()
-        if wanted is not None and wanted < self._resolved:
-            needed = self.resolving_length()
-            spacing = self.context.sheet.spacing * needed / self._resolved
-            said.append(
-                f"the strength needs a length of {needed:.3g} m, which a spacing of {spacing:.3g} m resolves: "
-                f"intact material is weaker here than it should be, cracks are not"
-            )
         gained = history[-1]["mean_damage"] - self._profile_mean
         if gained > MUCH_DAMAGE:
             said.append(
@@ -568,8 +488,3 @@ class DamageField(Damaged):
                 f"J/m^3, not a tear alone"
             )
         return said
-
-
-def bias(ratio: float) -> float:
-    """Energy that a tear takes over the one that the field is given, at a ratio of the horizon to the length."""
-    return 1.0 + BIAS[0] * ratio + BIAS[1] * ratio**2

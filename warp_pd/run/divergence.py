@@ -89,7 +89,8 @@ class Soundness:
                     f"points are moved at {speed:.4g} m/s, faster than any wave in this sheet (below {wave:.4g} m/s); "
                     "try a slower motion"
                 )
-        return self.built.law.likely_cause()
+        # Half the step; where nothing resisted so far no step was unstable.
+        return self.built.law.likely_cause(max(0.5 * dt / (self.stable_dt or dt), 0.01))
 
 
 def free_motions(built: Built) -> int:

@@ -27,7 +27,7 @@ COMMON = {
     "points": "Points along x.",
     "pressure": "Pressure [Pa].",
     "roughness": "Height of random bumps at the start, in spacings.",
-    "safety": "Time step over the estimated stable one; None: 0.9, and 0.5 if bonds can break.",
+    "safety": "Time step over the estimated stable one; None: 0.9, and 0.5 for bonds that can break or slack sheets.",
     "seed": "Seed of the random numbers.",
     "self_contact": "Whether the sheet touches itself.",
     "solver": "explicit, relaxation or newton, those that the scene takes.",

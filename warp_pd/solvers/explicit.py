@@ -27,8 +27,9 @@ STEPS_BETWEEN = 400
 # Steps in one graph, at least.
 MANY = 10
 # Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
-# breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md).
-SAFETY, RUPTURE_SAFETY = 0.9, 0.5
+# breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md). A slack sheet
+# that becomes taut is several times as stiff within a few steps, faster than the estimate follows.
+SAFETY, LESS_SAFETY = 0.9, 0.5
 # Fraction of the velocity that mass damping takes in a step, at most.
 MAX_DAMPED = 0.2
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
@@ -44,9 +45,9 @@ class Explicit:
         frames: Number of frames after the first one, equally spaced; or their times [s], increasing, the last one
             the duration: frames close together show what happens fast.
         damping: Mass damping c [1/s]: a force -c m v on every point.
-        safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break. A fast
-            ball makes it shorter: no step lets a ball move further than a quarter of a spacing, or of its radius; an
-            eighth if bonds can break.
+        safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break or the
+            material goes slack, such as a TensionField. A fast ball makes it shorter: no step lets a ball move further
+            than a quarter of a spacing, or of its radius; an eighth if bonds can break.
         step: A fixed dt [s] instead; refused if it is above either.
         history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None: it has none. The
             rows change nothing of the run. They hold what the device sums: energies, losses, contact forces and
@@ -107,7 +108,7 @@ class Explicit:
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
         """The solver on a device."""
-        return BuiltExplicit(self, context)
+        return BuiltExplicit(self, context, law)
 
 
 class BuiltExplicit(BuiltSolver):
@@ -122,10 +123,10 @@ class BuiltExplicit(BuiltSolver):
     system: System
     stable_step: StableStep
 
-    def __init__(self, solver: Explicit, context: Context) -> None:
+    def __init__(self, solver: Explicit, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context = solver, context
         self._since_estimate = self._since_row = self._place = 0
-        default = RUPTURE_SAFETY if context.features.breakable else SAFETY
+        default = LESS_SAFETY if context.features.breakable or law.goes_slack else SAFETY
         self.safety = default if solver.safety is None else solver.safety
 
     def add(self, phase: Phase, stage: Stage) -> None:

@@ -275,9 +275,10 @@ def test_kernels_on_points_write_their_own_point(recorded):
         kept = _everything(built, launch)
         begin, end = size // 3, size // 2
         _run(launch, begin, end)
+        lists = {stored.array.ptr for stored in built.context.fields if stored.field.per == "table"}
         for name, array in _arrays(launch):
             axis = _point_axis(kept[array.ptr][1], size)
-            if axis is None:
+            if axis is None or array.ptr in lists:
                 continue
             outside = _outside(kept[array.ptr][1], axis, begin, end)
             if not _same(array.numpy()[outside], kept[array.ptr][1][outside]):

@@ -9,7 +9,7 @@ import pytest
 from helpers import GENT, build, jittered, square
 from small_runs import BALL, cli
 
-from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, Motion, NeoHookean, Pressure, Simulation, TensionField
 from warp_pd.__main__ import build_scene
 from warp_pd.families.partition import partition_sheet
 from warp_pd.parts.frame_checks import FrameChecks
@@ -77,6 +77,18 @@ def test_edges_pulled_faster_than_waves_are_the_cause(waves, motion):
     assert result.status == "diverged"
     said = f"points are moved at {pulled:g} m/s, faster than any wave"
     assert (said in result.summary["message"]) == motion, result.summary["message"]
+
+
+def test_a_slack_sheet_that_becomes_taut_has_a_step_that_follows():
+    """And the message names such a step to who has chosen a longer one."""
+    sheet, law = square(21), BondAssociated(TensionField(NeoHookean(1e5, 1e7)), horizon=2.015)
+    loads = [Fixed(sheet.edges("all")), Pressure(100.0)]
+    default, long = (
+        Simulation(sheet, law, Explicit(0.1, frames=10, safety=safety), loads=loads).run(device="cpu")
+        for safety in (None, 0.9)
+    )
+    assert default.status == "finished" and max(abs(row["balance_error"]) for row in default.history) < 0.005
+    assert long.status == "diverged" and "try a safety of 0.4" in long.summary["message"]
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
