@@ -61,7 +61,7 @@ def test_the_sign_of_a_sharp_mesh_is_right_beyond_its_tip():
     vertices = np.array([(0.0, 0.0, -0.06), (6e-3, 0.0, 0.0), (-3e-3, 6e-3, 0.0), (-3e-3, -6e-3, 0.0)])
     mesh = TriangleMesh(vertices, np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]))
     corners = mesh.outline(0.0)[0][mesh.triangles]
-    points = corners[0, 0] + np.random.default_rng(0).normal(scale=4e-3, size=(5000, 3))
+    points = corners[0, 0] + np.random.default_rng(0).normal(scale=(4e-3, 4e-3, 3e-2), size=(5000, 3))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     behind = np.einsum("pfc,fc->pf", points[:, None] - corners[:, 0], normals) < 0.0
     inside = behind.all(axis=1)
