@@ -9,7 +9,8 @@ the work F da and the strip unloads G h da, which a sharp blade needs for the to
     cutting energy = F / h + G >= Gc.
 
 G. J. Lake and O. H. Yeoh, Measurement of rubber cutting resistance in the absence of friction, Int. J. Fracture 14
-(1978) 509. `cutting_energy` is its mean over Gc while the blade moves through the middle half of its way.
+(1978) 509. `cutting_energy` is its mean over Gc while the blade moves through the middle half of its way: 1.19 and 1.16
+with 30 and 40 rows, 1.41 with 20, whose damage is as wide as a fifth of H.
 """
 
 import numpy as np
