@@ -1,14 +1,12 @@
 """Device side of warp_pd: Warp functions and kernels, one file per piece of physics.
 
-Kernels are made by cached factories, which take the precision and the options that are compiled in. Each
-kernel is a Warp module of its own, named by its content, so that scenes share compiled kernels. The host
-declares all kernels of a simulation before the first launch, because compilation, not run time, decides
-how long a first run takes.
+Cached factories make the kernels; they take the precision and the compile-time options. Each kernel is a separate Warp
+module named by a hash of its content, so scenes share compiled kernels. The host declares all kernels of a simulation
+before the first launch, because compilation dominates the time of a first run.
 
-Conventions: `displacement` is the unknown, never the position, so that float32 keeps the digits of small
-deformations. Arrays of bonds are [member, point]. Every kernel takes `first`, the index of its first
-thread, so that two host threads can each run half of a launch. No kernel adds floats atomically:
-results repeat bit for bit on a device.
+Conventions: the unknown is `displacement`, never the position, so float32 resolves small deformations. Bond arrays have
+the shape [member, point]. Every kernel takes `first`, the index of its first thread, so two host threads can each run
+half of a launch. No kernel uses atomics on floats, so results are reproducible bit for bit on a device.
 """
 
 import warp as wp

@@ -1,8 +1,8 @@
-"""Mass damping of dynamic relaxation: critical for the remaining motion.
+"""Adaptive mass damping for dynamic relaxation: critical damping of the lowest mode still in motion.
 
-Rayleigh's quotient of the last step, omega^2 = (v . K v) / (v . M v) with K v = -(change of force) / dt, tends to the
-lowest frequency still in motion, for which c = 2 omega is critical. Source: Underwood's adaptive dynamic relaxation,
-with the tangent along the motion in place of a diagonal stiffness.
+The Rayleigh quotient of the last step, omega^2 = (v . K v) / (v . M v) with K v = -(change of force) / dt, tends to the
+square of the lowest frequency still in motion; c = 2 omega damps that mode critically. Source: Underwood's adaptive
+dynamic relaxation, with the tangent along the motion instead of a diagonal stiffness.
 """
 
 import functools
@@ -15,7 +15,7 @@ from .numeric import numeric
 
 @functools.cache
 def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
-    """Kernels `measure_motion`, which sums blocks of points in order, and `set_damping`, one thread.
+    """Return the kernels `measure_motion` (sums blocks of points in a fixed order) and `set_damping` (a single thread).
 
     Args:
         bits: 32 or 64.

@@ -1,4 +1,4 @@
-"""Loops over the members of a family that are stored in 32-bit masks.
+"""Loops over family members stored in 32-bit masks.
 
     members = ...                                   bits of one word
     while members != wp.uint32(0):
@@ -6,7 +6,7 @@
         members = without_lowest_bit(members)
         ...
 
-Members come in ascending order, so sums repeat bit for bit.
+Members are visited in ascending order, so sums are reproducible bit for bit.
 """
 
 import warp as wp
@@ -30,13 +30,13 @@ _NUMBER = """
 
 @wp.func_native(_LOWEST)
 def lowest_bit(mask: wp.uint32) -> int:
-    """Index of the lowest bit that is set; undefined for 0."""
+    """Index of the lowest set bit; undefined for 0."""
     ...
 
 
 @wp.func_native(_NUMBER)
 def number_of_bits(mask: wp.uint32) -> int:
-    """How many bits are set."""
+    """Number of set bits."""
     ...
 
 

@@ -1,4 +1,4 @@
-"""Functions of the kernel of families that share a block of threads, see kernels/family_blocks.py."""
+"""Warp functions for the kernel in kernels/family_blocks.py, in which a few families share a thread block."""
 
 import functools
 from dataclasses import dataclass
@@ -53,15 +53,15 @@ _OPAQUE = """
 
 @wp.func_native("WP_TILE_SYNC();")
 def synchronize():
-    """Wait for all threads of the block: what they put into tiles can then be read."""
+    """Barrier for all threads of the block; their writes to shared tiles are then visible."""
     ...
 
 
 @functools.cache
 def putting(kind: Any) -> wp.Function:
-    """Function (tile, index, value of a type) that writes an element of a shared tile, and does not wait for others.
+    """Function (tile, index, value) that writes an element of type `kind` to a shared tile without a barrier.
 
-    `wp.tile` makes tiles of what the threads have, with two barriers for each; here one serves all of them.
+    `wp.tile` takes two barriers per tile; with this function one barrier serves all tiles.
     """
 
     @wp.func_native("tile.data(wp::tile_coord(index)) = value;")
@@ -72,15 +72,15 @@ def putting(kind: Any) -> wp.Function:
 
 @wp.func_native(_OPAQUE)
 def opaque(mask: wp.uint32) -> wp.uint32:
-    """The mask, unchanged; it hides its origin from the compiler, which would otherwise recompute it for each bit."""
+    """Return the mask unchanged, but opaque to the compiler, which would otherwise recompute it for each bit."""
     ...
 
 
 def _products_and_shapes(bits: int) -> str:
-    """Code of nine sums.
+    """C++ code that adds nine products to `sums`.
 
-    In float32 on a GPU it is PTX with predicates: a compiler would branch around so many sums, which takes longer than
-    to pass them by. %0 to %8 are the sums, %9 says whether, %10 to %16 are U, w[3] and y.
+    In float32 on a GPU it is PTX with predicates, which is faster than the branch around the sums that the compiler
+    would emit. Operands: %0 to %8 are the sums, %9 is the condition, %10 to %16 are U, w[3] and y.
     """
     if bits == 64:
         return f"{_ADD_PRODUCTS_AND_SHAPES}return sums;"
@@ -106,17 +106,18 @@ class BlockFunctions:
     """Warp functions of one configuration.
 
     Attributes:
-        by_missing: Whether the shape tensor of what is left of an intersection is found from the members that are
-            missing, which are few.
-        arrive: What the thread of a bond knows before it has heard from the others.
-        missing_shapes: What intersections have lost of their shape tensors.
-        answer: A_ik of a bond, and what the next stress may start from, from the sums over D_ik.
-        compact: Whether shape tensors are sums, too, as on a cloud with tables of few bytes.
-        Arm: Type of what threads exchange of a member besides (U_k, c_k X_k1): c_k X_k2 and 1 / c_k, or X_k instead.
-        vec6: Type of sums of two vectors.
+        by_missing: Whether the shape tensor of a damaged intersection is computed by subtracting its missing members,
+            which are few.
+        arrive: Data of a bond before its thread reads the results of other threads.
+        missing_shapes: Parts of the shape tensors of intersections that broken bonds have removed.
+        answer: A_ik of a bond and the initial guess for the next stress, from the sums over D_ik.
+        compact: Whether shape tensors are also summed instead of read from tables, as on a compact cloud.
+        Arm: Type of the second part of a member's data that threads exchange: (c_k X_k2, 1 / c_k) or X_k. The first
+            part is (U_k, c_k X_k1).
+        vec6: Type of the sums of two vectors.
         Sums: Type of the sums over an intersection: c_k X_k1 U_k, c_k X_k2 U_k, and K_ij if shape tensors are sums.
-        add_products: These sums, with one more member if it is in the intersection.
-        add_parts: Sums of the columns of A, with those of one more bond if it is in the intersection.
+        add_products: Adds one member to `Sums` if it is in the intersection.
+        add_parts: Adds one bond to the sums of the columns of A if it is in the intersection.
     """
 
     by_missing: bool
@@ -170,10 +171,10 @@ def block_functions(
         k: int,
         here: bool,
     ):
-        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
+        """Data of a bond: intact or not, (U_k, c_k X_k) in two parts, bits of D_ik, undamaged K_ik^-1, W_ik.
 
-        Last, undamaged K_ik^-1 and W_ik. On a curved sheet U_k is in the frame of the point. There are no branches, so
-        that no load waits for another one without need: what is read of a member that is not there does not count.
+        On a curved sheet U_k is in the frame of the point. There are no branches, so loads do not wait for each other;
+        values read for nonexistent members are discarded.
         """
         member = wp.min(k, wp.static(n - 1))
         row = i
@@ -231,7 +232,7 @@ def block_functions(
         k: int,
         far_k: int,
     ):
-        """Sums of c_m X_m (x) X_m over the members that D_ik, and the intersection of the far bond, have lost."""
+        """Sums of c_m X_m (x) X_m over the missing members of D_ik and of the intersection of the far bond."""
         near_shape = vec3(real(0.0), real(0.0), real(0.0))
         far_shape = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(wp.static(words)):
@@ -248,7 +249,7 @@ def block_functions(
 
     @wp.func
     def without_missing(missing: vec3, undamaged_inverse: vec3):
-        """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
+        """Inverse of a shape tensor minus `missing`, or zero where `damaged_inverse` would be zero."""
         inverse = undamaged_inverse
         if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
             det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
@@ -272,9 +273,10 @@ def block_functions(
         G2: vec3,
         guess: real,
     ):
-        """A_ik of a bond and what the next stress may start from, from the sums over D_ik.
+        """A_ik of a bond and the initial guess for the next stress, from the sums over D_ik.
 
-        `shape` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that it lost.
+        `shape` and `rises` are used for damaged families only; if `by_missing`, `shape` is the sum over the lost
+        members.
         """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
@@ -311,12 +313,12 @@ def block_functions(
 
     @wp.func_native(_products_and_shapes(bits) if compact else _ADD_PRODUCTS)
     def add_products(sums: Sums, here: wp.uint32, w: vec4, y: Arm) -> Sums:
-        """The sums of c_k X_k1 U_k and c_k X_k2 U_k, with one more member if it is in the intersection."""
+        """Add one member to the sums of c_k X_k1 U_k and c_k X_k2 U_k if it is in the intersection."""
         ...
 
     @wp.func_native(_ADD_PARTS)
     def add_parts(sums: vec6, here: wp.uint32, part: vec4, rest: vec2) -> vec6:
-        """The sums of the columns of A, with those of one more bond if it is in the intersection."""
+        """Add one bond to the sums of the columns of A if it is in the intersection."""
         ...
 
     return BlockFunctions(by_missing, arrive, missing_shapes, answer, compact, Arm, vec6, Sums, add_products, add_parts)

@@ -1,22 +1,22 @@
 """Contact of a sheet with a rigid body of any shape, by projection, with Coulomb friction.
 
-After the drift, points inside the body are moved out, and so are those whose way through the body within the step, as
-seen from the body, enters it: the body is never passed through. A point that rested on the surface loses the part of
-its velocity that points into the body, one that arrived is moved by its impulse (the position constraint of RATTLE, as
-in kernels/contact.py). After the second half kick, touching points lose what is left of that part.
+After the drift, points inside the body are moved out. So are points whose path relative to the body entered it during
+the step, so no point passes through the body. A point already in contact loses the velocity component into the body; a
+newly arrived point is moved by its impulse (the position constraint of RATTLE, as in kernels/contact.py). After the
+second half kick, touching points lose the remaining velocity component into the body.
 
-Friction takes the tangential velocity relative to the surface, at most the coefficient times the impulse along the
-normal: a point that would have to lose less sticks.
+Friction reduces the tangential velocity relative to the surface. Its impulse is at most the friction coefficient times
+the normal impulse; a point that needs less than that to stop sticks.
 
-Work. A step has the impulses P before the drift and Q at its end. With velocities at full steps and forces F, kinetic
-energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), where v is the velocity before the half
-kick and v' the last one; the rest are the terms that central differences have without contact. Mass damping takes
-its part of the impulses: `half_step` in kernels/integrate.py has the exact statement. It holds only if the way of a
-point and its velocity at the half step agree, so that the shift of `project` is dt times the change of the velocity.
-Both statements are linear in the last impulse, so that of friction has its exact part of what contact loses: by the
-same velocities of the point and of the body.
+Work. In one step a point gets the impulses P before the drift and Q at the end. With velocities at full steps and
+forces F, kinetic energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), where v is the velocity
+before the half kick and v' that at the end of the step; all other terms are those of central differences without
+contact. Mass damping dissipates part of the impulses: `half_step` in kernels/integrate.py has the exact statement. It
+holds only if the motion of a point is dt times its half-step velocity, so `project` shifts a point by dt times the
+change of its velocity. Both statements are linear in the last impulse, so the loss from friction is an exact part of
+the loss from contact, computed with the same velocities.
 
-The geometry is float64; what points get is the change of their velocity in their own precision.
+The geometry is in float64; velocity changes are applied in the precision of the sheet.
 """
 
 import functools
@@ -38,12 +38,12 @@ class BodyContactKernels:
     Attributes:
         project: Moves points out of the body, after the drift.
         separate: Removes the velocity into the body, after the second half kick.
-        find_inside: What points need, before a free body yields and `project`.
+        find_inside: Velocity changes that points need, before a free body moves and before `project`.
         find_touching: The same before `separate`.
-        mark: Marks points that may touch in the step, for the stages of large sheets.
-        mark_now: The same for points that may touch at its end.
-        take_in_step: Gives points what kernels/surface_contact.py found, after the drift.
-        take_at_end: The same after the second half kick.
+        mark: Marks points that may touch during the step, for the stages of large sheets.
+        mark_now: Marks points that may touch at the end of the step.
+        take_in_step: Applies the impulses found by kernels/surface_contact.py after the drift.
+        take_at_end: Applies them after the second half kick.
     """
 
     project: Pointwise
@@ -76,16 +76,17 @@ def body_contact(
     Args:
         bits: 32 or 64.
         distance: Its signed distance, see kernels/distances.py.
-        moves_freely: Whether it feels the sheet; impulses are then kept for its motion, otherwise summed up per point.
+        moves_freely: Whether the sheet moves the body; impulses are then stored for its motion, otherwise summed per
+            point.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
+        held: Whether any component is held; held points ignore the body.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
-        tracked: Whether work and losses are summed up.
-        half_steps: Whether energies take the velocities at half steps.
-        searched: Whether the distance is a search, which points remember.
-        marked: Whether the stages do nothing but at marked points.
+        tracked: Whether work and losses are summed.
+        half_steps: Whether energies use half-step velocities.
+        searched: Whether the distance needs a search (meshes); points then cache its result.
+        marked: Whether the stages act only on marked points.
     """
     types = numeric(bits)
     real = types.real
@@ -103,7 +104,7 @@ def body_contact(
 
     @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
-        """Change of a point's velocity by friction [m/s]; it stops sliding at most.
+        """Change of a point's velocity by friction [m/s]; at most, sliding stops.
 
         relative: velocity of the point relative to the body [m/s]. pressed: change of velocity along the normal n
         by the contact [m/s].
@@ -121,8 +122,10 @@ def body_contact(
         i: int, change: wp.vec3d, arrested: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d,
         a: BodyContact,
     ):  # fmt: skip
-        """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
-        c dt / 2 of m change . `slowed`. Friction has the part `arrested` of the change.
+        """Record the work and losses of an impulse, which is `weight` m times the velocity change.
+
+        It does work along `start` plus half the change; damping dissipates c dt / 2 times m change . `slowed`. Friction
+        is the part `arrested` of the change.
         """
         before = a.velocity[i]
         after = before + narrow(change)
@@ -159,7 +162,7 @@ def body_contact(
 
     @wp.func
     def end_strike(i: int, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
-        """A strike after the second half kick, which damping divides by 1 + c dt / 2; the impulse counts before."""
+        """`strike` after the second half kick; the impulse is taken before damping divides it by 1 + c dt / 2."""
         start = wide(a.velocity[i])
         slowed = start
         weight = real(1.0)
@@ -188,7 +191,7 @@ def body_contact(
 
     @wp.func
     def slipping(v: wp.vec3d, arm: wp.vec3d, end: wp.vec3d, a: BodyContact):
-        """Velocity relative to the body of a point that moves from one arm to another one in the step [m/s]."""
+        """Velocity relative to the body [m/s] of a point that moves from `arm` to `end` during the step."""
         return v - surface_velocity(wp.float64(0.5) * (arm + end), a)
 
     @pointwise(BodyContact, writes=("need", "rows", "arms", "slips", "seen"))

@@ -1,18 +1,18 @@
-"""Motion of rigid bodies: along a path, or free under gravity and the impulses of the sheet. All of it is float64.
+"""Motion of rigid bodies in float64: along a path, or free under gravity and the impulses of the sheet.
 
-Of each body there are
+Each body has
     place, rotation  now and at the beginning of the step (centre of mass [m], unit quaternion x, y, z, w);
-    motion           velocity [m/s] and spin [1/s], as contact sees them;
-and of a free one
+    motion           velocity [m/s] and spin [1/s], as used by contact;
+and a free body also has
     momenta          velocity [m/s], angular momentum [kg m^2/s], and velocity and spin at the last full step.
 
-A free body takes the step of the sheet: half kick, drift, half kick. What touches it in one half step gets impulses all
-at once. If every point i that moves into the body by the speed a_i along its normal n_i, at the arm r_i, ends with the
-velocity of the body's surface, then with j_i = (n_i, r_i x n_i) the change d of velocity and spin of the body solves
+A free body is integrated like the sheet: half kick, drift, half kick. All contacts of one half step are solved
+together. Point i moves into the body with speed a_i along its normal n_i, at the arm r_i. If every such point ends with
+the velocity of the body's surface, the change d of velocity and spin of the body solves, with j_i = (n_i, r_i x n_i),
     [diag(M, I) + sum m_i j_i j_i^T] d = -sum m_i a_i j_i.
-Points that would have to be pulled are left out of a second solution, in which friction acts as the first one tells:
-points that stick to the body move with it, the others drag it by the coefficient times their impulse. The body is moved
-by that; then the points are projected, and the momentum that they took is what the body loses.
+A second solution leaves out points that would have to be pulled, and adds friction according to the first solution:
+sticking points move with the body, sliding points drag it by the friction coefficient times their impulse. The body
+moves by the second solution. Then the points are projected, and the body loses the momentum that they gained.
 """
 
 import functools
@@ -31,7 +31,7 @@ mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 
 @wp.func
 def turned_by(turn: wp.vec3d, rotation: wp.quatd):
-    """A rotation after which comes another one, about `turn` by its length [rad]."""
+    """`rotation` followed by the rotation vector `turn` [rad]."""
     angle = wp.length(turn)
     scale = wp.float64(0.5)
     if angle > wp.float64(1e-8):
@@ -42,7 +42,7 @@ def turned_by(turn: wp.vec3d, rotation: wp.quatd):
 
 @wp.func
 def turn_between(begin: wp.quatd, end: wp.quatd):
-    """The vector of the rotation from one to the other [rad]."""
+    """Rotation vector from `begin` to `end` [rad]."""
     by = end * wp.quat_inverse(begin)
     axis = wp.vec3d(by[0], by[1], by[2])
     if by[3] < wp.float64(0.0):
@@ -67,7 +67,7 @@ def wrench(force: wp.vec3d, arm: wp.vec3d):
 
 @functools.cache
 def path_motion() -> Kernel:
-    """Kernel `follow_path`: to the place of a step later, along knots between which it is linear."""
+    """Kernel `follow_path`: moves bodies by one step along a piecewise linear path."""
 
     @kernel(per="once")
     def follow_path(
@@ -114,13 +114,13 @@ class FreeMotion:
     Attributes:
         move: First half kick, and drift.
         kick: Second half kick.
-        gather: Sums of blocks of points, of the matrix and the right side.
+        gather: Sums of the matrix and the right-hand side, per block of points.
         reduce: Sums over the blocks.
-        solve: Change of velocity and spin by all that touches.
-        yield_to: Moves the body by that change, before points are projected.
-        foresee: Velocity and spin by that change, before the points get theirs.
-        gather_given: Sums of blocks of what the points were given.
-        give: Takes that from the body.
+        solve: Change of velocity and spin caused by all touching points.
+        yield_to: Moves the body by that change before points are projected.
+        foresee: Applies that change to velocity and spin before the points are changed.
+        gather_given: Sums of the impulses given to the points, per block.
+        give: Subtracts these impulses from the momentum of the body.
     """
 
     move: Kernel
@@ -199,7 +199,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         first: int,
         sums: wp.array2d(dtype=wp.float64),
     ):
-        """Points that need a push; with `use_changes` those that still do after the body has changed."""
+        """Sum over points that need a push; with `use_changes`, those that still need one after the body changed."""
         b = wp.tid() + first
         A = mat66d()
         side = vec6d()
@@ -267,7 +267,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         first: int,
         changes: wp.array(dtype=vec6d),
     ):
-        """By Cholesky's decomposition; the columns of R I R^T are those of I, turned."""
+        """Solve by Cholesky decomposition; R I R^T is the inertia tensor in the frame of the sheet."""
         A = mat66d()
         row = int(0)  # noqa: RUF046
         for r in range(6):
@@ -382,8 +382,10 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         momenta: wp.array(dtype=wp.vec3d),
         given: wp.array(dtype=wp.float64),
     ):
-        """`given`: momentum and angular momentum given to the sheet since the last frame, and what contact and, of it,
-        friction lost [J].
+        """Take the impulses from the body.
+
+        `given` sums since the last frame: momentum and angular momentum given to the sheet, energy lost by contact, and
+        the part of it lost by friction [J].
         """
         linear = wp.vec3d(totals[0], totals[1], totals[2])
         turn = wp.vec3d(totals[3], totals[4], totals[5])

@@ -1,11 +1,11 @@
-"""Rigid bodies as contact sees them: the struct of their arrays, and what points are near enough to touch.
+"""Rigid bodies for contact: the struct of their arrays, and the search for points near enough to touch.
 
-Where the distance is a search (meshes), each point remembers where in the frame of the body it last asked, and how far
-around there the surface is not. While it stays clear of the surface by that, it does not ask: distances differ by no
-more than the way between two places. What is remembered changes no result, so restarts ask anew.
+Where computing the distance takes a search (meshes), each point caches the place of its last query in the frame of the
+body and the distance found there. The distance changes by at most the distance moved, so no query is needed while the
+point is certainly clear of the surface. The cache changes no result, so restarts begin without it.
 
-Large sheets mark the points that may touch in a light stage, which joins others in one launch, and project and separate
-those in launches of their own: the registers of the search would slow down all that shares a launch with it.
+On large sheets, a cheap stage, merged with others into one launch, marks the points that may touch; separate launches
+project and separate the marked points. The registers of the search would slow down every stage that shares its launch.
 """
 
 import functools
@@ -30,15 +30,16 @@ class BodySearch:
         narrow: vec3d -> vec3.
         position: (i, a) -> position of a point [m].
         surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
-        plane: a -> normal (1 to 3), in the coordinates of the sheet, and height (4) of a half space; zero for others.
+        plane: a -> normal (components 1 to 3, in the coordinates of the sheet) and height (4) of a half space; zero for
+            other shapes.
         may_touch_in_step: (i, a, plane) -> whether a point may touch within the step, after the drift.
         may_touch_now: (i, a, plane) -> whether it may touch at the end of the step.
-        touch_in_step: (i, x, a) -> `way_out` of the point, in the coordinates of the sheet, without the last; then the
-            arm at which the body pushes it.
+        touch_in_step: (i, x, a) -> results of `way_out` but the last, in the coordinates of the sheet, and the arm at
+            which the body pushes the point.
         push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
-        touch_now: (x, a) -> whether a point there touches, and the normal.
-        mark: Pointwise: marks points that may touch in the step, for the stages of large sheets.
-        mark_now: Pointwise: the same for its end.
+        touch_now: (x, a) -> whether a point at x touches, and the normal.
+        mark: Pointwise stage that marks points that may touch during the step, for large sheets.
+        mark_now: Pointwise stage that marks points that may touch at the end of the step.
     """
 
     struct: Any
@@ -58,7 +59,7 @@ class BodySearch:
 
 @functools.cache
 def wide_places(bits: int, curved: bool) -> tuple[wp.Function, wp.Function]:
-    """Functions (v) -> v in float64, and (reference position, displacement) -> place in space in float64 [m]."""
+    """Functions v -> v in float64, and (reference position, displacement) -> position in float64 [m]."""
     types = numeric(bits)
     vec3, reference = types.vec3, types.vec3 if curved else types.vec2
 
@@ -84,8 +85,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         bits: 32 or 64.
         distance: Its signed distance, see kernels/distances.py.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
-        searched: Whether the distance is a search, which points remember.
+        held: Whether any component is held; held points ignore the body.
+        searched: Whether the distance needs a search (meshes); points then cache its result.
         marked: Whether only marked points may touch.
     """
     types = numeric(bits)
@@ -155,7 +156,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def way(i: int, a: BodyContact):
-        """Where a point is after the drift, and where it came from, in the frame of the body."""
+        """Positions of a point after and before the drift, in the frame of the body."""
         x = position(i, a)
         moved = wp.float64(a.step[0]) * wide(a.velocity[i])
         a1 = wp.quat_rotate_inv(a.rotation[0], x - a.place[0])
@@ -163,7 +164,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def clear(i: int, arm: wp.vec3d, reach: wp.float64, a: BodyContact):
-        """Whether the surface is further away than `reach`, by what the point remembers."""
+        """Whether the point's cached distance shows that the surface is further away than `reach`."""
         s = a.seen[i]
         gone = wp.length(arm - wp.vec3d(wp.float64(s[0]), wp.float64(s[1]), wp.float64(s[2])))
         return gone + reach < wp.float64(s[3])
@@ -190,7 +191,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def near_in_step(i: int, a: BodyContact, plane: wp.vec4d):
-        """Whether a point may touch within the step."""
+        """Whether a point may touch during the step."""
         near = feels(i, a)
         if wp.static(flat):
             # A plane has no end: points far above it are told by their height, without roots.
@@ -213,7 +214,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def near_now(i: int, a: BodyContact, plane: wp.vec4d):
-        """Whether a point may touch."""
+        """Whether a point may touch at the end of the step."""
         near = feels(i, a)
         if wp.static(flat):
             if height(i, a, plane) > wp.float64(2.0) * a.skin:
@@ -259,7 +260,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def push_out(x: wp.vec3d, n: wp.vec3d, reach: wp.float64, a: BodyContact):
-        """The shift along n that brings a point at x to the surface, nothing from outside."""
+        """The shift along n that brings a point at x to the surface; zero for a point outside."""
         q = a.rotation[0]
         arm = wp.quat_rotate_inv(q, x - a.place[0])
         end = distance(arm, reach, a.body)

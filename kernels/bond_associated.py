@@ -16,15 +16,14 @@ kernels/kinematics.py. Gradients are then in the frame of i, and forces are turn
 In both forms `bond_force[k, i]` is the force that the family of i exerts on the pair: + on i, - on the member.
 The force on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
 
-An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no
-deformation gradient. It carries no energy of its own; its bond still acts through the other intersections
-it belongs to. On an undamaged lattice the smallest value is 0.42, at its edges.
+An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no deformation
+gradient. It stores no energy; its bond still acts through the other intersections that contain it. On an undamaged
+lattice the smallest value of det K / (tr K / 2)^2 is 0.42, at the edges.
 
-In a damaged family, what is left of an intersection is used only while it still is a sample of the deformation: while
-det K >= SAMPLE times that of the undamaged intersection. F_ij is a least-squares fit. At a crack tip no affine motion
-fits, and the few members that are left determine F_ij by their noise: two that move towards each other can squeeze it
-to a tenth, and its stress, and the stiffness 1/det K, then exceed those of the sheet a hundredfold. The bond still acts
-through the other intersections it belongs to. The published form has no such rule.
+A damaged intersection is used only while det K >= SAMPLE times its undamaged value. F_ij is a least-squares fit. At a
+crack tip no affine motion fits, and F_ij of the few remaining members is noise: two members that move towards each
+other can shrink it to a tenth. Its stress and the stiffness 1/det K then exceed those of the sheet a hundredfold. The
+published form has no such rule.
 """
 
 import functools
@@ -49,14 +48,15 @@ class FamilyMechanics:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
-        visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> what a bond has to say of a field: whether
-            it is intact and its intersection determines a gradient; the gradient of the field over D_ij (two columns,
-            in the frame of i), K^-1, W_ij divided by the reference area and up to the factor `family_scale`, and the
-            tilt of D_ij, zero on a flat sheet.
+        visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> whether the bond is intact and its
+            intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
+            K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
+            flat sheet.
         green: (H1, H2, tilt) -> C - I.
         gradient: (H1, H2, tilt) -> columns of F.
-        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, with P R^-1 on a curved sheet.
-        area_weight: (family, i, j, undamaged, size) -> W_ij as from `visit`; `size` is |D_ij|.
+        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, on a curved sheet of W P R^-1
+            K^-1.
+        area_weight: (family, i, j, undamaged, size) -> W_ij as returned by `visit`; `size` is |D_ij|.
         family_scale: (family, i, undamaged, total) -> factor on its weights; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
             determines no gradient; and `size`, as for `area_weight`.
@@ -86,8 +86,9 @@ class BondAssociatedKernels:
     Attributes:
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
-        mechanics: Warp functions that the tangent uses too.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
+            bonds.
+        mechanics: Warp functions shared with the tangent.
     """
 
     gather: Pointwise
@@ -170,7 +171,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         ):
             """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|, tilt.
 
-            With `earlier`, for the displacement a time `back` ago.
+            With `earlier`, these are for the displacement at a time `back` before now.
             """
             ui = displacement[i]
             first = vec3(real(0.0), real(0.0), real(0.0))
@@ -216,7 +217,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
 
     @wp.func
     def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
-        """W_ij divided by the reference area; in the published form up to the factor `family_scale`."""
+        """W_ij divided by the reference area; in the published form without the factor `family_scale`."""
         if wp.static(published):
             if undamaged:
                 return f.weight(family, i, j)

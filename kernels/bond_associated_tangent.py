@@ -1,16 +1,15 @@
-"""Tangent of the variational bond-associated law: how its force changes with the displacement.
+"""Tangent of the variational bond-associated law: the derivative of the force by the displacement.
 
-`linearise` stores what the derivative needs of every intersection: F_ij, and, times its weight, the stress S_ij
-and the moduli T_ij (kernels/materials.py). For a direction v, with dF_ij computed from v as F_ij is from u,
+For every intersection, `linearise` stores F_ij and, multiplied by the weight, the stress S_ij and the moduli T_ij
+(kernels/materials.py). For a direction v, with dF_ij computed from v as F_ij is from u,
 
     dC = dF^T F + F^T dF,   (dS11, dS22, 2 dS12) = T (dC11, dC22, dC12),   dP = dF S + F dS,
 
-and dP enters in the place of P: the family of i pulls its member k with c_k [sum W_ij h dP_ij K_ij^-1] X_ik. The
-result is the change of the internal force, which is minus the Hessian of the energy times v: symmetric.
-An isotropic tension may be added to every S_ij. By itself it is the tangent of a stretched soap film, a Laplacian,
-and gives a flat or slack sheet the out-of-plane stiffness that it lacks.
-In a softened layout the damage of its point has taken stiffness from all that is stored of a family, see
-kernels/damage_field.py.
+and dP replaces P: the family of i pulls its member k with c_k [sum W_ij h dP_ij K_ij^-1] X_ik. The result is the change
+of the internal force, minus the (symmetric) Hessian of the energy times v. An isotropic tension may be added to every
+S_ij. Its tangent is that of a stretched soap film, a Laplacian. It gives a flat or slack sheet the out-of-plane
+stiffness that it lacks. In a softened layout the stored values of a family are already reduced by the damage of its
+point, see kernels/damage_field.py.
 """
 
 import functools
@@ -37,7 +36,7 @@ class TangentKernels:
 
     Attributes:
         linearise: Fills gradient, stress, moduli [members, points] at a displacement.
-        product: Fills bond_force [members, points] with its change along a direction; `gather` sums it.
+        product: Fills bond_force [members, points] with its derivative along a direction; `gather` sums it.
         inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
             components.
     """

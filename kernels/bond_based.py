@@ -1,4 +1,4 @@
-"""Bond-based force law: the force of a bond acts along it and follows a pairwise law of its strain (IM, sections 2, 3).
+"""Bond-based force law: bond forces act along the bonds and depend on the bond strain alone (IM, sections 2, 3).
 
 With s = |Y|/|X| - 1, n = Y/|Y| and a pairwise law f(s) [Pa] (kernels/pairwise.py), the energy of point i is
 
@@ -37,7 +37,8 @@ class BondBasedKernels:
     Attributes:
         pair_force: Internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
+            bonds.
         principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
         wrinkle_level: Fraction of compressed bonds [points].
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
@@ -88,7 +89,7 @@ class BondFunctions:
 
 @functools.cache
 def bond_functions(layout: Layout) -> BondFunctions:
-    """Functions of one bond; on a curved sheet xi is the chord, in space."""
+    """Functions of one bond; on a curved sheet xi is the chord in space."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     curved = layout.curved
@@ -122,7 +123,7 @@ def bond_functions(layout: Layout) -> BondFunctions:
 
 @functools.cache
 def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
-    """Function (constants, W_ik + W_ki, xi, U) -> force of a bond over h a_ref / horizon [Pa]."""
+    """Function (constants, W_ik + W_ki, xi, U) -> force of a bond divided by h a_ref / horizon [Pa]."""
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     bond = bond_functions(layout)
@@ -167,7 +168,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
 
     @wp.func
     def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
-        """Stiffness for the stiffer of the two signs of strain: a slack bond may become taut in the next step."""
+        """The larger of the stiffnesses in tension and compression: a slack bond may become taut in the next step."""
         s = wp.abs(strain(xi, U))
         stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
@@ -184,7 +185,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         inverse_horizon: real,
         i: int,
     ):
-        """Energy of the family of i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
+        """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         stored = real(0.0)
         for k in range(family.members):
             if is_intact(family, intact, i, k):

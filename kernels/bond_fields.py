@@ -1,4 +1,4 @@
-"""Fields of laws with a gradient for every bond, and counts of bonds; see kernels/principal_fields.py."""
+"""Point fields of laws with one deformation gradient per bond, and bond counts; see kernels/principal_fields.py."""
 
 import functools
 
@@ -25,17 +25,17 @@ def bond_fields(
     stiffened: bool,
     wanted: Wanted,
 ) -> Kernel:
-    """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
+    """Kernel that fills the point fields of a law with one deformation gradient per bond.
 
     Args:
         layout: Layout of the families.
         material: Factory of (stress, energy).
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
-        width: Factory of the width in uniaxial tension of a material of tension field theory, or None.
+        width: For a material of tension field theory, factory of its width in uniaxial tension; otherwise None.
         viscous: Whether the stress has Prony terms, see kernels/visco.py.
-        stiffened: Whether the moduli have a factor at each point.
-        wanted: What to fill.
+        stiffened: Whether the moduli vary from point to point by a factor.
+        wanted: The fields to fill.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters

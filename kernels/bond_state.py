@@ -1,7 +1,6 @@
 """State of the bonds, intact or broken, and the kernels that sum the contributions of families.
 
-If the bonds of a layout cannot break, all bonds of the undamaged sheet are intact, and no kernel
-reads the bits `intact` [words, points].
+In a layout whose bonds cannot break, no kernel reads the bits `intact` [words, points].
 """
 
 import functools
@@ -24,8 +23,8 @@ class BondState:
 
     Attributes:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, intact, i) -> whether no bond of i is broken, so that the tables of the undamaged sheet
-            are valid.
+        is_undamaged: (family, intact, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then
+            valid.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
     """
 
@@ -67,13 +66,13 @@ def bond_state(layout: Layout) -> BondState:
 
 @functools.cache
 def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
-    """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N].
+    """Pointwise stage that sums bond_force [members, points] over both ends of the bonds to the internal force [N].
 
-    In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
+    In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py.
 
     Args:
         layout: Layout of the families.
-        softens: Whether `bond_force` of a softened layout is still that of the undamaged families.
+        softens: Whether to apply this reduction here; False if `bond_force` already contains it.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)
@@ -114,7 +113,7 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
     Args:
         layout: Layout of the families.
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
-            energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
+            energy divided by (thickness x reference area) [J/m^3], for the displacement at a time `back` before now.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

@@ -1,15 +1,15 @@
-"""Forces of a lattice's bonds, each computed once, for a CPU.
+"""CPU kernels that compute the force of each lattice bond only once.
 
-The members of a stencil are sorted so that the reverse of member k is member n - 1 - k: the second half of them lies
-ahead of the point. A thread computes the bonds ahead of its point; a second kernel sums both halves, those behind with
-the other sign, in the order of the members. The two ends of a bond agree to the last bit, and so do the sums with those
-of `sums_of_bonds`, which computes every bond at both ends.
+The members of a stencil are sorted so that the reverse of member k is member n - 1 - k: the second half lies ahead of
+the point, i.e. at higher indices. A thread computes the bonds ahead of its point; a second kernel sums both halves in
+the order of the members, with a minus sign for the bonds behind. The sums are bitwise equal to those of
+`sums_of_bonds`, which computes every bond at both ends.
 
-Where bonds break by their stretch, the first kernel also says of blocks of points whether `break_bonds` has to look, as
-`screening` in kernels/rupture.py does: bonds then break between the two kernels, and the second one leaves them out.
+If bonds break by their stretch, the first kernel also flags the blocks of points that `break_bonds` must check, as
+`screening` in kernels/rupture.py does. Bonds then break between the two kernels, and the second kernel skips them.
 
-The tables are arguments of their own, as a struct would be copied for every point, and the number of members is known
-when the kernel is compiled, which spells out the loops of short stencils: together 2.3 times as fast as without.
+The tables are separate arguments because a struct would be copied for every point. The number of members is a
+compile-time constant, so loops over short stencils are unrolled. Together these two make the kernels 2.3 times as fast.
 """
 
 import functools
@@ -29,9 +29,10 @@ class BondsOnce:
     """Kernels of one configuration.
 
     Attributes:
-        forces_ahead: Fills ahead [points, members / 2] with the forces of bonds ahead over the unit of force.
-        forces_and_screen: The same by blocks of SCREENED points, and whether a bond ahead of one may break; None where
-            no bond can.
+        forces_ahead: Fills ahead [points, members / 2] with the forces of the bonds ahead, divided by the unit of
+            force.
+        forces_and_screen: As `forces_ahead`, by blocks of SCREENED points; also flags blocks with a bond that may
+            break. None if bonds cannot break.
         sum_both_halves: The internal force [N].
     """
 
@@ -46,9 +47,9 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
 
     Args:
         bits: 32 or 64.
-        members: Of the stencil.
+        members: Number of members of the stencil.
         breakable: Whether bonds can break.
-        pull: Warp function (constants, weight, xi, U) -> force of a bond over the unit of force, vec3.
+        pull: Warp function (constants, weight, xi, U) -> force of a bond divided by the unit of force, vec3.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
@@ -76,7 +77,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
         i: int,
         ahead: wp.array2d(dtype=vec3),
     ):
-        """Fill row i of `ahead` with the forces, over the unit of force, of the intact bonds of i to later points.
+        """Fill row i of `ahead` with the forces of the intact bonds of i to later points, in units of force.
 
         Returns whether one of these bonds has a squared stretch |Y|^2/|X|^2 above `nearly`; False if no bond can break.
         """

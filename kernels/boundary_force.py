@@ -1,4 +1,4 @@
-"""The empirical boundary force: bonds of edge points push them back to the local plane (BA eq. 45).
+"""Empirical boundary force: bonds push edge points back to the local plane (BA eq. 45).
 
     T_ij = w_ij A (Y_ij . d_i) n,     force on i from the pair:  V_i V_j (T_ij - T_ji),
 
@@ -22,8 +22,8 @@ from .follower_pressure import surface_vector
 def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
     """Kernels `edge_normals` and `add_boundary_force`.
 
-    If bonds cannot break, there is one thread per entry of `points`, and the other points are not touched. If they
-    can, there is one thread per point, since any point may come to lie at a crack; `points` is then None.
+    If bonds cannot break, there is one thread per entry of `points`, and other points are left alone. If bonds can
+    break, there is one thread per point, since a crack may reach any point; `points` is then None.
 
     Args:
         layout: Layout of the families.

@@ -1,6 +1,6 @@
-"""Quantities that the host reads at a frame: sums over points, whether all values are finite, the largest speed.
+"""Quantities that the host reads at frames: sums over points, whether all values are finite, the largest speed.
 
-Each thread takes a block of points, in order, so sums repeat bit for bit; the host adds the blocks.
+Each thread sums a block of points in order, so sums are reproducible bit for bit; the host adds the blocks.
 """
 
 import functools
@@ -16,11 +16,11 @@ BLOCK = 256
 
 @dataclass(frozen=True)
 class FrameChecks:
-    """Kernels of one configuration; a launch has one thread per block.
+    """Kernels of one configuration; each launch has one thread per block of points.
 
     Attributes:
-        watch_motion: Lowest index of a point of the block whose displacement or velocity is NaN or infinite, or the
-            number of points if there is none; largest squared speed.
+        watch_motion: Lowest index of a point of the block whose displacement or velocity is NaN or infinite (the number
+            of points if all are finite), and the largest squared speed.
         sum_blocks: Sum of float64 numbers.
         sum_vectors: Sum of vectors, one row per component.
     """

@@ -1,9 +1,9 @@
-"""The clock, which evaluates schedules on the device, and the motions that they prescribe.
+"""The clock, which evaluates schedules on the device, and prescribed motions.
 
-A schedule is a piecewise linear function of time, three values per knot; schedule s owns the knots begins[s] to
-begins[s+1] - 1. Outside its knots it keeps its first or last value. `tick` advances the time by a number of steps and
-evaluates every schedule s of S twice: scheduled[s] is the value now, scheduled[S + s] the value a step later, for
-what moves before the next tick.
+A schedule is a piecewise linear function of time, three values per knot; schedule s has the knots begins[s] to
+begins[s+1] - 1. Before its first and after its last knot it is constant. `tick` advances the time by a number of steps
+and evaluates every schedule s of S twice: scheduled[s] is the value now, scheduled[S + s] the value one step later, for
+stages that move points before the next tick.
 """
 
 import functools
@@ -17,7 +17,7 @@ from .pointwise import Pointwise, pointwise
 
 @functools.cache
 def clock(bits: int) -> Kernel:
-    """Kernel `tick` of a precision, which advances the time and evaluates the schedules."""
+    """Kernel `tick`, which advances the time and evaluates the schedules."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -67,11 +67,11 @@ def clock(bits: int) -> Kernel:
 
 @functools.cache
 def prescribed_motion(bits: int, placed: bool) -> Pointwise:
-    """Pointwise stage `prescribe`: gives points on a prescribed motion the velocity that takes them to their place.
+    """Pointwise stage `prescribe`: sets the velocity that takes points to their prescribed positions in one step.
 
     Args:
         bits: 32 or 64.
-        placed: Whether the sheet was stretched before it was clamped: motions then begin at `origins` [m].
+        placed: Whether the sheet was stretched before it was clamped; motions then start from `origins` [m].
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

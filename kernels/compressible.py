@@ -1,7 +1,7 @@
 """Slightly compressible materials in plane stress: Newton's iteration finds the thickness stretch.
 
-A material is a few Warp functions, `Equations`; from them `compressible` makes what force laws, fast paths and tension
-field theory need of it (see kernels/materials.py). Its stress is S = g (I - C33 C^-1).
+A material is defined by a few Warp functions, `Equations`. From them `compressible` builds the functions that force
+laws, fast paths and tension field theory need (see kernels/materials.py). The stress is S = g (I - C33 C^-1).
 """
 
 import functools
@@ -24,8 +24,9 @@ class Equations:
         root_change: (tr C - 2, det C - 1, constants, guess) -> d.
         shear_of: (tr C - 2, C33 - 1, d, constants) -> g [Pa].
         stored: (I1b - 3, z, constants) -> Psi [J/m^3].
-        balance: (d, z, C11 - 1, sqrt(C11), constants) -> in uniaxial tension, a residual that vanishes with sigma_33
-            and its slope by d; the iteration ends when its step times the third number is small beside the fourth.
+        balance: (d, z, C11 - 1, sqrt(C11), constants) -> four numbers for uniaxial tension: a residual that vanishes
+            with sigma_33, its derivative by d, and two scales: the iteration ends when its step times the third number
+            is small compared with the fourth.
         membrane_shear: (tr C - 2, C33 - 1, z, constants) -> g [Pa], for laws that write the first Piola stress as
             g (F - C33 F^-T).
     """
@@ -39,7 +40,7 @@ class Equations:
 
 @functools.cache
 def compressible(equations: Callable[[int], Equations], response: FunctionFactory) -> MaterialFunctions:
-    """All functions of a material, from the cached factories of its equations and of its stress and moduli."""
+    """Build all functions of a material from the cached factories of its equations and of its response."""
 
     def near_of(bits):
         types = numeric(bits)

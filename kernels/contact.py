@@ -2,8 +2,8 @@
 
 After the drift, a point inside the body is moved to the nearest point of its surface, and its velocity at the half
 step is corrected by that shift (the position constraint of RATTLE). After the second half kick, a touching point that
-still moves into the body loses its normal velocity relative to it. Both are impulses along the normal: minus their sum
-is the impulse on the body.
+still moves into the body loses its normal velocity relative to it. Both are impulses along the normal; the impulse on
+the body is minus their sum.
 """
 
 import functools
@@ -67,7 +67,7 @@ class ContactKernels:
     """Pointwise stages of one configuration.
 
     Attributes:
-        project: Moves points to the surface, after the drift.
+        project: Moves points inside the body to its surface, after the drift.
         separate: Removes the velocity into the body, after the second half kick.
     """
 
@@ -92,11 +92,11 @@ def rigid_contact(
         bits: 32 or 64.
         shape: Factory of the shape, called with `bits`.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
+        held: Whether any component is held; held points ignore the body.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
-        tracked: Whether the work of the body is summed up, per point.
-        half_steps: Whether energies take the velocities at half steps.
+        tracked: Whether the work of the body is summed per point.
+        half_steps: Whether energies use half-step velocities.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -143,7 +143,7 @@ def rigid_contact(
 
     @wp.func
     def arm(i: int, a: Contact):
-        """From the centre of the body to the point; reference minus centre first, as both are small near contact."""
+        """Vector from the body's centre to the point, summed in the order that keeps precision near contact."""
         X = a.reference[i]
         c = a.centre[a.schedule]
         if wp.static(curved):

@@ -1,4 +1,4 @@
-"""Damage of points, and triangles that are not cut by a crack."""
+"""Damage of points, and triangles not cut by a crack."""
 
 import functools
 
@@ -20,7 +20,7 @@ def point_damage(layout: Layout) -> Kernel:
 
     @kernel()
     def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
-        """Area of the members that were lost divided by that of the initial family."""
+        """Fill `out` with the area of the lost members divided by the area of the initial family."""
         i = wp.tid() + first
         lost = real(0.0)
         for word in range(family.words):
@@ -63,7 +63,7 @@ def face_damage(layout: Layout) -> Kernel:
         first: int,
         intact_faces: wp.array(dtype=wp.uint8),
     ):
-        """Whether the bonds along the edges of a triangle are intact; edges longer than the horizon have no bond."""
+        """Mark triangles whose edge bonds are all intact; edges longer than the horizon have no bond."""
         t = wp.tid() + first
         a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
         torn = lost(family, intact, a, b) or lost(family, intact, b, c) or lost(family, intact, c, a)

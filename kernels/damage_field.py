@@ -1,40 +1,41 @@
-"""A damage field of points, d from 0 to 1, by which the family of a point loses stiffness, and bonds break.
+"""Damage field d (0 to 1) at the points: it reduces the stiffness of families and breaks bonds.
 
     E = h sum_i A_i g(d_i) Y_i + h sum_i A_i (3 Gc / 8) (d_i / l + l |grad d|_i^2),      g(d) = (1 - d)^2,
 
-with the mean energy density Y_i of the family of i, the area A_i that its bonds stand for, the tearing energy Gc and a
-length l: model AT1 of Pham, Amor, Marigo and Maurini (Int. J. Damage Mech. 20, 2011), as Kumar, Francfort and
-Lopez-Pamies (J. Mech. Phys. Solids 112, 2018) take it to elastomers. Nothing happens below Y = 3 Gc / (16 l).
+with the mean energy density Y_i of the family of i, the area A_i represented by its bonds, the tearing energy Gc and a
+length l: model AT1 of Pham, Amor, Marigo and Maurini (Int. J. Damage Mech. 20, 2011), applied to elastomers by Kumar,
+Francfort and Lopez-Pamies (J. Mech. Phys. Solids 112, 2018). No damage starts below Y = 3 Gc / (16 l).
 
-g belongs to the family's own point. A softened family whose bonds are intact therefore has the force of the undamaged
-one times g, and g stands where forces are gathered alone. At a fixed displacement the energy is quadratic in d:
+g is evaluated at the family's centre point. The force of a softened family with intact bonds is therefore g times that
+of the undamaged family, and g appears only where forces are gathered. At a fixed displacement the energy is quadratic
+in d:
 
     d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
 
-is one sweep of Jacobi's method, or of Newton's for another g. Chebyshev's semi-iteration (Varga, Matrix Iterative
-Analysis, 1962) makes some sweeps worth many: the next damage is that of the last sweep but one, plus a factor times the
-difference between the sweep and that.
-c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the triangles, with
-sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a free edge, and
-exact for a linear field on any triangles.
+is one Jacobi sweep, or one Newton step for another g. Chebyshev semi-iteration (Varga, Matrix Iterative Analysis, 1962)
+speeds up convergence: the next iterate is the last but one, plus a factor times the difference between the new sweep
+and the last but one.
+c_ik = 2 l^2 w_ik / A_i follow from the piecewise linear interpolation of d on the triangles:
+sum_ik w_ik (d_i - d_k)^2 / 2 is the integral of |grad d|^2. They are symmetric, so the normal derivative of d vanishes
+at free edges, and exact for a linear field on any triangulation.
 
-A sheet whose strength is less than that has the g of Lorentz (Int. J. Fract. 207, 2017), which falls faster at first:
+A sheet of lower strength uses the g of Lorentz (Int. J. Fract. 207, 2017), which initially falls faster:
 
     g(d) = (1 - d)^2 / ((1 - d)^2 + m d (1 + p d)),     m = 3 Gc / (8 l strength),     p = min(1, 1.5 (m - 2) - 0.5).
 
-m = 2 is the g above. The energy of a tear and the profile around it stay the same. Forces take 1 - sqrt(g) in place of
-d, so that they know one g alone.
+m = 2 gives the g above. The energy of a tear and the damage profile around it are unchanged. Force kernels get 1 -
+sqrt(g) instead of d, so they need only one form of g.
 
-Points may change that are damaged, that have a damaged neighbour, or whose energy is above the limit. They are listed
-in every step; a GPU lists them in any order, on which no result depends. The threads of a CPU have no atomics: each
-lists what it finds apart, and one of them puts that together.
+Damage may change at points that are damaged, have a damaged neighbour, or exceed the energy limit. These are listed in
+every step; a GPU lists them in arbitrary order, which affects no result. CPU threads have no atomics: each makes a
+separate list, and one thread concatenates them.
 
-Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
-ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
-what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
-grown: its own bonds are severed. A point that a tear has passed, with damage near `severed_at` and the fraction PASSED
-of its bonds broken, is severed too, or it would hang between the faces as a strand; ahead of the end of a cut, where
-half of the members belong to the cut, PASSED_END is enough.
+A bond breaks permanently where d has reached `severed_at` at one of its ends, or at a common member within NEAR
+spacings of the line between its ends. No fitted deformation gradient then spans the faces of a tear. `severed_at` is
+the damage of two rows of points with a crack between them. Around an initial cut, whose bonds are broken from the
+start, no further bonds break before d has grown. A point passed by a tear, with damage near `severed_at` and the
+fraction PASSED of its bonds broken, is also severed; otherwise it would remain as a strand between the faces. Ahead of
+the end of a cut, where half of the members belong to the cut, the fraction PASSED_END is enough.
 """
 
 import functools
@@ -66,12 +67,13 @@ class DamageFieldKernels:
 
     Attributes:
         empty: Empties the list, on a GPU.
-        wake: Lists the points whose damage may change, and some others.
-        pack: Puts the lists of all threads together, on a CPU.
-        drive: Fills `driving` with y of listed points, or -1 where nothing can happen, and `before` with their damage.
+        wake: Lists the points whose damage may change (a superset of them).
+        pack: Concatenates the lists of all threads, on a CPU.
+        drive: Fills `driving` with y of the listed points (-1 where damage cannot change) and `before` with their
+            damage.
         sweep: One sweep over the listed points.
-        finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the energy that is released.
-        rouse: Marks the points that are damaged, or have a damaged neighbour, as awake.
+        finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the released energy.
+        rouse: Marks points that are damaged or have a damaged neighbour as awake.
         fracture_energy: Energy of the field at each point [J].
         shown: The damage of each point in float32, for frames.
     """
@@ -97,13 +99,13 @@ def damage_field(
     Args:
         layout: Layout of the families.
         atomics: Whether the device has atomics: a GPU.
-        spared: Whether some points stay undamaged.
+        spared: Whether some points are excluded from damage.
         screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
             otherwise all points are listed.
-        few: Number of members that the screen looks at, if they are few; otherwise 0.
-        tracked: Whether to sum the energy that is released.
+        few: Number of members that the screen checks if it checks only some; otherwise 0.
+        tracked: Whether to sum the released energy.
         weak: Whether the strength is less than 3 Gc / (16 l).
-        earlier_energy: Warp function of the force law's energy of a family a moment ago.
+        earlier_energy: Warp function of the force law's energy of a family at an earlier time.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -125,7 +127,7 @@ def damage_field(
         i: int,
         k: int,
     ):
-        """Whether the squared stretch of a bond is outside a range; that of a broken bond is not."""
+        """Whether the squared stretch of an intact bond is outside a range; False for a broken bond."""
         word = k // word_size
         m = wp.where(bit_of(intact[word, i], k - word * word_size), f.neighbour(family, i, k), i)
         X, Y = bond_vectors(family, displacement, horizon, i, k, m)
@@ -144,7 +146,7 @@ def damage_field(
         longest: real,
         i: int,
     ):
-        """Whether the squared stretch of a bond that is looked at is outside the range where no energy is too high."""
+        """Whether a checked bond's squared stretch leaves the range in which the energy stays below the limit."""
         found = bool(False)
         if wp.static(few > 0):
             # Unrolled: a thread of a GPU then waits for all positions at once.
@@ -283,7 +285,7 @@ def damage_field(
         first: int,
         target: wp.array(dtype=real),
     ):
-        """`target` holds the damage of the sweep before the last one."""
+        """Run one sweep; on entry `target` holds the damage of the last sweep but one."""
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
             d = source[i]
@@ -302,9 +304,9 @@ def damage_field(
 
     @wp.func
     def off_line(family: Family, i: int, k: int, other: int):
-        """Squared distance of a member from bond k, over the horizon squared; large if an end is nearer than the line.
+        """Squared distance of a member from bond k, in units of horizon^2; large if it lies beyond an end.
 
-        Only what is nearer to both ends than they are to each other counts, so that both ends of a bond agree.
+        Only members nearer to both ends than the ends are to each other count, so both ends of a bond agree.
         """
         X = f.chord(family, i, k)
         Z = f.chord(family, i, other)
@@ -325,7 +327,7 @@ def damage_field(
         i: int,
         word: int,
     ):
-        """Bits of the bonds of one word that do not break."""
+        """Bits of the bonds of one word that stay intact."""
         kept = intact[word, i]
         begin = word * word_size
         for k in range(begin, wp.min(begin + word_size, family.members)):
@@ -345,7 +347,7 @@ def damage_field(
 
     @wp.func
     def near_severed(family: Family, damage: wp.array(dtype=real), severed_at: wp.array(dtype=real), i: int):
-        """Whether any member of the undamaged family, or the point, is severed. At most points the search ends here."""
+        """Whether the point or any member of its undamaged family is severed; most points need no further check."""
         found = damage[i] >= severed_at[i]
         for word in range(family.words):
             members = f.initial(family, i, word)
@@ -444,7 +446,7 @@ def damage_field(
 
 @functools.cache
 def soften(bits: int, value: Any) -> Kernel:
-    """Kernel that takes what damage took from a value of each family of a Warp type, such as an energy or a stress."""
+    """Kernel that reduces a value of each family, such as an energy or a stress, by the damage of its point."""
     real, left = numeric(bits).real, stiffness_left(bits)
 
     @kernel()
@@ -460,8 +462,8 @@ def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
     """Kernels of one of several processes, which sweeps over ghost points as their owners do.
 
     Returns:
-        One that takes own points off the list, before others are listed; one that lists ghost points like their owners,
-        after `driving` and `damage` have come from there, by one thread of a CPU.
+        A kernel that removes own points from the list before others are listed; a kernel (one CPU thread) that lists
+        ghost points like their owners, after `driving` and `damage` have been received from them.
     """
     real = numeric(bits).real
 

@@ -1,8 +1,8 @@
-"""Signed distances of rigid bodies: negative inside, with the outward normal of the nearest point of the surface.
+"""Signed distances to rigid bodies, negative inside, and the outward normal at the nearest point of the surface.
 
-A distance is a function (arm, reach, body) -> (normal, distance), one vec4d; `arm` is in the frame of the body [m].
-A body further away than `reach` may answer `reach`. All of it is float64, in any precision of the sheet: what touches
-differs from what does not by less than float32 resolves of a large body.
+A distance is a function (arm, reach, body) -> vec4d (normal, distance); `arm` is in the frame of the body [m]. If the
+body is further away than `reach`, the function may return `reach`. Distances are float64 whatever the precision of the
+sheet, because float32 cannot resolve contact with a large body.
 
 Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is
 then taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The
@@ -60,27 +60,27 @@ def from_point(arm: wp.vec3d, radius: wp.float64):
 
 @wp.func
 def sphere_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: radius."""
+    """Distance to a sphere; size: radius."""
     return from_point(arm, body.size[0])
 
 
 @wp.func
 def plane_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: unit normal."""
+    """Distance to a half space; size: unit normal."""
     n = wp.vec3d(body.size[0], body.size[1], body.size[2])
     return with_normal(n, wp.dot(arm, n))
 
 
 @wp.func
 def capsule_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: radius, half of the length of the axis, which is z."""
+    """Distance to a capsule along z; sizes: radius, half length of the axis."""
     along = wp.clamp(arm[2], -body.size[1], body.size[1])
     return from_point(wp.vec3d(arm[0], arm[1], arm[2] - along), body.size[0])
 
 
 @wp.func
 def cylinder_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: radius, half of the height along z."""
+    """Distance to a cylinder along z; sizes: radius, half height."""
     zero = wp.float64(0.0)
     across = wp.sqrt(arm[0] * arm[0] + arm[1] * arm[1])
     outward = wp.vec3d(wp.float64(1.0), zero, zero)
@@ -100,7 +100,7 @@ def cylinder_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
 
 @wp.func
 def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: half of the sides."""
+    """Distance to a box; sizes: half lengths of the sides."""
     zero = wp.float64(0.0)
     beyond = wp.vec3d()
     signs = wp.vec3d()
@@ -122,7 +122,7 @@ def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
 
 @wp.func
 def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
-    """Weights of the corners of a triangle in its point that is nearest to p."""
+    """Barycentric weights of the point of triangle (a, b, c) nearest to p."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     ab = b - a
@@ -159,7 +159,7 @@ def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
 
 @wp.func
 def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Signed distance of a triangle mesh; body.size[0] is the largest distance of a vertex from the origin [m]."""
+    """Signed distance to a triangle mesh; size: largest distance of a vertex from the origin."""
     point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
     # The search is float32: it must not miss what is within reach.
     further = reach + wp.float64(1e-5) * body.size[0]
@@ -194,7 +194,7 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
 
 @functools.cache
 def distances(distance: wp.Function) -> wp.Kernel:
-    """Kernel of signed distances of many points, `found` (N,) vec4d, from a body at a place with a rotation."""
+    """Kernel that fills `found` (N,) vec4d with the signed distances of N points from a placed and rotated body."""
 
     @unstaged
     def find_distances(
@@ -216,12 +216,12 @@ class WaysOut:
 
     Attributes:
         way_out: (a0, a1, end, turn, reach, body, skin) -> (touches, n, shift, pressed, of_start), for a point that
-            moves from `a0` to `a1` [m], where its distance is `end`, asked for as far as `reach`; `turn` takes
-            directions in space from the frame at the beginning to that at the end. `shift` brings the point
-            out, along `n`; `pressed` is its length, or of a point that has been on the surface how much nearer it
-            came [m]; `of_start` tells that `n` is the normal at the beginning.
+            moves from `a0` to `a1` [m]. `end` is the distance at `a1`, computed up to `reach`; `turn` rotates
+            directions from the frame at the beginning of the step to that at the end. `shift` moves the point out along
+            `n`. `pressed` [m] is the length of the shift or, for a point that was on the surface, by how much it came
+            nearer. `of_start` is true if `n` is the normal at the beginning.
         pushed_out: (a, n, end, reach, body, skin) -> shift along n from `a`, where the distance is `end`, to the
-            surface; nothing from outside.
+            surface; zero outside the body.
     """
 
     way_out: wp.Function
@@ -230,7 +230,7 @@ class WaysOut:
 
 @functools.cache
 def ways_out(distance: wp.Function) -> WaysOut:
-    """Ways out of a shape."""
+    """The functions for a shape."""
 
     @wp.func
     def normal_of(found: wp.vec4d):
@@ -238,7 +238,7 @@ def ways_out(distance: wp.Function) -> WaysOut:
 
     @wp.func
     def entry(a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64):
-        """How far along its way a point enters the body, or -1, and the normal there; the distance bounds each step."""
+        """Where a point enters the body along its path (-1: nowhere), and the normal there, by sphere tracing."""
         found = start
         at = wp.float64(0.0)
         hit = wp.float64(-1.0)
@@ -257,7 +257,7 @@ def ways_out(distance: wp.Function) -> WaysOut:
     def pushed_out(
         a: wp.vec3d, n: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64
     ):  # fmt: skip
-        """By Newton's method; where n leads along the surface, to its nearest point."""
+        """Shift to the surface by Newton's method; if n is nearly tangential, the shift to the nearest point."""
         close = wp.float64(1e-3) * skin
         shift = wp.vec3d()
         left = end

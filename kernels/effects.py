@@ -1,7 +1,7 @@
-"""Kernels and the arrays they touch, which decide what launches can be merged, run in parallel, or need a halo.
+"""Kernels and the arrays they access, which decide which launches can be merged, can run in parallel, or need a halo.
 
-Every kernel in this package takes `first`, the number of its first thread, and follows one rule: arrays before `first`
-are read, arrays after it are written (and perhaps read). Arrays that a kernel reads at points other than its own are
+Every kernel in this package takes `first`, the index of its first thread. Arrays before `first` in the argument list
+are read; arrays after it are written (and may be read). Arrays that a thread reads at points other than its own are
 declared as `gathers`. tests/unit/kernels/test_effects.py compares the declarations with what the kernels do.
 """
 
@@ -20,13 +20,13 @@ PER = ("point", "block", "list", "face", "body", "once")
 
 @dataclass(frozen=True)
 class Effects:
-    """What a kernel touches, by the names of its arguments; constant tables need not be listed.
+    """Arrays that a kernel accesses, by argument name; constant tables need not be listed.
 
     Attributes:
         per: What a thread works on: its own "point", a "block" of points, an entry of a "list" of points, a "face", a
-            rigid "body", or everything ("once"). All but "point" count as gathering everything they read; a kernel of a
-            list of points that names what it gathers reads the rest at these points.
-        writes: Arrays that it writes, at its own point if it works on one.
+            rigid "body", or everything ("once"). All but "point" count as gathering everything they read. A "list"
+            kernel with explicit `gathers` reads all other arrays only at the listed points.
+        writes: Arrays that it writes; a "point" kernel writes only at its own point.
         gathers: Arrays that it reads at points other than its own.
     """
 
@@ -45,7 +45,7 @@ class Kernel:
 
     Attributes:
         kernel: The Warp kernel.
-        effects: What it touches.
+        effects: The arrays that it accesses.
     """
 
     kernel: wp.Kernel
@@ -58,7 +58,7 @@ class Kernel:
 
 
 def unstaged(function: Callable[..., None]) -> wp.Kernel:
-    """Decorator that makes a Warp kernel which no stage holds, such as one of tables: nothing asks for its effects."""
+    """Decorator for a Warp kernel outside the step, such as one that fills tables; it has no declared effects."""
     made: wp.Kernel = wp.kernel(function, module="unique", enable_backward=False)
     return made
 
@@ -71,17 +71,17 @@ def kernel(
     name: str | None = None,
     fast_math: bool = False,
 ) -> Callable[[Callable[..., None]], Kernel]:
-    """Decorator that makes a kernel, which is a Warp module of its own, named by its content.
+    """Decorator that makes a kernel in a separate Warp module named by a hash of its content.
 
-    Whatever asks for the same kernel finds it compiled, in any scene, and a change compiles only what it changes.
+    All scenes that use the same kernel share its compiled code, and a change recompiles only the kernels it affects.
 
     Args:
         gathers: Arguments that are read at points other than the thread's own.
-        per: What a thread works on, see Effects.
+        per: What a thread works on, see `Effects`.
         launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
-        name: Name of the kernel, if it is not that of the function.
-        fast_math: Whether a GPU may use its approximate divisions, roots and exponentials. Divisions in float32 are
-            then accurate to two units in the last place; errors against float64 stay.
+        name: Name of the kernel; defaults to the name of the function.
+        fast_math: Whether a GPU may use approximate divisions, roots and exponentials. float32 divisions are then
+            accurate to two units in the last place; the error against float64 does not grow.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:

@@ -1,11 +1,10 @@
-"""A closed volume: its size, the pressure in it, and the force of that pressure on the points of the sheet.
+"""An enclosed volume: its size, its pressure, and the force of that pressure on the points of the sheet.
 
     V = 1/6 sum over triangles x_a . (x_b x x_c)
     f_a = p dV/dx_a = p/6 sum over triangles of a (x_b - x_a) x (x_c - x_a)
 
 with the corners of triangles counter-clockwise seen from outside (the divergence theorem, exact for the triangulated
-surface). Where rectangles are cut along both diagonals in turn, V is the mean of both volumes: `coefficient` is then
-1/12.
+surface). If rectangles are cut along both diagonals, V is the mean of both triangulations: `coefficient` is then 1/12.
 Volumes are summed in float64, in blocks of triangles in a fixed order, so they repeat bit for bit.
 """
 
@@ -29,7 +28,7 @@ PressureLaw = Callable[[str], wp.Function]
 def polytropic_gas() -> wp.Function:
     """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n.
 
-    What is left of a torn surface may be inside out: it holds no gas, and there is no pressure.
+    The remains of a torn surface may be inside out; the pressure is then zero.
     """
 
     @wp.func
@@ -45,7 +44,7 @@ def polytropic_gas() -> wp.Function:
 
 @functools.cache
 def prescribed_volume() -> wp.Function:
-    """Pressure in proportion to the volume that is missing; constants: stiffness [Pa/m^3]."""
+    """Pressure proportional to the difference from the prescribed volume; constants: stiffness [Pa/m^3]."""
 
     @wp.func
     def spring(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
@@ -59,7 +58,7 @@ def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
     """Kernels `sum_triangles` and `sum_sums`.
 
     sum_triangles fills row 0 of `sums` [2, blocks] with six times the volume of blocks of triangles and, with `rate`,
-    row 1 with six times its change along a direction; sum_sums adds up BLOCK blocks each.
+    row 1 with six times its derivative along a direction; a thread of sum_sums adds BLOCK blocks.
     """
     vec3 = numeric(bits).vec3
     block = BLOCK
@@ -108,11 +107,11 @@ def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
 
 @functools.cache
 def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
-    """Kernels `sum_open` and `lose_gas`, for a gas that flows out between the edges of cracks.
+    """Kernels `sum_open` and `lose_gas`, for gas that escapes through cracks.
 
-    sum_open fills row 0 of `sums` [2, blocks] with the deformed area of the triangles that cracks have cut [m^2]: they
-    span what is open. lose_gas changes the fraction of the gas that is left, `left` [1], by the flow through an
-    orifice, dm/dt = -C A rho sqrt(2 p / rho), in a step; it stops where inside and outside have one pressure.
+    sum_open fills row 0 of `sums` [2, blocks] with the deformed area [m^2] of the triangles cut by cracks, which span
+    the openings. lose_gas reduces the remaining fraction of the gas, `left` [1], by one step of orifice flow, dm/dt =
+    -C A rho sqrt(2 p / rho); the flow stops when the pressures inside and outside are equal.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -156,7 +155,7 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
         first: int,
         left: wp.array(dtype=wp.float64),
     ):
-        """`discharge`: coefficient times the fraction of each triangle; `density` [kg/m^3] at ambient pressure."""
+        """`discharge`: coefficient times open fraction of each triangle; `density` [kg/m^3]: at ambient pressure."""
         area = wp.float64(0.0)
         for b in range(sums.shape[1]):
             area += sums[0, b]
@@ -186,9 +185,9 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
 
 @functools.cache
 def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool) -> Kernel:
-    """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure.
+    """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the pressure's derivative.
 
-    With `leaks` the factor of the law is multiplied by the fraction of the gas that is left, `left` [1].
+    With `leaks`, the factor of the law is multiplied by the remaining fraction of the gas, `left` [1].
     """
     vec3 = numeric(bits).vec3
     pressure_at = law()
@@ -226,10 +225,10 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool)
 
 @functools.cache
 def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
-    """Pointwise stage that adds the force of the pressure, and the kernel that adds its change along a direction.
+    """Pointwise stage that adds the force of the pressure, and a kernel that adds its derivative along a direction.
 
-    A triangle that a crack has cut carries no pressure. Entries begins[i] to begins[i + 1] - 1 of `corners` are the
-    other two corners of the triangles of a point, those of `faces` their numbers.
+    A triangle cut by a crack carries no pressure. Entries begins[i] to begins[i + 1] - 1 of `corners` are the other two
+    corners of the triangles of point i; the same entries of `faces` are the indices of these triangles.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

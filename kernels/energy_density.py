@@ -1,4 +1,4 @@
-"""Energy density of a material at given principal stretches, for criteria that need it on the host."""
+"""Energy density of a material at given principal stretches, for rupture criteria evaluated on the host."""
 
 import functools
 

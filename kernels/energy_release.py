@@ -1,10 +1,10 @@
-"""Rupture by energy release rate (VE eqs. 64 to 68): the work of a bond per crack surface that it represents.
+"""Rupture by energy release rate (VE eqs. 64 to 68): the work of a bond per unit of crack surface that it represents.
 
-Each step adds to a bond the work of the force between its two points, half of it for each, divided by h dx:
+Each step adds the work of the force between the two points of a bond, half of it at each point, divided by h dx:
 
     G = w V_i V_j / (h dx),     w = int t |X| ds,     t the mean of the force densities of the two ends,
 
-and the bond breaks for good when G exceeds the critical value of one interaction (kernels/rupture.py). Both ends
+and the bond breaks permanently when G exceeds the critical value of one interaction (kernels/rupture.py). Both ends
 compute the same number.
 """
 

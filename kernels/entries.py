@@ -1,4 +1,4 @@
-"""Entries of contiguous arrays, read with fewer instructions."""
+"""Fast access to entries of contiguous arrays."""
 
 import functools
 from typing import Any
@@ -8,9 +8,9 @@ import warp as wp
 
 @functools.cache
 def entry_of(kind: Any, dimension: int) -> wp.Function:
-    """Function (array, number) -> an entry of a contiguous array, by its number in memory.
+    """Function (array, index) -> entry of a contiguous array by its flat index.
 
-    An array may have any strides, which a thread would have to read and multiply for each of its axes.
+    It saves reading and multiplying the strides of each axis.
     """
     Values: Any = wp.array(dtype=kind, ndim=dimension)
 

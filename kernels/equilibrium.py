@@ -1,4 +1,4 @@
-"""Operations of the search for equilibrium on whole fields: trial steps, smoothing, transfer between lattices.
+"""Field operations of the static solvers: trial steps, smoothing, transfer between lattices.
 
 Held components (bits of `held_mask`) are excluded: their residual, product and correction are zero.
 """
@@ -18,7 +18,8 @@ class EquilibriumKernels:
 
     Attributes:
         advance: displacement = base + step length x direction.
-        hold: Turns the change of the force into the stiffness product: minus it, held components zero.
+        hold: Turns the derivative of the force into the stiffness product: minus the derivative, with held components
+            zero.
         smooth: One sweep of block Jacobi, x += omega D^-1 (b - K x).
         combine: z = alpha x + beta y.
         scale_blocks: z = D^-1 x.
@@ -51,7 +52,7 @@ def free_components(bits: int, held: bool) -> wp.Function:
 
 @functools.cache
 def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
-    """Kernels of equilibrium.
+    """Kernels of the static solvers.
 
     Args:
         bits: 32 or 64.
@@ -89,7 +90,7 @@ def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
         first: int,
         solution: wp.array(dtype=vec3),
     ):
-        """One sweep; with `fresh` it starts from zero."""
+        """One sweep of block Jacobi; with `fresh` it starts from zero."""
         i = wp.tid() + first
         if fresh != 0:
             solution[i] = omegas[sweep] * (inverse_blocks[i] * right_side[i])
@@ -122,8 +123,8 @@ def lattice_transfer(bits: int, held: bool) -> tuple[Kernel, Kernel, Kernel]:
 
     interpolate: target += values of the source lattice at the points of the target, bilinear.
     interpolate_smoothly: target = the same by cubic polynomials; kinks would cost Newton's method a step or two.
-    restrict_residual: coarse = P^T (b - K x), P the interpolation from coarse to fine; energies match, so the
-    transpose needs no factor.
+    restrict_residual: coarse = P^T (b - K x), where P interpolates from coarse to fine; the energies match, so P^T
+    needs no factor.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -156,7 +157,7 @@ def lattice_transfer(bits: int, held: bool) -> tuple[Kernel, Kernel, Kernel]:
 
     @wp.func
     def cubic_weight(place: real, begin: int, k: int):
-        """Lagrange polynomial of node begin + k among the four from `begin` on."""
+        """Cubic Lagrange polynomial of node begin + k on the four nodes from `begin` on."""
         weight = real(1.0)
         for n in range(4):
             if n != k:

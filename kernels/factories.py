@@ -1,4 +1,4 @@
-"""Types of the factories that a law needs from its material: precision in bits -> Warp functions."""
+"""Types of the material factories that a law needs: precision in bits -> Warp functions."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias

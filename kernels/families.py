@@ -1,21 +1,21 @@
-"""Families of bonds in three layouts, read through the same functions.
+"""Families of bonds in three layouts, accessed through the same functions.
 
 Lattice: all points share one stencil. Points with the same neighbourhood form a family class (`family_class`) and share
-one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row. Grid: the points deep
-inside a square grid, whose families and those of all their members are complete, share row 0; all others have a row of
-their own. A grid may have gaps, so index shifts are not constant; but the members of a deep point in one grid line are
-consecutive, and `centres` holds the one straight above or below the point.
+one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row. Grid: the deep points
+of a square grid, whose families and those of all their members are complete, share row 0; every other point has a
+separate row. A grid may have gaps, so index shifts are not constant. But the members of a deep point in one grid line
+are consecutive, and `centres` stores the one straight above or below the point.
 
 A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
 of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
-area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.
+area of a point. Every tabulated number is therefore of order one in any system of units, which suits float32.
 
-A cloud in few bytes, for a GPU, has no table of what a thread finds anew as fast as it would read it. A member is
-stored as the difference of its index from that of the point, in 16 bits where all differences of a sheet fit, and the
-reverse bond in 8. Bond vectors are differences of positions in float64, as exact as those of a table. Named influence
-functions are evaluated, and shape tensors are sums: the inverse shape tensor of an intersection takes a loop over its
+A compact cloud, for a GPU, stores no tables for values that a thread computes as fast as it would read them. A member
+is stored as the difference between its index and that of the point, in 16 bits if all differences of a sheet fit, and
+the reverse bond in 8. Bond vectors are differences of float64 positions, as exact as tabulated ones. Named influence
+functions are evaluated. Shape tensors are summed: the inverse shape tensor of an intersection takes a loop over its
 members.
 """
 
@@ -37,15 +37,15 @@ EVALUATED = ("linear", "inverse", "inverse_square")
 
 @dataclass(frozen=True)
 class Layout:
-    """How the families of a sheet are stored, and what can happen to their bonds.
+    """How the families of a sheet are stored, and whether their bonds can break or soften.
 
     Attributes:
         kind: "lattice", "grid" or "cloud".
         bits: Precision, 32 or 64.
         curved: Whether the points of a cloud lie on a surface in space.
-        compact: Name of the influence function of a flat cloud in few bytes, or empty.
+        compact: Name of the influence function of a compact flat cloud, or "" if the cloud is not compact.
         breakable: Whether bonds can break.
-        softened: Whether families have lost stiffness by the damage of their points, see kernels/damage_field.py.
+        softened: Whether the damage of a point reduces the stiffness of its family, see kernels/damage_field.py.
     """
 
     kind: str
@@ -67,21 +67,21 @@ class FamilyFunctions:
 
     Attributes:
         struct: The Warp struct that holds the tables.
-        neighbour: (family, i, k) -> index of the point; not a valid index for members that do not exist.
-        reverse: (family, i, k) -> member index of the reverse bond, i in the family of that point; likewise.
+        neighbour: (family, i, k) -> index of the member's point; invalid for members that do not exist.
+        reverse: (family, i, k) -> member index of the reverse bond, i.e. of i in the family of k; invalid likewise.
         bond: (family, i, k) -> xi_ik, vec2.
         influence: (family, i, k) -> w_ik.
-        common: (family, i, k, word) -> bits of the members that also lie within the horizon of k.
+        common: (family, i, k, word) -> bits of the members that are also within the horizon of k.
         initial: (family, i, word) -> bits of the members that exist in the undamaged sheet.
         shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
         weight: (family, i, k) -> W_ik divided by the reference area.
         area: (family, i) -> a_i divided by the reference area.
         family_area: (family, i) -> undamaged |H_i| divided by the reference area.
         chord: (family, i, k) -> X of the bond in space, divided by the horizon: vec3 if curved, otherwise xi, vec2.
-        rise: (family, i, k) -> height of the member over the tangent plane divided by the horizon; zero if flat.
+        rise: (family, i, k) -> height of the member above the tangent plane divided by the horizon; zero if flat.
         tilt: (family, i, k) -> tilt of the undamaged intersection against the tangent plane, vec2, see
             kernels/kinematics.py; zero if flat.
-        to_frame: (family, i, v) -> vector in space by its components in the frame of i; v itself if flat.
+        to_frame: (family, i, v) -> components in the frame of i of a vector v in space; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
     """
 
@@ -104,7 +104,7 @@ class FamilyFunctions:
 
 
 def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
-    """Functions of a sheet in a plane that is its own tangent plane: `rise`, `tilt`, `to_frame` and `from_frame`."""
+    """Functions `rise`, `tilt`, `to_frame` and `from_frame` of a flat sheet."""
     types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
@@ -417,7 +417,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
 @functools.cache
 def family_functions(layout: Layout) -> FamilyFunctions:
-    """Functions of a layout; whether its bonds can break makes no difference to them."""
+    """Functions of a layout, the same whether or not its bonds can break."""
     tables = replace(layout, breakable=False)
     if tables != layout:
         return family_functions(tables)

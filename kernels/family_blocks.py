@@ -1,17 +1,17 @@
-"""The variational bond-associated force with two bonds per thread and a few families per block of threads.
+"""The variational bond-associated force with two bonds per thread and a few families per thread block.
 
-It computes the same sums as kernels/reference_force.py, for any family. The threads of a block
-exchange their results, between barriers, through the shared memory of the block:
+It computes the same sums as kernels/reference_force.py, for any family. Threads of a block exchange results through
+shared memory between barriers:
 
     every thread (i, k)     c_k X_k and U_k of its members
     every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bonds, two columns, from those of the members of D_ij
     every thread (i, k)     t_ik = c_k [ sum over j with k in D_ij of A_ij ] X_ik
 
 k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one intersection. Loops over members are
-unrolled. A thread uses what it reads of a member for both of its bonds, because reading takes as long as summing: one
-is k, of the near half of the family, the other lies half a family further, in the far half. Adjacent threads have the
-same bond of neighbouring points, and on a lattice they follow the same branches. A member outside an intersection is
-passed by under a predicate: selecting zero for it would take two more instructions, and a branch more still.
+unrolled. A thread uses the data that it reads of a member for both of its bonds, because reading takes as long as
+summing. One bond, k, is in the near half of the family; the other is half a family further, in the far half. Adjacent
+threads have the same bond of neighbouring points, and on a lattice they follow the same branches. Members outside an
+intersection are skipped by a predicate: selecting zero would take two more instructions, and a branch even more.
 """
 
 import functools
@@ -35,7 +35,7 @@ def threads_of_family(members: int) -> int:
 
 
 def families_together(members: int) -> int:
-    """Number of families that share a block, a power of two; twice as many if that leaves less of a warp idle."""
+    """Number of families that share a block, a power of two; doubled if that leaves fewer threads of a warp idle."""
     threads = threads_of_family(members)
     together = 1 << ((MAX_THREADS // threads).bit_length() - 1)
     return 2 * together if threads * together % WARP else together
@@ -49,10 +49,10 @@ def block_force(
     members: int,
     listed: bool,
 ) -> Kernel:
-    """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
+    """Kernel that fills bond_force [members, ring] and adds the own half of the force to force [points].
 
-    It takes `blocks` blocks of threads_of_family(members) x families_together(members) threads, each of which works
-    until all families are done. Point i has column i % ring of `bond_force`. `moments` [members, rows] holds
+    A launch has `blocks` blocks of threads_of_family(members) x families_together(members) threads; each block loops
+    over families until all are done. Point i uses column i % ring of `bond_force`. `moments` [members, rows] stores
     (c_k X_k, 1 / c_k) of each row of the families, with lengths divided by the horizon.
 
     Args:
@@ -60,8 +60,8 @@ def block_force(
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
         members: Maximum number of members of a family.
-        listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
-            instead of these points themselves.
+        listed: Whether `start` to `stop` - 1 are entries of the list `others` (of length `other_count`) instead of
+            point indices.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3

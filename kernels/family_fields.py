@@ -1,4 +1,4 @@
-"""Fields of the one gradient of a family; see kernels/principal_fields.py."""
+"""Point fields from one deformation gradient per family; see kernels/principal_fields.py."""
 
 import functools
 
@@ -21,9 +21,9 @@ def point_fields(
     width: FunctionFactory | None,
     wanted: Wanted,
 ) -> Kernel:
-    """Kernel of the fields of the gradient of a family; arguments as for `bond_fields`.
+    """Kernel that fills point fields from one deformation gradient per family; arguments as for `bond_fields`.
 
-    Without a `material` there are stretches alone; with one its stress is that of the law `Nodal`.
+    Without a `material` it fills stretches only; with one the stress is that of the law `Nodal`.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22

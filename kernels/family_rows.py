@@ -1,17 +1,18 @@
-"""The variational bond-associated force of any family on a CPU: sums over the rows of a small table.
+"""The variational bond-associated force of any family on a CPU, as sums over the rows of small tables.
 
-The sums are those of kernels/reference_force.py, taken in three passes over a family. A row is what a member adds to
-any intersection that contains it. A CPU adds a row at once, and a family's rows stay in its first-level cache:
+The sums are those of kernels/reference_force.py, in three passes over a family. A row is the contribution of a member
+to every intersection that contains it. A CPU adds a row with vector instructions, and a family's rows fit its
+first-level cache:
 
     row k of the first table     (c_k X_k1 U_k, c_k X_k2 U_k)      summed over D_ij to the gradient of bond j
     row j of the second table    A_ij = W_ij P_ij K_ij^-1          summed over D_ik to the force on member k
 
-The energy needs the first pass alone. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
-intersection. If it holds more than half of the family, the sum runs over the others and is subtracted from the sum over
-all. The loops over rows stand where they are needed: a Warp function would get a copy of the table at every call.
+The energy needs only the first pass. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
+intersection. If the intersection has more than half of the family, the sum over the other members is subtracted from
+the sum over all. The loops over rows are inlined by hand because a Warp function would copy the table at every call.
 
-Stresses that relax (kernels/relaxing_stress.py) are brought to the end of a step where the force needs them, so that a
-step of a viscous law takes each sum once.
+Relaxing stresses (kernels/relaxing_stress.py) are updated to the end of a step where the force needs them, so a step of
+a viscous law computes each sum only once.
 """
 
 import functools
@@ -32,10 +33,10 @@ ROW = 8
 
 @functools.cache
 def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str) -> Kernel:
-    """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
+    """Kernel that fills bond_force [members, points] with the forces of each family [N], in the variational form.
 
-    `unit` is the thickness times the reference area, for forces divided by the horizon. Arguments that do not apply
-    are None.
+    `unit` is the thickness times the reference area; for forces it is also divided by the horizon. Unused arguments are
+    None.
 
     Args:
         layout: Layout of the families.
@@ -43,8 +44,8 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
         near: Factory of stress_near, called with `bits`, or None.
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
-            "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
-            what that dissipates or stores to viscous_work [points], J.
+            "viscous_force", with Prony terms; or "viscous_step", which also updates them to the end of a step and adds
+            the energy dissipated or stored to viscous_work [points], J.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
@@ -71,7 +72,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
 
     @wp.func
     def summed(family: Family, here: Words, members: int, i: int, j: int):
-        """The members of D_ij, or, if they are more than half of the family, the others; whether it is the others."""
+        """The members of D_ij, or the others if D_ij is more than half of the family; and which of the two it is."""
         chosen = Words()
         count = wp.int32(0)
         for word in range(wp.static(words)):
@@ -85,7 +86,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
 
     @wp.func
     def moment(family: Family, i: int, k: int):
-        """C_k X_k, without c_k, and the area of the member."""
+        """Return c_k X_k and the area of the member."""
         area = f.area(family, f.neighbour(family, i, k))
         return f.influence(family, i, k) * area * f.bond(family, i, k), area
 

@@ -1,4 +1,4 @@
-"""Follower pressure, which rotates and grows with the surface: its force, and the tangent of that force."""
+"""Follower pressure, which follows the normal and area of the deformed surface: its force and tangent."""
 
 import functools
 
@@ -16,9 +16,9 @@ from .pointwise import Pointwise, pointwise
 def surface_vector(layout: Layout) -> wp.Function:
     """Warp function of F e1 x F e2, with F of the complete family of a point: normal times area ratio (Nanson).
 
-    On a curved sheet F = O + H (kernels/kinematics.py), and at rest the vector is a unit normal.
-    It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
-    loads of several members at once.
+    On a curved sheet F = O + H (kernels/kinematics.py); undeformed, the vector is the unit normal. It is zero where the
+    intact bonds determine no F. The loop over members has no branches, so a GPU thread has the loads of several members
+    in flight.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -83,7 +83,7 @@ def surface_vector(layout: Layout) -> wp.Function:
 def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
     """Pointwise stage that adds p a_i (F e1 x F e2), with F of the complete family of the point.
 
-    A point whose intact bonds determine no F takes no pressure.
+    A point whose intact bonds determine no F gets no force.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -115,7 +115,7 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
 
 @functools.cache
 def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
-    """Kernel that adds the change of follower pressure along a direction, p a_i (dF e1 x F e2 + F e1 x dF e2).
+    """Kernel that adds the derivative of the force along a direction, p a_i (dF e1 x F e2 + F e1 x dF e2).
 
     The tangent is not symmetric: a pressure has a potential only if the edge of the sheet is held, and the normals
     here are averages over families.

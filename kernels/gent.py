@@ -1,8 +1,8 @@
 """Slightly compressible Gent material in plane stress; constants: mu [Pa], K = 2/D [Pa], Jm [-]. Source: BA paper.
 
 Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
-Beyond the lock, I1b - 3 >= Jm at constant volume, the sheet can only swell. Where no stress is found the functions
-return NaN, and the run reports that the lock was reached; the width is the one at which its iteration ends.
+Beyond the locking stretch, I1b - 3 >= Jm at constant volume, the sheet can only swell. If no stress is found, the
+functions return NaN, and the run reports that the locking stretch was reached; the width is then the last iterate.
 """
 
 import functools

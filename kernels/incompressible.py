@@ -4,8 +4,8 @@ A material is one Warp function of the invariants and of at most four constants,
 
     energy(x, y, constants) -> vec6     Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22  [Pa]
 
-with x = I1 - 3 and y = I2 - 3, and indices for derivatives by I1 and I2. From it `incompressible` makes what force
-laws, fast paths and Newton's method need of a material (see kernels/materials.py). Ogden's material is written in
+with x = I1 - 3 and y = I2 - 3, and indices for derivatives by I1 and I2. From it `incompressible` builds the functions
+that force laws, fast paths and Newton's method need (see kernels/materials.py). Ogden's material is written in
 principal stretches and has separate functions.
 
 With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no differences of numbers near one remain:
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
-    """A cached factory with a name that is unique to the material: names decide what is compiled together."""
+    """Wrap a cached factory under a name unique to the material; Warp identifies compiled functions by name."""
     cached: Any = functools.cache(factory)
     cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
     cached.__qualname__ = f"{energy.__qualname__}.{what}"
@@ -67,7 +67,7 @@ def principal_tangent(bits: int) -> wp.Function:
 
 @functools.cache
 def principal_strains(bits: int) -> wp.Function:
-    """Function G -> larger and smaller eigenvalue."""
+    """Function G -> larger and smaller eigenvalue of G."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
 
@@ -110,7 +110,7 @@ def incompressible_width(bits: int) -> wp.Function:
 
 @functools.cache
 def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
-    """All functions of a material, from the factory of its energy, see above."""
+    """Build all functions of a material from the factory of its energy, see above."""
 
     def stress_functions(bits):
         types = numeric(bits)

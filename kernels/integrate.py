@@ -1,14 +1,15 @@
-"""Central differences as half kick, drift, force, half kick.
+"""Central differences as half kick, drift, force, half kick (velocity Verlet).
 
 With mass damping c (force -c m v) the two halves
     v(n+1/2) = v(n) (1 - c dt/2) + dt/2 a(n),      v(n+1) = [v(n+1/2) + dt/2 a(n+1)] / (1 + c dt/2)
-are the central difference scheme. Velocities are known at full steps, so the step may change at any time.
+are the central difference scheme. Velocities are known at full steps, so the time step may change between steps.
 
 Central differences conserve the strain energy together with m v(n-1/2) v(n+1/2) / 2, which for free oscillations is
 exact at any stable step; m v(n)^2 / 2 differs from it by m (dt a)^2 / 8. The energy balance uses the former.
-External work and losses of damping are, to match, forces at both ends of a step times the motion v(n+1/2) dt. The
-difference is summed from the forces at a point. A contact that changes velocities adds what its impulses change of it,
-see `half_step`; where one does not, the difference is left out (`contact`).
+Consistently, external work and damping losses are the mean of the forces at both ends of a step times the displacement
+v(n+1/2) dt. The difference between the two kinetic energies is computed from the force at each point. A contact that
+changes velocities adds the effect of its impulses, see `half_step`; for a contact that does not, the difference is left
+out (`contact`).
 
 `held_mask` is a bit mask per point: bits 0 to 2 hold a component to a prescribed motion, bit 3 marks a point of a
 rigid inclusion. A held component keeps its prescribed velocity and is never accelerated.
@@ -31,8 +32,8 @@ class IntegrationKernels:
     """Kernels of one configuration.
 
     Attributes:
-        drift: Pointwise: first half kick and drift.
-        kick: Pointwise: second half kick.
+        drift: Pointwise stage: first half kick and drift.
+        kick: Pointwise stage: second half kick.
     """
 
     drift: Pointwise
@@ -41,7 +42,7 @@ class IntegrationKernels:
 
 @functools.cache
 def free_components(bits: int) -> wp.Function:
-    """Function (held bits, mask, v) -> v without components that are held, or whose point has a bit of `mask`."""
+    """Function (held bits, mask, v) -> v with held components zero, and zero if the point has a bit of `mask`."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -64,8 +65,8 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
         held: Whether any component is held.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
-        tracked: Whether external work and dissipation are summed up, per point.
-        contact: Whether a contact changes velocities and knows only those at full steps; losses then take these.
+        tracked: Whether external work and dissipation are summed per point.
+        contact: Whether a contact changes velocities and uses only full-step velocities; losses then use them too.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -169,7 +170,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
 
 @functools.cache
 def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Function]:
-    """What a half step does to velocities, for contacts that act beside it.
+    """Velocity changes of a half step, for contacts that change velocities in the same half step.
 
     With a = c dt/2, half kicks k and k', and changes of the velocity p after the first half kick and s at the end,
         u = (1 - a) v + k + p,     (1 + a) (v' - s) = u + k',

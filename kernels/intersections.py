@@ -1,4 +1,4 @@
-"""Members and shape tensors of the intersections of families, for tables with a row for each point.
+"""Members and shape tensors of family intersections, for tables with one row per point.
 
 The sums are those of kernels/bond_associated.py, always in float64: for bond (i, j) over the members k of the family of
 i with |X_k - X_j| <= horizon, j included. Lengths are in units of the horizon, areas in those of the reference area.
@@ -16,11 +16,11 @@ from .kinematics import kinematics
 
 @functools.cache
 def common_members(dimension: int, graded: bool) -> wp.Kernel:
-    """Kernel that sets the bits of the members of each intersection, [rows, members, words]; they were zero.
+    """Kernel that sets the member bits of each intersection [rows, members, words], which are zero on entry.
 
     Args:
         dimension: 2, or 3 for bonds in space.
-        graded: Whether the horizon of a pair is the mean of those of its two points, `horizons` [rows, members].
+        graded: Whether the horizon varies; each pair then uses the mean of both points, `horizons` [rows, members].
     """
     vector = wp.types.vector(length=dimension, dtype=wp.float64)
     word_size = WORD
@@ -56,7 +56,7 @@ def common_members(dimension: int, graded: bool) -> wp.Kernel:
 
 @functools.cache
 def intersection_shapes() -> wp.Kernel:
-    """Kernel that fills K_ij^-1 [rows, members], zero where degenerate, and |D_ij| [rows, members], likewise."""
+    """Kernel that fills K_ij^-1 and |D_ij|, both [rows, members] and zero where the intersection is degenerate."""
     tensors = kinematics(64)
     determines_gradient, inverse_shape = tensors.determines_gradient, tensors.inverse_shape
     word_size = WORD

@@ -1,14 +1,14 @@
 """Strain of a deformation gradient and inverse of a shape tensor.
 
 On a curved sheet the members of an intersection lie above and below the tangent plane of their point: in its frame, at
-(xi_k, z_k). The rest state has then the gradient F0 = sum c_k X_k (x) xi_k K^-1 = (I; g) with the slope
+(xi_k, z_k). The reference configuration then has the gradient F0 = sum c_k X_k (x) xi_k K^-1 = (I; g) with the slope
 g = K^-1 sum c_k z_k xi_k, and the metric C0 = I + g (x) g. With R = C0^(1/2), the deformation gradient is
-F = (sum c_k Y_k (x) xi_k) K^-1 R^-1. At rest it is O = (I; g) R^-1, whose columns are orthonormal: no stress. A rigid
-rotation turns O, and an equal growth in all directions multiplies it: both exactly. The displacement gradient is
-H = (sum c_k U_k (x) xi_k) K^-1 R^-1, so that F = O + H and C - I = O^T H + H^T O + H^T H.
+F = (sum c_k Y_k (x) xi_k) K^-1 R^-1. In the reference configuration F = O = (I; g) R^-1, whose columns are orthonormal,
+so the stress vanishes. A rigid rotation rotates O and an isotropic expansion scales it, both exactly. The displacement
+gradient is H = (sum c_k U_k (x) xi_k) K^-1 R^-1, so that F = O + H and C - I = O^T H + H^T O + H^T H.
 
-A slope of angle phi is stored as the tilt t of its direction and the length sqrt(2) sin(phi / 2): without divisions,
-R^-1 = I - t (x) t and O = (I - t (x) t; sqrt(2 - |t|^2) t).
+A slope of angle phi is stored as a tilt vector t in the direction of the slope, of length sqrt(2) sin(phi / 2). This
+avoids divisions: R^-1 = I - t (x) t and O = (I - t (x) t; sqrt(2 - |t|^2) t).
 """
 
 import functools
@@ -30,10 +30,10 @@ class Kinematics:
 
     Attributes:
         green: (H1, H2) -> C - I.
-        determines_gradient: K (11, 12, 22) -> whether it can be inverted: the only test of a degenerate shape tensor.
+        determines_gradient: K (11, 12, 22) -> whether K can be inverted; the only test for degenerate shape tensors.
         inverse_shape: K -> its inverse, or zero where degenerate.
-        remaining_inverse: (K, undamaged K^-1) -> inverse of what is left of a shape tensor, or zero where that is no
-            sample of the deformation any more.
+        remaining_inverse: (K, undamaged K^-1) -> inverse of the shape tensor of a damaged intersection, or zero if too
+            few members remain to sample the deformation.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
         tilt_of: Slope -> tilt.
         level: (H1, H2, tilt) -> columns of H R^-1.
@@ -56,7 +56,7 @@ class Kinematics:
 
 @functools.cache
 def kinematics(bits: int) -> Kinematics:
-    """The functions of a precision."""
+    """The functions in one precision."""
     types = numeric(bits)
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     degenerate, sample = DEGENERATE, SAMPLE
@@ -69,7 +69,7 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def determines_gradient(shape: vec3):
-        """Whether the points of a shape tensor (11, 12, 22) are far enough from collinear."""
+        """Whether the points behind a shape tensor (11, 12, 22) are far enough from collinear."""
         half_trace = real(0.5) * (shape[0] + shape[2])
         return shape[0] * shape[2] - shape[1] * shape[1] > real(degenerate) * half_trace * half_trace
 
@@ -84,7 +84,7 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def remaining_inverse(shape: vec3, undamaged: vec3):
-        """Inverse of the symmetric tensor (11, 12, 22), or zero if its determinant has fallen below SAMPLE."""
+        """Inverse of the tensor (11, 12, 22), or zero if its determinant is less than SAMPLE of the undamaged one."""
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         if determinant * (undamaged[0] * undamaged[2] - undamaged[1] * undamaged[1]) >= real(sample):
             return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
@@ -93,7 +93,7 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
-        """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on a member k."""
+        """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on member k."""
         F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
         F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
         P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
@@ -139,7 +139,7 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def curved_stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
-        """Columns of W P R^-1 K^-1, with P = F S; times c_k xi_k they give the force on a member k."""
+        """Columns of W P R^-1 K^-1, with P = F S; multiplied by c_k xi_k they give the force on member k."""
         F1, F2 = curved_gradient(H1, H2, tilt)
         P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
         P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)

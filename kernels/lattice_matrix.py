@@ -1,6 +1,6 @@
-"""The tangent of the bond-associated law on an undamaged lattice, stored as a matrix by lattice steps.
+"""Tangent of the bond-associated law on an undamaged lattice, stored as a matrix indexed by lattice steps.
 
-A product with it takes a quarter of the time of the matrix-free one on a CPU. The equations are in
+On a CPU a product with it takes a quarter of the time of the matrix-free product. The equations are in
 kernels/bond_associated_tangent.py.
 """
 
@@ -20,10 +20,10 @@ class LatticeMatrixKernels:
     """Kernels of the tangent of an undamaged lattice, stored as a matrix.
 
     Attributes:
-        assemble: Fills matrix [offsets, points]: the 3x3 blocks of the stiffness by the lattice step from a point to
-            the other one; the first offset is the point itself.
-        product: The change of the force along a direction from that matrix.
-        inverse_diagonal: Inverse of its diagonal blocks, without held components.
+        assemble: Fills matrix [offsets, points] with the 3x3 stiffness blocks between a point and the point one lattice
+            offset away; the first offset is the point itself.
+        product: Derivative of the force along a direction, from that matrix.
+        inverse_diagonal: Inverse of the diagonal blocks, without held components.
     """
 
     assemble: Kernel

@@ -33,7 +33,7 @@ def begin_loads(bits: int, present: bool) -> Pointwise:
 
 @functools.cache
 def dead_load(bits: int) -> Kernel:
-    """Kernel that adds a force on some points, times a schedule."""
+    """Kernel that adds forces on selected points, multiplied by a schedule."""
     vec3 = numeric(bits).vec3
 
     @kernel(per="list")
@@ -54,7 +54,7 @@ def dead_load(bits: int) -> Kernel:
 
 @functools.cache
 def support_forces(bits: int) -> Kernel:
-    """Kernel that fills `out` with minus the internal force on some points [N]."""
+    """Kernel that fills `out` with minus the internal force on selected points [N]."""
     vec3 = numeric(bits).vec3
 
     @kernel(per="list")

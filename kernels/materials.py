@@ -1,14 +1,15 @@
 """Hyperelastic materials in plane stress, without rotations.
 
-A material is a pair of Warp functions of G = C - I, where C = F^T F is the right Cauchy-Green tensor of
-the sheet (2x2), and of its constants, `numeric(bits).parameters` up to four, `numeric(bits).constants(count)` for more:
+A material is a pair of Warp functions of G = C - I, where C = F^T F is the right Cauchy-Green tensor of the sheet
+(2x2), and of the material constants (`numeric(bits).parameters` for up to four, `numeric(bits).constants(count)` for
+more):
 
     stress(G, constants) -> S        second Piola stress of the sheet [Pa]; the first Piola stress is F S
     energy(G, constants) -> Psi      stored energy per reference volume [J/m^3]
 
-For the fast paths a material adds a factory of
+For the fast paths a material adds a factory for
 
-    stress_near(G, constants, guess) -> S, d      the same stress, and the guess for a state nearby; 0 is no guess
+    stress_near(G, constants, guess) -> S, d      the same stress, and the guess for a nearby state; 0 is no guess
 
 and for Newton's method
 
@@ -17,9 +18,10 @@ and for Newton's method
 where C12 stands for both off-diagonal entries: T is then twice the Hessian of Psi, symmetric. It has a separate
 factory, so that runs without Newton's method do not compile it.
 
-The functions take G, not C, because C - I keeps the digits that 1 + strain loses in float32. The thickness stretch
-C33 follows from a vanishing through-thickness stress. Newton's iteration finds d = J^(2/3) - 1, of which the
-volume change z = J^2 - 1 = d (3 + 3d + d^2) and the residual are polynomials: no roots, one or two divisions.
+The functions take G, not C, because 1 + strain loses digits of a small strain in float32. The squared thickness stretch
+C33 follows from zero stress through the thickness. Newton's iteration solves for d = J^(2/3) - 1: the volume change z =
+J^2 - 1 = d (3 + 3d + d^2) and the residual are polynomials of d, so an iteration takes no roots and one or two
+divisions.
 
 Written with the second Piola stress, the law needs no local frame and no rotation: F S is exactly what the
 papers obtain by rotating to the tangent plane, taking the stress there and rotating back.
@@ -47,7 +49,7 @@ SHRINK = 0.585
 
 @dataclass(frozen=True)
 class MaterialFunctions:
-    """Cached factories, precision in bits -> Warp functions, of one material; None where it has none.
+    """Cached factories (precision in bits -> Warp functions) of one material; None for functions it does not provide.
 
     Attributes:
         functions: (stress, energy).
@@ -74,7 +76,7 @@ def invariants(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
 
     @wp.func
     def area_change(G: mat22):
-        """Det C - 1."""
+        """Return det C - 1."""
         return G[0, 0] + G[1, 1] + wp.determinant(G)
 
     @wp.func
@@ -118,7 +120,7 @@ def condensation(bits: int) -> wp.Function:
 
     @wp.func
     def condensed(G: mat22, z: real, first: real, second: real, volume_first: real, volume_second: real):
-        """T from the volume change z, U1', U1'', and U2', U2'' by ln q."""
+        """T from the volume change z, U1', U1'', and the derivatives U2', U2'' by ln q."""
         c11 = real(1.0) + G[0, 0]
         c22 = real(1.0) + G[1, 1]
         c12 = G[0, 1]

@@ -1,7 +1,7 @@
-"""Pairs of points that may touch: distances that they keep, and lists of those near each other.
+"""Pairs of points that may touch: their contact distances, and lists of nearby pairs.
 
-Cells are found by a hash of their integer coordinates. A bucket is a linked list in the order in which threads came;
-the sorted list of each point does not depend on it. What pairs do is in kernels/self_contact.py.
+Cells are found by a hash of their integer coordinates. The order of a bucket, a linked list, depends on thread timing;
+the list of each point is sorted and does not. The contact forces are in kernels/self_contact.py.
 """
 
 import functools
@@ -24,8 +24,8 @@ class PairFunctions:
     """Functions and types of the pairs of one configuration.
 
     Attributes:
-        Points: Struct: reference positions (float64), pieces, areas over the reference area, and what pairs keep.
-        distance_kept: (points, i, j) -> d_ij [m].
+        Points: Struct: reference positions (float64), pieces, areas divided by the reference area, contact distances.
+        distance_kept: (points, i, j) -> contact distance d_ij [m].
         between: (points, displacement, i, j) -> x_j - x_i [m], vec3.
     """
 
@@ -79,10 +79,10 @@ def pair_functions(bits: int, pieces: bool) -> PairFunctions:
 
 @dataclass(frozen=True)
 class ListKernels:
-    """Kernels that make the lists; all but `look` do nothing unless the lists are stale.
+    """Kernels that build the lists of pairs; all but `look` return immediately unless the lists are stale.
 
     Attributes:
-        look: Marks the lists as stale if a point has moved by half the skin.
+        look: Marks the lists as stale if a point has moved by more than half the skin.
         clear: Empties the buckets.
         insert: Puts points into buckets.
         collect: Lists the pairs of each point.
@@ -98,7 +98,12 @@ class ListKernels:
 
 @functools.cache
 def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
-    """Kernels that make the lists of pairs; arguments as for `pair_functions`, and the layout of the families."""
+    """Kernels that build the lists of pairs.
+
+    Args:
+    layout: Layout of the families.
+    pieces: Whether the sheet has several pieces.
+    """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)

@@ -1,8 +1,8 @@
-"""Points within a distance of each point, from lists of the points in each cell of a box of cells.
+"""Neighbour search: points within a distance of each point, from a cell list.
 
-Positions are in float64, in units of the edge of a cell, which is no shorter than the distance, and measured from a
-corner of the box: only the 9 cells around a point can hold others that are near. Point i has place order.index(i), and
-`starts` [cells + 1] holds the first place of each cell.
+Positions are float64, in units of the cell edge, relative to a corner of the box. The edge is at least the search
+distance, so all neighbours are in the 9 cells around a point. `order` lists the points cell by cell, and `starts`
+[cells + 1] holds the first entry of each cell.
 """
 
 import functools
@@ -14,7 +14,7 @@ from .effects import unstaged
 
 @functools.cache
 def near_points(counts: bool) -> wp.Kernel:
-    """Kernel that counts the points near each point [points], or lists them in ascending order [points, members]."""
+    """Kernel that counts the neighbours of each point [points] or lists them in ascending order [points, members]."""
 
     @unstaged
     def list_near_points(
@@ -57,7 +57,7 @@ def near_points(counts: bool) -> wp.Kernel:
 
 @functools.cache
 def reverse_members() -> wp.Kernel:
-    """Kernel that finds each point in the ascending list of its member [points, members]; 0 where there is none."""
+    """Kernel that finds each point's index in the sorted list of each member [points, members]; 0 without member."""
 
     @unstaged
     def find_reverse_members(

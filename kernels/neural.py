@@ -7,9 +7,9 @@ rotation theta, the family of i pulls its member k with
 
 Bond stretch and rotation are measured in the family's tangent plane, rotated by R of F = R U. In that frame a uniform
 deformation is the symmetric U, as in the training data. (The paper rotates the convected vector g1 to E1 instead, which
-leaves a triangular F; theta then contains shear, which the data do not.) lambda is the bond's stretch in space, and
-the force along the bond acts in its own direction in space, so that a point which leaves the surface is pulled back.
-The force across it acts in the tangent plane.
+gives a triangular F; theta then contains shear, unlike the training data.) lambda is the bond's stretch in space, and
+the force along the bond acts along its direction in space, so a point that leaves the surface is pulled back. The force
+across the bond acts in the tangent plane.
 
 Closed form. Lambda, theta and det F determine U: in the frame of the bond, with a = lambda cos theta,
 b = lambda sin theta, U = [[a, b], [b, (det + b^2)/a]]. With the first Piola stress g (F - C33 F^-T) of the
@@ -22,8 +22,8 @@ lambda (and its square), so that the force remains finite and pushes the bond ba
 
 Broken bonds are removed from F and C33 but not from tr K, so that the intact bonds keep their stiffness.
 
-With `corrected` weights, h W_ik 2 / |X| takes the place of h a_i c_k |X| 2 / tr K_i. The published force is that of
-W_ik = a_i c_k |X|^2 / tr K_i, of which a uniform stress is in balance inside a lattice only (warp_pd/families/weights).
+With `corrected` weights, h W_ik 2 / |X| replaces h a_i c_k |X| 2 / tr K_i. The published force has W_ik = a_i c_k |X|^2
+/ tr K_i, which balances a uniform stress only in the interior of a lattice (warp_pd/families/weights).
 """
 
 import functools
@@ -46,9 +46,10 @@ class NeuralKernels:
 
     Attributes:
         direct: Fills bond_force [members, points], N, in one launch; None if Torch evaluates the network.
-        features: Fills features [members x points] with (lambda, theta, C33, det F), those of an undeformed bond where
-            there is none, and frame [points] with R; None unless Torch evaluates the network.
-        spread: Turns pairs [members x points] of T into bond_force [members, points], N; None likewise.
+        features: Fills features [members x points] with (lambda, theta, C33, det F), undeformed values where no bond
+            exists, and frame [points] with R; None unless Torch evaluates the network.
+        spread: Turns pairs [members x points] of T into bond_force [members, points], N; None unless Torch evaluates
+            the network.
         gather: Sums bond_force to the internal force [points], N.
         outside: Counts the bonds of each point whose state lies outside a range of principal stretches.
     """
@@ -76,7 +77,7 @@ def neural(
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
         evaluation: "torch", "fused" or "closed_form".
-        layers: Numbers of the network, see `network_function`, for "fused", else None.
+        layers: Weights and biases of the network for "fused", see `network_function`; otherwise None.
         counted: Whether to count the bonds outside a range of stretches.
     """
     types, bits = layout.types, layout.bits

@@ -1,4 +1,4 @@
-"""Functions that all evaluations of the neural law use: stretch and rotation of a bond, exact law, forces in space.
+"""Functions common to all evaluations of the neural law: bond stretch and rotation, closed form, forces in space.
 
 The equations are in kernels/neural.py.
 """
@@ -30,10 +30,10 @@ class NeuralFunctions:
         family_frame: (family, intact, displacement, constants, inverse_horizon, i) -> H, R, U - I, U^-1, det F - 1, z.
         bond_motion: (x, u, H, D, V) -> stretch and rotation of a bond.
         bond_vectors: (family, displacement, inverse_horizon, i, k) -> direction, relative displacement, weight.
-        bond_seen: The same, and the input of a network for the bond.
-        family_scale: (family, V, unit_force, i) -> force per T and weight.
+        bond_seen: Results of `bond_vectors`, direction in the tangent plane, and the input of the network for the bond.
+        family_scale: (family, V, unit_force, i) -> factor from T times weight to force.
         logarithms: Inputs of the layers from the input of the network.
-        pull: (x, u, direction, R, T) -> the pair T in space.
+        pull: (x, u, direction, R, T) -> vector in space of the pair T (along and across the bond).
     """
 
     struct: Any
@@ -110,7 +110,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
 
         x: Unit vector of the bond. u: Relative displacement of its ends divided by its length. With Y the bond's image
         and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u - (U - I) x ] is of the order of
-        the strain, as is each of its terms as long as the sheet has not rotated.
+        the strain; so is each of its terms, as long as the sheet has not rotated.
         """
         x3 = vec3(x[0], x[1], real(0.0))
         e = V * (wp.transpose(H) * (x3 + u) + vec2(u[0], u[1]) - D * x)
@@ -193,7 +193,7 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def pull(x: vec2, u: vec3, direction: vec2, R: mat32, T: vec2):
-        """The pair T in space: along the bond, and across it in the tangent plane."""
+        """Vector in space of the pair T: along the bond, and across it in the tangent plane."""
         Y = vec3(x[0] + u[0], x[1] + u[1], u[2])
         return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
 
@@ -202,7 +202,7 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
         area: real, z: real, i: int, k: int,
     ):  # fmt: skip
-        """`bond_vectors`, direction in the tangent plane, and the input of a network: (lambda, theta, C33, det F)."""
+        """Results of `bond_vectors`, direction in the tangent plane, and network input (lambda, theta, C33, det F)."""
         x, u, weight = bond_vectors(family, displacement, inverse_horizon, i, k)
         excess, sine, versine, direction = bond_motion(x, u, H, D, V)
         det = real(1.0) + area
@@ -212,13 +212,13 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def logarithms(row: vec4):
-        """Inputs of the layers, see `warp_pd.laws.neural.networks.Network`."""
+        """Inputs of the first layer, see `warp_pd.laws.neural.networks.Network`."""
         area = wp.log(row[3])
         return vec4(wp.log(row[0]), row[1] * row[1], area, wp.log(row[2]) + real(2.0) * area)
 
     @wp.func
     def family_scale(family: Family, V: mat22, unit_force: real, i: int):
-        """Force per T and weight of `bond_vectors`; zero for a family that determines no frame."""
+        """Factor from T times the weight of `bond_vectors` to force; zero for a family that determines no frame."""
         if V[0, 0] == real(0.0):
             return real(0.0)
         if wp.static(corrected):

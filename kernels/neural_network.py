@@ -1,4 +1,4 @@
-"""The network of the neural law inside a kernel, and its training data."""
+"""The network of the neural law inside a kernel."""
 
 import functools
 from collections.abc import Sequence
@@ -6,8 +6,7 @@ from typing import TypeAlias
 
 import warp as wp
 
-from .effects import Kernel, kernel, unstaged
-from .factories import PairFactory
+from .effects import Kernel, kernel
 from .neural_functions import NeuralFunctions
 from .numeric import numeric
 
@@ -16,12 +15,12 @@ Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
 
 @functools.cache
 def network_function(bits: int, layers: Layers) -> wp.Function:
-    """Warp function from the inputs to the outputs of a network, with its weights compiled in as constants.
+    """Warp function from inputs to outputs of a network, with the weights as compile-time constants.
 
     Args:
         bits: 32 or 64.
-        layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
-            every other one takes 1 / (1 + exp y) of the output y of the layer before, in place of tanh
+        layers: Per layer, the columns of the weights followed by the biases, as tuples. The first layer takes the
+            inputs; every other layer takes 1 / (1 + exp y) of the previous layer's output y, instead of tanh
             (`warp_pd.laws.neural.networks.Network.sigmoids`).
     """
     types = numeric(bits)
@@ -62,7 +61,7 @@ def network_function(bits: int, layers: Layers) -> wp.Function:
 
 
 def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
-    """Kernel of the neural law with the network evaluated one bond after the other.
+    """Kernel of the neural law that evaluates the network bond by bond.
 
     Args:
         bits: 32 or 64.
@@ -99,43 +98,3 @@ def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
             bond_force[k, i] = force
 
     return fused_force
-
-
-@functools.cache
-def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
-    """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
-
-    Args:
-        material: Factory of (stress, energy).
-        membrane: Factory of (volume_change, shear).
-    """
-    types = numeric(64)
-    real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
-    stress, _ = material(64)
-    volume_change, _ = membrane(64)
-
-    @unstaged
-    def samples(
-        states: wp.array(dtype=vec3),
-        constants: vec4,
-        first: int,
-        features: wp.array(dtype=vec4),
-        pairs: wp.array(dtype=vec2),
-    ):
-        """States are (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
-        i = wp.tid() + first
-        s = states[i]
-        x = vec2(wp.cos(s[2]), wp.sin(s[2]))
-        y = vec2(s[0] * x[0], s[1] * x[1])
-        zero = real(0.0)
-        G = mat22(s[0] * s[0] - real(1.0), zero, zero, s[1] * s[1] - real(1.0))
-        S = stress(G, constants)
-        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / constants[0]
-        det = s[0] * s[1]
-        c33 = (real(1.0) + volume_change(G, constants)) / (det * det)
-        stretch = wp.length(y)
-        angle = wp.atan2(x[0] * y[1] - x[1] * y[0], wp.dot(x, y))
-        features[i] = vec4(stretch, angle, c33, det)
-        pairs[i] = vec2(wp.dot(P, y) / stretch, (P[1] * y[0] - P[0] * y[1]) / stretch)
-
-    return samples

@@ -7,8 +7,8 @@ With c_k = w_ik a_k over the intact bonds of the family H_i (Silling et al., J. 
 
 with s_i the fraction of the family's area that is still intact: broken bonds carry no force. The force is minus
 the gradient of E. Equal displacements of opposite members do not change F_i, so a checkerboard displacement of a
-lattice, or a displacement of the centre of a family, costs no energy. These are the zero-energy modes that other
-laws are compared with.
+lattice, or a displacement of the centre of a family, has no energy. These are the zero-energy modes; the law serves as
+a comparison for the others.
 
 A family whose points are (nearly) collinear determines no gradient and carries no force, see `bond_associated`.
 """
@@ -33,8 +33,8 @@ class PointFamily:
 
     Attributes:
         is_intact: (family, intact, i, k) -> whether the bond is intact.
-        gradient: (family, intact, displacement, velocity, back, i) -> displacement gradient times horizon (two
-            columns) of the displacement a time `back` ago, K^-1 (zero if degenerate), intact area.
+        gradient: (family, intact, displacement, velocity, back, i) -> displacement gradient times horizon (two columns)
+            for the displacement at a time `back` before now, K^-1 (zero if degenerate), intact area.
         green: (H1, H2) -> C - I.
     """
 
@@ -51,7 +51,8 @@ class NodalKernels:
         family_force: Fills bond_force [members, points], N.
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
+            bonds.
     """
 
     family_force: Kernel
@@ -139,7 +140,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         inverse_horizon: real,
         i: int,
     ):
-        """Energy of the family of i divided by (thickness x reference area) [J/m^3]."""
+        """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         G1, G2, inverse, size = point.gradient(family, intact, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):

@@ -1,4 +1,4 @@
-"""The scalar, vector and matrix types of one precision."""
+"""Scalar, vector and matrix types of one precision."""
 
 import functools
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Numeric:
     parameters: Any
 
     def constants(self, count: int) -> Any:
-        """Vector of the constants of a material that has `count`; up to four it is `parameters`."""
+        """Vector type for `count` material constants; `parameters` for up to four."""
         return wp.types.vector(length=max(count, 4), dtype=self.real)
 
 

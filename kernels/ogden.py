@@ -11,7 +11,7 @@ from .numeric import numeric
 
 @functools.cache
 def logarithmic_strains(bits: int) -> wp.Function:
-    """Function G -> mean and half difference of the logarithmic principal strains; keeps the digits of G."""
+    """Function G -> mean and half difference of the logarithmic principal strains, accurate for small G."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
     small = 1e-2 if bits == 32 else 1e-4
@@ -43,7 +43,7 @@ def logarithmic_strains(bits: int) -> wp.Function:
 
 @functools.cache
 def exponential(bits: int) -> wp.Function:
-    """Function x -> exp(x) - 1, which keeps the digits of x."""
+    """Function x -> exp(x) - 1, accurate for small x."""
     real = numeric(bits).real
     small = 2e-2 if bits == 32 else 1e-3
 
@@ -62,14 +62,14 @@ def exponential(bits: int) -> wp.Function:
 
 @functools.cache
 def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
-    """Functions of the Ogden material: strains, principal stresses and their shear modulus h."""
+    """Functions of the Ogden material: strains, principal stresses, and the shear modulus h = (S1 - S2) / (C1 - C2)."""
     types = numeric(bits)
     real, Constants = types.real, types.constants(2 * terms)
     strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
 
     @wp.func
     def ratio(k: real, spread: real):
-        """Sinh(k spread) / sinh(spread)."""
+        """Return sinh(k spread) / sinh(spread)."""
         answer = k
         if spread > real(0.0):
             answer = (exp_minus_one(k * spread) - exp_minus_one(-k * spread)) / (
@@ -102,7 +102,7 @@ def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
 
 @functools.cache
 def ogden(terms: int) -> MaterialFunctions:
-    """Functions of Ogden's material with so many terms; constants: mu_1 [Pa], a_1, mu_2 [Pa], a_2, ...
+    """Functions of Ogden's material with `terms` terms; constants: mu_1 [Pa], a_1, mu_2 [Pa], a_2, ...
 
     Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
     """
@@ -162,7 +162,7 @@ def ogden(terms: int) -> MaterialFunctions:
 
         @wp.func
         def own(strain: real, middle: real, c: Constants):
-            """Change of a principal stress with its own principal value."""
+            """Derivative of a principal stress by its own principal value of C."""
             total = real(0.0)
             for p in range(terms):
                 a = c[2 * p + 1]

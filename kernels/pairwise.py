@@ -1,7 +1,7 @@
 """Pairwise laws: the force of a bond as a function of its strain.
 
 A law is a cached factory, precision in bits -> Warp functions (force, slope, energy) of (strain, constants), all
-in Pa: the force f(s) at the strain s = |Y|/|X| - 1, its derivative by s, and the integral of f from 0. The force law
+in Pa: the force f(s) at the strain s = |Y|/|X| - 1, its derivative by s, and its integral from 0 to s. The force law
 (kernels/bond_based.py) multiplies them by the weight of the bond.
 """
 

@@ -1,4 +1,4 @@
-"""Peak arithmetic rate of a device: a kernel of multiply-adds that wait for no memory."""
+"""Peak arithmetic rate of a device: a kernel of multiply-adds that access no memory."""
 
 import functools
 
@@ -10,7 +10,7 @@ from .numeric import numeric
 
 @functools.cache
 def multiply_add(bits: int) -> wp.Kernel:
-    """Kernel of eight sums per thread, `rounds` multiply-adds each."""
+    """Kernel with eight sums per thread of `rounds` multiply-adds each."""
     real = numeric(bits).real
 
     @unstaged

@@ -1,8 +1,8 @@
 """Pointwise stages: parts of a step that write only to their own point.
 
-Consecutive stages on the same points share a launch, so that a step of a small sheet waits for fewer launches and a
-step of a large one reads and writes its arrays less often. A stage works through a range of points: one point on a
-GPU, many on a CPU, where a call copies its arguments.
+Consecutive stages on the same points share a launch. A step of a small sheet then waits for fewer launches, and a step
+of a large sheet reads and writes its arrays less often. A call works through a range of points: one point on a GPU,
+many on a CPU, where each call copies the arguments.
 """
 
 import functools
@@ -20,10 +20,10 @@ class Pointwise:
     """A pointwise stage.
 
     Attributes:
-        function: Warp function (begin, end, arguments) of the points begin to end - 1.
+        function: Warp function (begin, end, arguments) that works on the points begin to end - 1.
         arguments: Its Warp struct.
         name: Its name in the plan.
-        effects: What it touches, by the names in its struct.
+        effects: The arrays that it accesses, by their names in the struct.
     """
 
     function: wp.Function
@@ -35,11 +35,11 @@ class Pointwise:
 def pointwise(
     arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
 ) -> Callable[[Callable[..., None]], Pointwise]:
-    """Decorator that makes a pointwise stage of a function (begin, end, arguments).
+    """Decorator that turns a function (begin, end, arguments) into a pointwise stage.
 
     Args:
         arguments: Warp struct of the arguments.
-        writes: Members of the struct that are written, only at the stage's own point.
+        writes: Members of the struct that are written, only at the thread's own point.
         gathers: Members of the struct that are read at other points.
     """
 
@@ -52,9 +52,9 @@ def pointwise(
 
 @functools.cache
 def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
-    """Pointwise stage that runs two stages in sequence; its struct holds theirs as `a` and `b`.
+    """Pointwise stage that runs two stages in sequence; its struct has their structs as `a` and `b`.
 
-    Its effects list no names: the caller, which joins the two stages, knows the arrays of both.
+    Its effects are empty; the caller, which joins the two stages, knows the arrays of both.
     """
     First, Second = first.arguments, second.arguments
     do_first, do_second = first.function, second.function
@@ -74,7 +74,7 @@ def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
 
 @functools.cache
 def spread_points(stage: Pointwise, run: int) -> wp.Kernel:
-    """The same as `every_point`, with the points of a thread far from each other."""
+    """As `every_point`, but the points of a thread are far apart."""
     Arguments, function = stage.arguments, stage.function
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -92,10 +92,10 @@ def spread_points(stage: Pointwise, run: int) -> wp.Kernel:
 
 @functools.cache
 def every_point(stage: Pointwise, run: int, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
-    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them.
+    """Warp kernel that runs a pointwise stage on the points first to stop - 1, `run` points per thread.
 
-    Without launch bounds the compiler takes few registers, so that many threads fit a multiprocessor, and a thread then
-    has few loads under way. Bounds (maximum threads per block, minimum blocks per multiprocessor) allow more.
+    Without launch bounds the compiler uses few registers, so that many threads fit a multiprocessor, but each thread
+    then has few loads in flight. Bounds (maximum threads per block, minimum blocks per multiprocessor) allow more.
     """
     Arguments, function = stage.arguments, stage.function
 

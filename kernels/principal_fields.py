@@ -1,16 +1,16 @@
 """Point fields for frames: principal stretches and stresses, their direction, the wrinkle state, counts of bonds.
 
-A law with a deformation gradient F for every bond shows the means over the intact bonds of a point, with the weights W
-that the law itself gives them. Means are taken of tensors in the plane of the sheet that do not change with a rotation:
+A law with a deformation gradient F for every bond outputs means over the intact bonds of a point, weighted with the
+law's weights W. The averaged tensors are in the plane of the sheet and unaffected by rotation:
 
-    C = F^T F,      T = U S (Biot),      sigma = U S U / J (Cauchy, turned back by the rotation of F),      U = C^(1/2)
+    C = F^T F,      T = U S (Biot),      sigma = U S U / J (Cauchy, rotated back by the rotation of F),      U = C^(1/2)
 
 Principal stretches are the roots of the eigenvalues of the mean of C. Principal values of T are those of the first
-Piola stress F S: both differ by the rotation alone, for an isotropic material (of another, T is its symmetric part).
-For a uniform deformation every bond has the same tensors, and the means are exact also at edges and cracks.
+Piola stress F S: for an isotropic material both differ only by the rotation (for other materials T is the symmetric
+part). For a uniform deformation every bond has the same tensors, and the means are exact also at edges and cracks.
 
-A law with one gradient for each point (Nodal), or none (pairwise laws, Neural), shows that of its family,
-F = I + [sum c_k U_k (x) X_k] K^-1 over the intact bonds, with c_k = w_k a_k.
+A law with one gradient per point (Nodal) or none (pairwise laws, Neural) outputs that of the family, F = I + [sum c_k
+U_k (x) X_k] K^-1 over the intact bonds, with c_k = w_k a_k.
 
 A point whose bonds determine no gradient has no stretch (NaN), carries no stress, and is slack.
 """
@@ -32,7 +32,7 @@ RELATIVE, ABSOLUTE = 1e-3, 1e-6
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a kernel fills; it computes nothing else.
+    """The fields that a kernel fills; it computes nothing else.
 
     Attributes:
         stretch: Principal stretches.
@@ -51,7 +51,7 @@ class Wanted:
 
 @functools.cache
 def tensors(bits: int) -> tuple[wp.Function, wp.Function]:
-    """Functions: G = C - I -> U;  symmetric tensor -> larger and smaller principal value, angle of the larger."""
+    """Functions G = C - I -> U, and symmetric tensor -> larger and smaller principal value, angle of the larger."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
 
@@ -78,7 +78,7 @@ def tensors(bits: int) -> tuple[wp.Function, wp.Function]:
 def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
     """Function (G, larger and smaller principal stress, constants) -> TAUT, WRINKLED or SLACK.
 
-    With a `width` it is the state of tension field theory, otherwise that of the signs of the principal stresses.
+    With a `width` the state follows from tension field theory, otherwise from the signs of the principal stresses.
     """
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
@@ -112,7 +112,7 @@ def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
 
 @functools.cache
 def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Function:
-    """Function that turns means into the fields of point i and writes those that are wanted."""
+    """Function that turns means into the fields of point i and writes the wanted ones."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
     _, principal = tensors(bits)
@@ -156,7 +156,7 @@ def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Func
 
 @functools.cache
 def image_of(bits: int) -> wp.Function:
-    """Function (F1, F2, angle) -> unit vector along the image of the direction at that angle, NaN without one."""
+    """Function (F1, F2, angle) -> unit vector along the image of the direction at that angle, or NaN if undefined."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 

@@ -1,4 +1,4 @@
-"""Reference kernel of the bond-associated laws: the sums as written in kernels/bond_associated.py, for any family."""
+"""Reference kernel of the bond-associated laws for any family: the sums exactly as in kernels/bond_associated.py."""
 
 import functools
 
@@ -15,8 +15,8 @@ from .visco import overstressed
 def reference_force(layout: Layout, material: PairFactory, form: str, viscous: bool = False) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
-    Arguments as for `bond_associated`; with `viscous` the stress has Prony terms, see kernels/visco.py, which are
-    otherwise None.
+    Arguments as for `bond_associated`. With `viscous` the stress has Prony terms, see kernels/visco.py; their kernel
+    arguments are otherwise None.
     """
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters

@@ -1,9 +1,10 @@
-"""Fictitious density of dynamic relaxation: sums of the rows of the stiffness, one number per point.
+"""Fictitious density of dynamic relaxation: row sums of the stiffness matrix, one number per point.
 
-Underwood's condition (HE eq. 91), density >= dt^2/4 sum_j |K_ij|, makes a unit step stable; one number for the
+Underwood's condition (HE eq. 91), density >= dt^2/4 sum_j |K_ij|, makes a unit step stable. Using one number for all
 three directions makes it independent of the frame (HE, after Sauve and Metzger). With dF_ij = sum_k u_k (x) g_k, an
-intersection adds at most |A| |g_k| |g_l| between its points k and l, A the 6x6 second derivative of its energy, so
-the row of k gains |A| |g_k| sum_l |g_l|. In a softened layout a family gives what its damage has left of that.
+intersection adds at most |A| |g_k| |g_l| between its points k and l, where A is the 6x6 second derivative of its
+energy, so the row of k gains |A| |g_k| sum_l |g_l|. In a softened layout the damage of a family reduces its
+contribution.
 """
 
 import functools
@@ -23,7 +24,8 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     """Kernels `family_rows` and `sum_rows`; arguments as for `bond_associated_tangent`.
 
     family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
-    and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
+    and own [points] with its contribution to the row of the point itself; sum_rows sums both ends of the bonds to the
+    density [N/m].
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -113,7 +115,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         first: int,
         density: wp.array(dtype=real),
     ):
-        """Sums the density of a point; a point without stiffness keeps the density `least`, in any unit."""
+        """Sum the density of a point; a point without stiffness gets the density `least`."""
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):

@@ -1,7 +1,7 @@
-"""The stresses of all Prony terms of one intersection, for a step or for a displacement off the path.
+"""Stresses of all Prony terms of one intersection, for a time step or for a trial displacement.
 
 The law is that of kernels/visco.py. All terms have Yeoh's stress, S_p = 2 (c10 + 2 c20 (I1 - 3)) (I - C33 C^-1), so
-that they share the tensor; before and after the step it is computed once for all of them.
+they share the tensor I - C33 C^-1, which is computed once before and once after the step.
 """
 
 import functools
@@ -18,7 +18,7 @@ def relaxing_stress(bits: int, advances: bool) -> wp.Function:
     """Function (G, i, j, members, step, prony, strain, overstress) -> sum of all H_p [Pa], power of their means.
 
     The power is sum_p (H_p before + H_p after) : (G - G before) [Pa], four times the viscous work of the step. At a
-    displacement off the path, not `advances`, the state is kept and the terms respond at once.
+    trial displacement (`advances` is False) the state is not changed and the terms respond elastically.
     """
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters

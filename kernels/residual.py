@@ -1,7 +1,7 @@
-"""Unbalanced force of a sheet and the forces it is compared with.
+"""Unbalanced force of a sheet, and the loads and reactions it is compared with.
 
-On free components the sum of internal and external force is unbalanced; on held ones it is a reaction. Points of rigid
-inclusions move with the sum of their forces: the force on a single one counts neither as unbalanced nor as a reaction.
+The sum of internal and external force is the unbalanced force on free components and a reaction on held ones. Rigid
+inclusions move under the sum of the forces on their points, so the force on a single such point counts as neither.
 """
 
 import functools
@@ -21,7 +21,7 @@ def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
         bits: 32 or 64.
         held: Whether any component is held.
         loaded: Whether external forces act.
-        apart: Whether dead loads also count separately: loads that depend on the displacement may balance them.
+        apart: Whether dead loads are also summed separately, because displacement-dependent loads may balance them.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

@@ -1,4 +1,4 @@
-"""The second half of the force of the fast kernels: what the families around a point do to it."""
+"""Second half of the force of the fast kernels: the forces that the families around a point exert on it."""
 
 import functools
 
@@ -15,17 +15,17 @@ def gather_reverse_bonds(
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
-    In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
-    Broken bonds carry zero, so it runs over all bonds of the undamaged sheet. The loop over members is unrolled and has
-    no branches: a thread issues the loads of all members at once.
+    In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py.
+    Broken bonds have zero force, so the stage runs over all bonds of the undamaged sheet. The loop over members is
+    unrolled and has no branches, so a thread has the loads of all members in flight.
 
     Args:
         layout: Layout of the families.
         members: Maximum number of members of a family.
-        steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
-            deep inside it.
-        turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
-        listed: Whether a list of other points was used; the first point empties it.
+        steps: Lattice steps to each member, as compile-time constants; on a grid those of its deep points; None on a
+            cloud.
+        turns_over: Whether `bond_force` is a ring buffer with fewer columns than points.
+        listed: Whether a list of other points was used; the stage then empties it.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

@@ -1,8 +1,8 @@
 """Rigid inclusions: points that move as one body under the sum of the forces on them.
 
-Linear and angular momentum are kicked and drifted like the points of the sheet; the rotation follows
-R <- exp(dt omega x) R. There is one thread per body, in float64: bodies are few, and their orientation must not drift.
-The points get the velocity that takes them to their place, so that the common drift moves them.
+The bodies are integrated with the kicks and drift of the sheet; the rotation follows R <- exp(dt omega x) R. One thread
+works on one body, in float64: bodies are few, and their orientation must not drift. The points get the velocity that
+takes them to their new positions, so the drift stage of the sheet moves them.
 """
 
 import functools

@@ -1,10 +1,10 @@
-"""Rupture: bonds that exceed a criterion break for good.
+"""Rupture: bonds that exceed a criterion break permanently.
 
-Both ends of a bond compute the same number from the same data, so their bits agree without being compared.
+Both ends of a bond compute the same number from the same data, so their bits agree without communication.
 
-The force of a bond that breaks does work up to half a step back, as the trapezoidal rule of central differences sums
-it. The energy D that breaking takes from a family is therefore summed as 2 D(half a step back) - D(now) / 2 -
-D(a step back) / 2: for D quadratic in the motion, this is exactly what the discrete energy loses.
+By the trapezoidal rule of central differences, the force of a breaking bond does work until half a step before now. The
+energy D that a family loses is therefore summed as 2 D(half a step ago) - D(now) / 2 - D(one step ago) / 2. For D
+quadratic in the motion, this is exactly the loss of the discrete energy.
 """
 
 import functools
@@ -44,7 +44,7 @@ class Criterion:
 def reference_and_deformed(layout: Layout) -> wp.Function:
     """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m].
 
-    X is a vec2, on a curved sheet the chord, a vec3: minus that of the reverse bond, to the last bit.
+    X is a vec2, on a curved sheet the chord (vec3). It is bitwise equal to minus that of the reverse bond.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -65,7 +65,7 @@ def reference_and_deformed(layout: Layout) -> wp.Function:
 
 @functools.cache
 def critical_stretch(layout: Layout) -> Criterion:
-    """Critical stretch |Y|/|X|."""
+    """Criterion: the stretch |Y|/|X| exceeds its critical value."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct
@@ -93,7 +93,7 @@ def critical_stretch(layout: Layout) -> Criterion:
 
 @functools.cache
 def critical_energy(layout: Layout) -> Criterion:
-    """Critical energy release rate of an interaction, see kernels/energy_release.py."""
+    """Criterion: the energy release of an interaction exceeds its critical value, see kernels/energy_release.py."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct
@@ -120,12 +120,12 @@ def critical_energy(layout: Layout) -> Criterion:
 
 @functools.cache
 def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Function:
-    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the bonds that stay.
+    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the remaining bonds.
 
     Args:
         layout: Layout of the families.
         criterion: The criterion that they do not exceed.
-        spared: Whether the bonds of some points stay whatever they do.
+        spared: Whether the bonds of some points never break.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -147,7 +147,7 @@ def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Fu
     ):
         """The bits of `intact_bits` whose bonds do not exceed the criterion.
 
-        The loop has no branches: a GPU thread issues the loads of several members at once.
+        The loop has no branches, so a GPU thread has the loads of several members in flight.
         """
         left = intact_bits
         bit = wp.uint32(1)
@@ -167,10 +167,10 @@ def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Fu
 
 @functools.cache
 def screening(layout: Layout, criterion: Criterion) -> Kernel:
-    """Kernel that says of blocks of points of a lattice whether a bond ahead of one exceeds the criterion, for a CPU.
+    """CPU kernel that flags the blocks of points of a lattice in which a bond ahead of a point exceeds the criterion.
 
-    The second half of a stencil lies ahead, so each bond is seen once. Hardly a bond breaks in most steps: where
-    `break_bonds` need not look, that is half of the work.
+    The second half of a stencil is ahead of the point, so each bond is checked once. In most steps hardly any bond
+    breaks; blocks without a flag then cost half as much as in `break_bonds`.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -207,7 +207,7 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
 
 @functools.cache
 def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function:
-    """Function 2 E(half a step back) - E(now) / 2 - E(a step back) / 2 of the energy of a family, see above."""
+    """Function 2 E(half a step ago) - E(now) / 2 - E(one step ago) / 2 of the energy of a family, see above."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     Family, Constants = family_functions(layout).struct, constants_of(earlier_energy)
@@ -243,9 +243,9 @@ def breaking(
         layout: Layout of the families.
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
-        screened: Whether `screening` has said of which blocks no bond exceeds the criterion.
-        earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
-            breaking, per point; None if it is not tracked.
+        screened: Whether `screening` has flagged the blocks in which a bond exceeds the criterion.
+        earlier_energy: Warp function of the force law's energy of a family at an earlier time, to sum the released
+            energy per point; None if it is not tracked.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

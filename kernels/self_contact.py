@@ -4,13 +4,13 @@ Points i and j at a distance r < d_ij have the energy (after Silling and Askari 
 
     E_ij = 1/2 k_ij (d_ij - r)^2,      force on i: -k_ij (d_ij - r) (x_j - x_i) / r,      k_ij = k a_i a_j / a^2,
 
-with the areas a_i of the points and the reference area a, so that the stiffness per area depends on no spacing. d_ij
-is the distance that points keep, but no more than a fraction of their reference distance, unless they belong to two
-pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
+with the areas a_i of the points and the reference area a, so the stiffness per area does not depend on the spacing.
+d_ij is the contact distance; for points of the same piece it is limited to a fraction of their reference distance. Both
+ends compute the same bits, so momentum is conserved to round-off.
 
-Pairs outside the family come from a list [entries, points], sorted by index; bonds that broke come from the family.
-The list holds all pairs nearer than d_ij plus a skin; it is made again when a point has moved by half the skin. Pairs
-that do not touch add nothing, so forces do not depend on when the list was made.
+Pairs outside the family are in a list [entries, points], sorted by index; broken bonds are found in the family. The
+list has all pairs nearer than d_ij plus a skin; it is rebuilt when a point has moved by half the skin. Pairs that do
+not touch add nothing, so forces do not depend on when the list was built.
 """
 
 import functools
@@ -29,13 +29,13 @@ from .pointwise import Pointwise, pointwise
 
 @dataclass(frozen=True)
 class RepulsionKernels:
-    """Kernels of the pairs in the lists, and of broken bonds.
+    """Contact kernels for the pairs in the lists and for broken bonds.
 
     Attributes:
         add_force: Adds the force of contact to the internal force, and counts the contacts of each point.
-        energy: Half the energy of the contacts of each point [J].
+        energy: Contact energy of each point [J], half of that of each pair.
         friction: Impulse of friction on each point over a step [N s].
-        rub: Pointwise: gives points that impulse, and sums up what it loses.
+        rub: Pointwise stage that applies that impulse to the points and sums the energy lost.
     """
 
     add_force: Kernel
@@ -56,8 +56,8 @@ def repulsion(
         rubbing: Whether there is friction.
         held: Whether any component is held.
         loaded: Whether external forces act.
-        damped: Whether there is mass damping, and energies take the velocities at half steps.
-        tracked: Whether work and losses are summed up.
+        damped: Whether there is mass damping and energies use half-step velocities.
+        tracked: Whether work and losses are summed.
     """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
@@ -71,7 +71,7 @@ def repulsion(
 
     @wp.func
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
-        """Depth d_ij - r, 0 without contact, direction from i to j, and k_ij."""
+        """Depth d_ij - r (0 without contact), direction from i to j, and k_ij."""
         line = between(points, displacement, i, j)
         r = wp.length(line)
         depth = distance_kept(points, i, j) - r
@@ -164,7 +164,7 @@ def repulsion(
         i: int,
         j: int,
     ):
-        """Impulse of point j on point i; `most` is friction x step."""
+        """Friction impulse of point j on point i [N s]; `most` is the friction coefficient times the time step."""
         impulse = vec3(real(0.0), real(0.0), real(0.0))
         depth, direction, stiffness = push(points, displacement, i, j)
         if depth > real(0.0):

@@ -1,11 +1,11 @@
-"""Power iteration with momentum for the largest natural frequency, by finite differences of the force.
+"""Power iteration with momentum for the largest natural frequency, using finite differences of the force.
 
 The trial displacement is u + s e v, where e moves the largest component of v by `reach`. K v is the central difference
 of the force. The update is v <- M^-1 K v - b v', where v' is the previous direction, b = (DAMPED lambda / 2)^2 and
 lambda is the current estimate. Modes with eigenvalues up to DAMPED lambda then grow at the same rate, and the mode of
 lambda grows 1.15 times as fast. Without momentum (b = 0), a mode at 0.99 lambda falls behind by only 1 % per iteration.
 Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling).
-Each thread of `respond` sums one block of points, in order, so the sums repeat bit for bit.
+Each thread of `respond` sums one block of points in order, so the sums are reproducible bit for bit.
 """
 
 import functools
@@ -28,10 +28,10 @@ class PowerIteration:
 
     Attributes:
         trial: Displacement plus or minus a small multiple of the direction.
-        respond: Response M^-1 K v, in place of the second force; per block: v M v, v K v, |response|^2 weighted by
-            mass, max |response|.
+        respond: Response M^-1 K v, which overwrites the second force; per block: v M v, v K v, mass-weighted
+            |response|^2, max |response|.
         summarise: Squared frequency from the sums of the blocks, the scale of the next direction, and b.
-        renew: The next direction, and the last one in its scale.
+        renew: The next direction, and the last one rescaled to match.
     """
 
     trial: Kernel
@@ -142,7 +142,7 @@ def power_iteration(bits: int) -> PowerIteration:
 
 @functools.cache
 def sums_of_groups() -> Kernel:
-    """Kernel that sums what `respond` left of a group of blocks, in order; for sheets of many blocks."""
+    """Kernel that sums the results of `respond` over groups of blocks, in order, for large sheets."""
 
     @kernel(per="once")
     def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):

@@ -1,4 +1,4 @@
-"""Undamaged family of a lattice, which many points have: its numbers are constants in kernels."""
+"""Undamaged family of a lattice, shared by many points; kernels compile its values in as constants."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,9 @@ class Stencil:
         turned: Member onto which that rotation maps each member.
         bonds: X_ik of each member.
         moments: w_ik X_ik of each member.
-        part: Members of one quarter or half; rotations give all others. Those of a large family are in the order of a
-            path along which intersections differ little; the rotation of the first one follows the last one.
+        part: Members of one quarter or half of the family; rotations give all others. In a large family they are
+            ordered along a path on which consecutive intersections differ little; the rotated first member follows the
+            last one.
         inside: Whether each member (second index) belongs to the intersection of each bond of the part.
         inverse: K_ij^-1 (11, 12, 22) of each bond of the part.
         weights: W_ij of each bond of the part.

@@ -1,4 +1,4 @@
-"""What damage leaves of the stiffness of a family, see kernels/damage_field.py."""
+"""Degradation functions: the factor by which damage reduces the stiffness of a family, see kernels/damage_field.py."""
 
 import functools
 
@@ -24,8 +24,8 @@ def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Fun
     """Functions (d, m) -> g, -dg/dd and the second derivative of g, with m = -dg/dd at d = 0.
 
     Args:
-        bits: Those of a real number.
-        weak: Whether g is that of Lorentz, which falls faster at first; otherwise it is (1 - d)^2, and m = 2.
+        bits: 32 or 64.
+        weak: Whether g is that of Lorentz, which initially falls faster; otherwise g = (1 - d)^2 and m = 2.
     """
     real = numeric(bits).real
 

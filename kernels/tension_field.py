@@ -1,4 +1,4 @@
-"""Tension field theory: sheets that wrinkle below the spacing. Sources: Reissner 1938, Pipkin 1986, Steigmann 1990.
+"""Tension field theory: wrinkles finer than the point spacing. Sources: Reissner 1938, Pipkin 1986, Steigmann 1990.
 
 With principal stretches l1 >= l2 and the width n(l1) in uniaxial tension, the relaxed energy is
 
@@ -6,12 +6,14 @@ With principal stretches l1 >= l2 and the width n(l1) in uniaxial tension, the r
     wrinkled   l2 <  n(l1), l1 > 1      Psi(l1, n(l1))
     slack      l1 <= 1                  0
 
-It is the least energy that fine wrinkles reach. It is continuously differentiable, no principal stress is negative, and
-the stiffness is never larger than that of the taut sheet. The sheet itself, in contrast, resists compression in its
-plane by growing thicker: Psi ~ 1 / (l1 l2)^2 and stiffness ~ 1 / l2^4, so that no step follows a sheet that collapses.
+It is the infimum of the energy over fine wrinkles. It is continuously differentiable, no principal stress is negative,
+and the stiffness never exceeds that of the taut sheet. Without relaxation, in contrast, a sheet resists in-plane
+compression by growing thicker: Psi ~ 1 / (l1 l2)^2 and stiffness ~ 1 / l2^4, so no time step can follow a collapsing
+sheet.
 
-The relaxed energy is the sheet's own energy at the taut strain, G with l2 raised to n(l1). So is its stress, because
-the stress across the wrinkles vanishes at l2 = n(l1). A material therefore needs only one further function,
+The relaxed energy is the original energy at the taut strain, which is G with l2 raised to n(l1). The same holds for the
+stress, because the stress across the wrinkles vanishes at l2 = n(l1). A material therefore needs only one more
+function,
 
     width(g1, constants) -> g2     smaller principal value of G = C - I in uniaxial tension, from the larger
 
@@ -40,7 +42,7 @@ TAUT, WRINKLED, SLACK = 0, 1, 2
 def width_from_stress(functions: PairFactory) -> FunctionFactory:
     """Factory of (g1, constants) -> g2 of an isotropic material, from a factory of (stress, energy).
 
-    It keeps a bracket of the zero of S22 and takes secants of it (Illinois).
+    It finds the zero of S22 by the bracketed secant method (Illinois).
     """
 
     def width_of(bits: int) -> wp.Function:
@@ -97,7 +99,7 @@ def width_from_stress(functions: PairFactory) -> FunctionFactory:
 def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Function]:
     """Functions of a material with that width: `state_of` and `taut`.
 
-    state_of: (G, constants) -> TAUT, WRINKLED or SLACK, principal values g1 and g2 of G, and g2 of the taut strain.
+    state_of: (G, constants) -> TAUT, WRINKLED or SLACK; principal values g1 and g2 of G; g2 of the taut strain.
     taut: (G, constants) -> the taut strain.
     """
     types = numeric(bits)
@@ -145,7 +147,7 @@ def tension_field(
     functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None,
     volume: FunctionFactory | None, width: FunctionFactory,
 ) -> MaterialFunctions:  # fmt: skip
-    """Functions of the relaxed energy from those of the sheet itself, see above."""
+    """Functions of the relaxed energy from those of the original material, see above."""
 
     def relaxed_functions(bits):
         mat22 = numeric(bits).mat22

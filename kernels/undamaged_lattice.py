@@ -1,17 +1,17 @@
 """Fast path of the variational bond-associated law: undamaged families inside a lattice or grid.
 
-They are identical, so all data of their reference configuration are constants in the code. With
+These families are identical, so all data of their reference configuration are compile-time constants. With
     F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
 a member of an intersection costs twelve multiplications and additions. Neighbouring intersections of a large family
-differ in a few members. The kernel therefore goes from bond to bond along a closed path and carries two sums: the
-moments sum c_k U_k (x) X_k over the present intersection, and the sum R of W P K^-1 over all bonds so far. A member
-that leaves gets c_k R X_k, one that enters gets minus that. The sums over an intersection then cost no more than what
-it differs in from the one before.
+differ in a few members. The kernel therefore goes from bond to bond along a closed path and updates two sums: the
+moments sum c_k U_k (x) X_k over the current intersection, and the sum R of W P K^-1 over all bonds so far. A member
+that leaves the intersection gets c_k R X_k; one that enters gets minus that. The cost per intersection is then only
+that of the members that enter or leave.
 
 A rotation by 90 degrees maps the stencil of a square lattice onto itself. The kernel therefore unrolls the bonds of one
 quarter and repeats them four times, each time with displacements and forces in axes rotated by 90 degrees. The family
-then stays in registers, and the code in the instruction cache of a GPU. Where the spacings along x and y differ, a
-rotation by 180 degrees does the same with the bonds of one half. The material must be isotropic.
+then fits the registers and the code fits the instruction cache of a GPU. If the spacings along x and y differ, the
+bonds of one half are repeated with a rotation by 180 degrees. The material must be isotropic.
 """
 
 import functools
@@ -37,14 +37,14 @@ def undamaged_lattice_force(
     gridded: bool,
     breakable: bool,
 ) -> Kernel:
-    """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
+    """Kernel that fills bond_force [members, ring] and the own half of the force [points] for undamaged inner families.
 
-    Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
+    Point i uses column i % ring of `bond_force`; `ring` is the number of points, or smaller if launches reuse columns.
 
     Args:
         bits: 32 or 64.
         near: Factory of stress_near, called with `bits`.
-        stencil: Stencil.
+        stencil: The family, with its constants.
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged. The points of those, and at edges, are then listed in `others`, in
@@ -83,7 +83,7 @@ def undamaged_lattice_force(
 
     @wp.func
     def turn(v: vec3):
-        """A vector in axes rotated by 90 or 180 degrees."""
+        """Components of a vector in axes rotated by 90 or 180 degrees."""
         if wp.static(half):
             return vec3(-v[0], -v[1], v[2])
         else:
@@ -91,7 +91,7 @@ def undamaged_lattice_force(
 
     @wp.func
     def turn_moments(first: vec3, second: vec3):
-        """Sums of c_k X_k1 v_k and c_k X_k2 v_k with X_k in those axes."""
+        """Sums of c_k X_k1 v_k and c_k X_k2 v_k with X_k in the rotated axes."""
         if wp.static(half):
             return -first, -second
         else:
@@ -99,14 +99,14 @@ def undamaged_lattice_force(
 
     @wp.func
     def seen(v: vec3, cosine: int, sine: int):
-        """A vector in axes rotated by a multiple of 90 degrees."""
+        """Components of a vector in axes rotated by a multiple of 90 degrees."""
         c = real(cosine)
         s = real(sine)
         return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
 
     @wp.func
     def rotated(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
-        """Displacement of the member (x, y) steps away in axes rotated by a multiple of 90 degrees."""
+        """Displacement of the member (x, y) steps away, in axes rotated by a multiple of 90 degrees."""
         across = cosine * x - sine * y
         if wp.static(gridded):
             return displacement[places[wp.static(reach) + cosine * y + sine * x, i] + across]

@@ -1,9 +1,9 @@
-"""Bond-associated visco-hyperelasticity: an equilibrium stress and Prony terms on the stress of each intersection.
+"""Bond-associated visco-hyperelasticity: a long-term stress plus Prony terms for each intersection.
 
     S = S_inf(C) + sum_p H_p,        dH_p/dt + H_p / theta_p = d S_p(C) / dt,     theta_p = time_p rate^-exponent_p
 
-S_inf is the long-term stress, S_inf + sum_p S_p the instantaneous one. All are second Piola stresses of plane stress
-and vanish in the undeformed sheet. S_p changes linearly in time over a step; the update is then exact (VE eq. 58):
+S_inf is the long-term stress, S_inf + sum_p S_p the instantaneous stress. All are plane-stress second Piola stresses
+and vanish in the undeformed sheet. If S_p changes linearly in time over a step, the update is exact (VE eq. 58):
 
     H_p <- H_p - x k H_p + k (S_p(new) - S_p(old)),        x = dt / theta_p,  k = (1 - exp(-x)) / x.
 
@@ -12,10 +12,10 @@ is the stress at some strain C_q, and the stored energy and the dissipation are
 
     Psi_p = F_p(C) - F_p(C_q) - q : (C - C_q) / 2 >= 0,      D_p = (S_p(C) - q) : (C - C_q) / (2 theta_p) >= 0
 
-for any motion, both by convexity. Energies are computed in float64 and only at frames, where C_q is searched.
-At a displacement off the path, as for the estimate of the stable step, the force responds with the instantaneous
-stiffness. `strain` [members, points] keeps C - I of the last step (11, 22, 12), `overstress` [terms * members, points]
-keeps H_p.
+for any motion, both by convexity. Energies, which need a search for C_q, are computed in float64 and only at frames. At
+a trial displacement, as in the estimate of the stable step, the force responds with the instantaneous stiffness.
+`strain` [members, points] stores C - I of the last step (11, 22, 12), `overstress` [terms * members, points] stores
+H_p.
 """
 
 import functools
@@ -35,7 +35,7 @@ SEARCH, ENOUGH = 60, 1e-11
 
 @functools.cache
 def relaxation_factors(bits: int) -> wp.Function:
-    """Function x -> (1 - exp(-x)) / x of x >= 0, with all digits of small x."""
+    """Function x -> (1 - exp(-x)) / x for x >= 0, accurate for small x."""
     real = numeric(bits).real
 
     @wp.func
@@ -55,7 +55,7 @@ def relaxation_factors(bits: int) -> wp.Function:
 
 @functools.cache
 def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
-    """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> tensor."""
+    """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> symmetric tensor."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
 
@@ -72,7 +72,7 @@ def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
 
 @functools.cache
 def overstressed(bits: int) -> wp.Function:
-    """Function (S, G, i, j, members, prony, strain, overstress) -> S with the stresses of all Prony terms [Pa]."""
+    """Function (S, G, i, j, members, prony, strain, overstress) -> S plus the stresses of all Prony terms [Pa]."""
     types = numeric(bits)
     vec3, mat22, parameters = types.vec3, types.mat22, types.parameters
     prony_stress = incompressible(yeoh).functions(bits)[0]
@@ -102,9 +102,9 @@ def overstressed(bits: int) -> wp.Function:
 
 @functools.cache
 def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
-    """Reference kernel `update`: brings strain and overstress to the end of a step and adds the viscous work [J].
+    """Reference kernel `update`: advances strain and overstress to the end of a step and adds the viscous work [J].
 
-    kernels/family_rows.py has it and the force in one. Arguments as for `bond_associated`.
+    kernels/family_rows.py combines the update with the force. Arguments as for `bond_associated`.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -118,7 +118,7 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
 
     @wp.func
     def rate_of(G: mat22, old: mat22, step: real):
-        """|dC/dt| in space, C33 = 1 / det C (VE eqs. 31 and 32)."""
+        """Rate |dC/dt| of the three-dimensional C, with C33 = 1 / det C (VE eqs. 31 and 32)."""
         change = G - old
         area = real(1.0) + G[0, 0] + G[1, 1] + wp.determinant(G)
         old_area = real(1.0) + old[0, 0] + old[1, 1] + wp.determinant(old)
@@ -177,7 +177,7 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
 
 @functools.cache
 def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
-    """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
+    """Kernel `stored_energy`: stored energy and dissipated energy of each family [points], J."""
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
@@ -264,7 +264,7 @@ def prony_energy() -> wp.Function:
 
     @wp.func
     def stored(G: wp.mat22d, H: wp.vec3d, c: wp.vec4d):
-        """Psi = F(C) - q : C / 2 minus the minimum of the potential, which is at C_q."""
+        """Psi = F(C) - q : (C - I) / 2 minus the minimum of the potential, which is at C_q."""
         S, T = response(G, c)
         q = wp.vec3d(S[0, 0] - H[0], S[1, 1] - H[1], S[0, 1] - H[2])
         value = potential(G, q, c)

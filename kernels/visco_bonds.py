@@ -1,4 +1,4 @@
-"""The visco-hyperelastic bond law as published (VE eqs. 46 to 75): a Yeoh force of the stretch, and viscous stretches.
+"""The visco-hyperelastic bond law as published (VE eqs. 46 to 75): a Yeoh bond force and viscous stretches.
 
 With J = I1 - 2 = (2 / m) sum_k w_k (|Y|^2 - |X|^2) V_k over the family of a point, w = (horizon / |X|)^2 and m =
 sum w |X|^2 V (eqs. 39 and 41), the family of i pulls its bond k with the force density
@@ -8,9 +8,9 @@ sum w |X|^2 V (eqs. 39 and 41), the family of i pulls its bond k with the force 
 where gamma is the part of the stretch |Y| / |X| that has not relaxed. The two-dimensional Yeoh energy has no pressure
 term, so t does not vanish in the undeformed sheet: 4 c10 w |X| / m. A broken bond adds nothing to J or to the force.
 
-At a displacement off the path the force responds with the instantaneous stiffness, as in kernels/visco.py. `strain`
-[members, points] keeps |Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] keeps gamma_p. The
-table `weight` is 4 w a_i a_k / sum_k w xi^2 a_k.
+At a trial displacement the force responds with the instantaneous stiffness, as in kernels/visco.py. `strain` [members,
+points] stores |Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] stores gamma_p. The table
+`weight` is 4 w a_i a_k / sum_k w xi^2 a_k.
 """
 
 import functools
@@ -35,7 +35,7 @@ class ViscoBondKernels:
         gather: Sums bond_force to the internal force [points], N.
         update: Updates strain and viscous stretch after a step.
         strain_energy: Energy of each family without Prony terms [points], J.
-        earlier_energy: Warp function of that energy a moment ago.
+        earlier_energy: Warp function of that energy at an earlier time.
     """
 
     half_forces: Kernel
@@ -46,13 +46,12 @@ class ViscoBondKernels:
 
 
 @functools.cache
-def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
+def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     """Kernels of the law.
 
     Args:
         layout: Layout of the families.
         terms: Whether there are Prony terms.
-        series: Whether the viscous stretch is updated by the series of VE eq. 60, or exactly.
     """
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -72,7 +71,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
         inverse_horizon: real,
         i: int,
     ):
-        """I1 - 2 for the displacement a time `back` ago; |Y|^2 - |X|^2 = X^2 s (2 + s)."""
+        """I1 - 2 at a time `back` before now; |Y|^2 - |X|^2 = |X|^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
@@ -145,12 +144,8 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                         x *= wp.pow(rate, term[3])
                     row = p * family.members + k
                     gamma = viscous_stretch[row, i]
-                    if wp.static(series):
-                        half = real(0.5) * x
-                        viscous_stretch[row, i] = gamma - x * gamma * (real(1.0) - half) + change * (real(1.0) - half)
-                    else:
-                        kept = retained(x)
-                        viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
+                    kept = retained(x)
+                    viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
                 strain[k, i] = s
 
     @wp.func
@@ -164,7 +159,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
         inverse_horizon: real,
         i: int,
     ):
-        """Energy c10 J + c20 J^2 of family i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
+        """Energy c10 J + c20 J^2 of family i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
         J = excess(family, intact, displacement, velocity, back, inverse_horizon, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 

@@ -1,15 +1,16 @@
 """A rigid ball tears a rubber sheet. NN paper, section 6.4 (figures 16 to 18).
 
-A neo-Hookean sheet of 1 x 1 x 0.01 m, all four edges fixed. A ball moves down at 0.1 m/s from the moment it touches
-the sheet; there is no friction. The sheet tears at a tearing energy of 8 J/m^2 with a damage length of 20 mm: at a
-strength of 58 J/m^3 a hole opens below the ball, of 0.3 m, and petals stand between the cracks that leave it. They need
-a length small against the ball; one of a third of its radius leaves a round hole, which the ball slips through.
+A neo-Hookean sheet of 1 x 1 x 0.01 m, all four edges fixed. A ball moves down at 0.1 m/s from the moment it touches the
+sheet; there is no friction. The sheet tears at a tearing energy of 8 J/m^2 with a damage length of 20 mm, i.e. a
+strength of 58 J/m^3. A hole opens below the ball of 0.3 m diameter, and petals form between the cracks that leave it.
+Petals need a length much smaller than the ball; with a third of its radius a round hole forms, through which the ball
+slips.
 
-The paper has a ball of 0.15 m, and bonds break at a stretch of 1.3: `critical_stretch=1.3`, with its horizon of 3.15.
+In the paper the ball has 0.15 m, and bonds break at a stretch of 1.3: `critical_stretch=1.3`, with a horizon of 3.15.
 It shows the damage at 1, 2, 3 and 4 s, and the torn sheet from above at 4 s; it gives no numbers to compare with. With
 its weights the energy grows once the sheet is torn, and the run ends early (`--weights published`). With the plain
 weights of the variational form the run completes without damping. At horizons of 1.5 and 2.015 such cracks follow the
-grid; at 3.15 they do not visibly. Torn edges collapse in plane, where a real sheet wrinkles: `wrinkles` = "relaxed",
+grid; at 3.15 they visibly do not. Torn edges collapse in plane, where a real sheet wrinkles: `wrinkles` = "relaxed",
 the default for laws that take it, gives the sheet the energy of tension field theory.
 
 With `--set self_contact=true` the torn flaps do not pass through each other.
@@ -57,7 +58,7 @@ def build(
     Args:
         horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
         damage_length: Length of the damage field [m]; by default 20 mm, or the horizon if that is more.
-        wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that take it.
+        wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that support it.
         ball_diameter: Diameter of the ball [m]; by default 0.3, with a critical stretch 0.15.
         ball_speed: Speed of the ball [m/s].
         clamp_can_tear: Whether bonds of the clamped points break, too.

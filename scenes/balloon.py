@@ -1,13 +1,13 @@
-"""A balloon is inflated through its largest pressure.
+"""A balloon is inflated through its pressure maximum.
 
-A sphere of neo-Hookean rubber, exactly incompressible, radius 0.1 m, 1 mm thick, mu 1 MPa, free of stress as it is. A
-pump prescribes its volume, so that the pressure may fall. Exact: p = 2 mu (h / R) (1/l - 1/l^7) at the stretch
-l = r / R, by virtual work p 4 pi r^2 dr = 4 pi R^2 h dW with W = mu/2 (2 l^2 + l^-4 - 3). It is largest at
-l = 7^(1/6) = 1.383: beyond, a balloon is easier and easier to inflate. Far beyond, it does not stay a sphere: one side
-grows thinner (`--set stretch=2.5`; Haughton and Ogden, J. Mech. Phys. Solids 26 (1978) 93-138). Mooney-Rivlin rubber
-(`--set share=0.3`) stiffens again: its pressure has a factor 1 - share + share l^2.
+A sphere of neo-Hookean rubber, exactly incompressible, radius 0.1 m, 1 mm thick, mu 1 MPa, stress-free at this radius.
+A pump prescribes its volume, so that the pressure may fall. Exact: p = 2 mu (h / R) (1/l - 1/l^7) at the stretch l = r
+/ R, by virtual work p 4 pi r^2 dr = 4 pi R^2 h dW with W = mu/2 (2 l^2 + l^-4 - 3). It is largest at l = 7^(1/6) =
+1.383: beyond it the pressure decreases. At larger stretches the balloon does not stay a sphere: one side becomes
+thinner (`--set stretch=2.5`; Haughton and Ogden, J. Mech. Phys. Solids 26 (1978) 93-138). Mooney-Rivlin rubber (`--set
+share=0.3`) stiffens again: its pressure has a factor 1 - share + share l^2.
 
-The pressure acts on flat triangles: it is too large by the volume that they lack, 0.3 % at 20 points on a quarter of
+The pressure acts on flat triangles: it is too large by their missing volume, 0.3 % at 20 points on a quarter of
 the circumference and 0.07 % at 40.
 """
 
@@ -55,7 +55,7 @@ def build(
 
     Args:
         stretch: Stretch r / R at the end [-].
-        share: Part of mu that is the second constant of Mooney-Rivlin rubber, from 0 to below 1 [-].
+        share: Fraction of mu from the second constant of Mooney-Rivlin rubber, at least 0 and less than 1 [-].
     """
     if not_negative("share", share) > 0.0:
         below_one("share", share)
@@ -108,7 +108,7 @@ def build(
 
 
 def held_in_place(sheet):
-    """The points nearest to the axes, held across them: the balloon neither moves away nor turns."""
+    """Supports of the points nearest to the axes that prevent rigid-body motion."""
     names = "xyz"
     poles = [[sheet.nearest(*(sign * RADIUS * np.eye(3)[c])) for sign in (1.0, -1.0)] for c in range(3)]
     return [Fixed(pair, names.replace(names[c], "")) for c, pair in enumerate(poles)]

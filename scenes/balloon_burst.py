@@ -1,15 +1,15 @@
 """An inflated balloon is pricked: it bursts.
 
-A latex sphere of radius 0.1 m and 0.3 mm thickness without stress, mu 0.4 MPa (Mooney-Rivlin, a tenth of it c01),
+A latex sphere of radius 0.1 m and 0.3 mm thickness when stress-free, mu 0.4 MPa (Mooney-Rivlin, a tenth of it c01),
 inflated to twice its radius by air. A needle has pricked its pole: there the damage field begins with a short crack.
-The air acts on what is whole and leaves through what is torn, as through an orifice. Rubber slackens as it snaps back,
-and wrinkles finer than the spacing: the tension field. There is no closed form. What counts is the balance of energies,
-and that the rubber snaps back no faster than its waves: at sqrt(4 mu / rho) = 40 m/s times the stretch.
+The air presses on intact triangles and leaves through torn ones, as through an orifice. The rubber goes slack as it
+snaps back and wrinkles more finely than the spacing (tension field). There is no closed form. The checks are the energy
+balance, and that the rubber snaps back no faster than its waves, sqrt(4 mu / rho) = 40 m/s times the stretch.
 
-The inflated balloon stores 1 MJ/m^3, which it must bear, and 3 Gc / (16 damage_length) is its strength. So the
-default tearing energy grows with the length that the points resolve: 80 kJ/m^2 at 10 mm, and a hole opens all around.
-For latex of 10 kJ/m^2 the length is below 1.8 mm and the spacing 0.6 mm; there cracks run, the more of them the more
-the balloon is inflated (Moulinet and Adda-Bedia, Phys. Rev. Lett. 115 (2015) 184301).
+The inflated balloon stores 1 MJ/m^3, which must be below its strength 3 Gc / (16 damage_length). So the default tearing
+energy increases with the length that the points resolve: 80 kJ/m^2 at 10 mm, and the hole opens in all directions. For
+latex of 10 kJ/m^2 the length is below 1.8 mm and the spacing 0.6 mm; there cracks run, the more of them the more the
+balloon is inflated (Moulinet and Adda-Bedia, Phys. Rev. Lett. 115 (2015) 184301).
 
 Weights are corrected: with plain ones the stress of an irregular grid is out of balance by some percent, and an
 inflated neo-Hookean sphere bulges wherever it is weakest.
@@ -55,7 +55,7 @@ def build(
         stretch: Stretch of the inflated balloon [-].
         tearing_energy: Energy of torn area [J/m^2]; by default 8 times the damage length and what a volume stores.
         damage_length: Length of the damage field [m]; by default 10 mm, or the horizon if that is more.
-        prick: Length of the crack at the start, on the balloon without stress [m].
+        prick: Length of the initial crack on the stress-free balloon [m].
     """
     top = positive("stretch", stretch) * RADIUS
     sheet = Sheet.sphere(top, thickness=THICKNESS, density=DENSITY, points=count("points", points, 8))

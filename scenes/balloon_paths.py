@@ -1,11 +1,11 @@
-"""A balloon along its whole equilibrium path: through the largest pressure, the smallest, and up again.
+"""A balloon along its whole equilibrium path: through the maximum and the minimum of the pressure.
 
 A sphere of Mooney-Rivlin rubber as in `balloon`, with a second constant of 0.1 of mu. Exact, by virtual work: the
 pressure p = 2 mu (h / R) (1/l - 1/l^7) (1 - share + share l^2) at the stretch l = r / R. It rises to a maximum, falls,
-and rises again. The follower pressure is the load (`control=pressure`): `ArcLength` follows the part that falls, which
-no given pressure holds. With `control=piston` the stroke of a piston behind a spring is given, a volume V: the pressure
-is k (V - V_balloon). The spring is half as stiff as the pressure falls with the volume between maximum and minimum, so
-there the stroke has to go back as well (snap-back), and prescribing it fails, too.
+and rises again. The follower pressure is the load (`control=pressure`): `ArcLength` follows the falling part, which is
+unstable at a given pressure. With `control=piston` the stroke of a piston behind a spring is given, a volume V: the
+pressure is k (V - V_balloon). The spring is half as stiff as the slope of the falling pressure, so there the stroke
+must also decrease (snap-back), and prescribing it fails, too.
 
 A sphere of flat triangles encloses less than the ball, so the pressure on them is larger by 0.9 % at 12 points on a
 quarter of the circumference; the exact pressure of the piston has this factor.
@@ -58,8 +58,8 @@ def build(
     Args:
         points: Points on a quarter of the circumference.
         stretch: Stretch r / R at the end [-].
-        share: Part of mu that is the second constant of Mooney-Rivlin rubber, above 0 and below 1 [-].
-        control: What is given: "pressure", or "piston", the stroke of a piston behind a spring.
+        share: Fraction of mu from the second constant of Mooney-Rivlin rubber, greater than 0 and less than 1 [-].
+        control: Prescribed quantity: "pressure", or "piston", the stroke of a piston behind a spring.
         increment: Largest change of the load factor in a step.
     """
     below_one("share", share)

@@ -1,10 +1,10 @@
 """A bulge test: a rubber membrane, clamped at its rim, is inflated, and the height of its top is measured.
 
 A Gent sheet (mu, Jm = `lock`, bulk modulus `ratio` mu), a disc or a square of radius or half side 50 mm, 1 mm thick,
-clamped on its edge under a follower pressure. Small heights tell the shear modulus, large ones how the rubber stiffens;
-so `warp-pd fit bulge_test DATA.csv --vary mu,lock --measure center_deflection` finds both from one curve of height
-against pressure (docs/fitting.md). `prestretch` is the stretch at which the sheet was clamped. The pressure rises with
-the load factor in `load_steps` steps.
+clamped on its edge under a follower pressure. Small heights determine the shear modulus, large ones the stiffening of
+the rubber; so `warp-pd fit bulge_test DATA.csv --vary mu,lock --measure center_deflection` finds both from one curve of
+height against pressure (docs/fitting.md). `prestretch` is the stretch at which the sheet was clamped. The pressure
+rises with the load factor in `load_steps` steps.
 
 The reference for the disc is the exact membrane of incompressible rubber (tools/references/shooting.py); the
 discrete one is slightly compressible.

@@ -1,11 +1,11 @@
-"""A ball is dropped on a trampoline, which throws it back.
+"""A ball is dropped on a trampoline and bounces.
 
 A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick), stretched and clamped at its edges, and a ball without
-friction, which falls on its middle. Nothing damps. Points of the sheet that meet the ball take its velocity at once, as
-in an inelastic impact: that loss, and the waves that stay in the sheet, are what the ball comes back lower by.
+friction, which falls on its middle. There is no damping. Points that touch the ball take its velocity immediately, as
+in an inelastic impact; the ball rebounds lower because of this loss and the waves that remain in the sheet.
 
-There is no closed form. What counts is the balance: energy of the ball, energy of the sheet and loss of the contact are
-together what the ball began with.
+There is no closed form. The check is the energy balance: the energies of ball and sheet and the contact loss sum to the
+initial energy of the ball.
 """
 
 from warp_pd import (
@@ -69,14 +69,14 @@ def build(
 
 
 def highest(history):
-    """Height of the ball's lowest point after it was lowest, over the sheet's plane [m]."""
+    """Rebound height of the ball's lowest point above the plane of the sheet [m]."""
     heights = [row["ball_position_z"] for row in history]
     lowest = heights.index(min(heights))
     return max(heights[lowest:])
 
 
 def energy_error(history):
-    """Change of all energies and losses over what the ball falls with."""
+    """Change of the total energy with losses, divided by the initial energy of the ball."""
     names = ("ball_kinetic", "ball_potential", "ball_loss", "half_step_kinetic", "strain")
     totals = [sum(row[name] for name in names) for row in history]
     scale = max(row["ball_kinetic"] for row in history)

@@ -1,13 +1,14 @@
 """A drum: a rubber membrane, stretched and clamped on a circle, vibrates.
 
 Radius 0.1 m, exactly incompressible neo-Hookean rubber of mu 1 MPa, 1 mm thick and 1000 kg/m^3 before it is stretched
-1.5 times in all directions. Its tension T per length over its mass per area gives Bessel's frequencies,
+1.5 times in all directions. Its tension T per length divided by its mass per area gives the frequencies of a circular
+membrane,
 
     f_mn = j_mn / (2 pi R) c,     c^2 = T / (rho h) = mu l^2 (1 - l^-6) / rho,
 
-of which the first six are compared with the modes of the discrete sheet (`natural_modes`). `--set amplitude=0.05` lifts
-the membrane 0.05 m into its slowest mode instead and lets it go: the further, the tighter, the faster. The reference is
-an axisymmetric membrane of 400 elements (tests/axisymmetric_membrane.py).
+of which the first six are compared with the modes of the discrete sheet (`natural_modes`). `--set amplitude=0.05`
+releases the membrane from its lowest mode with 0.05 m amplitude instead; the frequency increases with the amplitude.
+The reference is an axisymmetric membrane of 400 elements (tests/axisymmetric_membrane.py).
 """
 
 import itertools
@@ -75,7 +76,7 @@ def build(
 
 
 def frequencies(built):
-    """The six slowest [Hz]."""
+    """The six lowest frequencies [Hz]."""
     return natural_modes(built, len(SLOWEST), "z").frequencies
 
 

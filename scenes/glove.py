@@ -1,8 +1,8 @@
-"""The blank of a latex glove, from an SVG file, is pulled at its fingers.
+"""A flat glove blank of latex, from an SVG file, is pulled at its fingers.
 
-`glove.svg` is a hand of 153 x 185 mm; its document says its size. The sheet of 0.25 mm latex (neo-Hookean, mu 0.4 MPa)
-is held at the cuff, and the tips of all five fingers are pulled away from the palm by 30 mm. No bond crosses the gaps
-between fingers. There is no closed form: the forces of the fingers settle as the spacing shrinks.
+`glove.svg` is a hand of 153 x 185 mm; the document specifies its size. The sheet of 0.25 mm latex (neo-Hookean, mu 0.4
+MPa) is held at the cuff, and the tips of all five fingers are pulled away from the palm by 30 mm. No bond crosses the
+gaps between fingers. There is no closed form; the forces of the fingers converge as the spacing decreases.
 """
 
 from pathlib import Path
@@ -39,8 +39,8 @@ def build(
     """Build the scene.
 
     Args:
-        spacing: Distance of points [m].
-        pull: How far the fingertips are pulled [m].
+        spacing: Spacing of the points [m].
+        pull: Displacement of the fingertips [m].
     """
     rings = read_outline(OUTLINE, unit="document", tolerance=0.01 * positive("spacing", spacing))
     sheet = Sheet.outline(rings.boundary, holes=rings.holes, spacing=spacing, thickness=THICKNESS, density=DENSITY)
@@ -69,7 +69,7 @@ def build(
 
 
 def fingertips(sheet, cuff):
-    """Points of each tip, from the thumb, and the unit vector from the palm to it.
+    """Points of each fingertip, from the thumb, and the unit vector from the palm to it.
 
     Tips are the points of the edge that are furthest from the palm, 30 mm from each other, away from the cuff.
     """

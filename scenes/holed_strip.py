@@ -1,14 +1,15 @@
-"""A strip with a hole is pulled; one picture of its displacements and the force tell the constants of Ogden's rubber.
+"""A strip with a hole is pulled; one displacement field and the force determine the constants of an Ogden material.
 
 100 x 50 mm, 1 mm thick, a hole of radius 10 mm in the middle, both short edges in grips. The rubber is Ogden's with one
 term (mu1, a1), or two if mu2 is not 0. Around the hole the sheet is in uniaxial tension, pure shear and all states
-between, so that one picture sees them all. Displacements alone tell the exponents and the ratio of the moduli, never
-their size: that takes the force.
+between, so one displacement field contains all of them. Displacements alone determine the exponents and the ratio of
+the moduli; their magnitude needs the force.
 
     warp-pd fit holed_strip picture.csv force.csv --vary mu1,a1
 
 with columns stretch, x, y, u, v in the picture (places and displacements from a camera, digital image correlation) and
-stretch, edge_force in the other file (docs/fitting.md). `stretch` is the distance of the grips over their first one.
+stretch, edge_force in the other file (docs/fitting.md). `stretch` is the distance of the grips divided by the initial
+distance.
 """
 
 import numpy as np

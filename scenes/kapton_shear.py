@@ -13,9 +13,9 @@ steps of Newton to the same equilibrium, but no prestress to report. Use multipl
 as in the paper. Otherwise a horizon of just 3 spacings loses the longest bonds along one axis, which changes the
 prestress by up to 40 %.
 
-`law`: "bonds" is the paper's, bond by bond slack. "tension_field" is the sheet of the same moduli that wrinkles below
-the spacing, in the bond-associated form: its wide strip in shear carries a uniaxial stress, E times the larger
-principal strain, 22.6 MPa, and its free ends keep their stiffness, so that the prestress needs no factor.
+`law`: "bonds" is the paper's law, in which single bonds go slack. "tension_field" is the bond-associated law with the
+same moduli and tension field theory: a wide strip in shear carries a uniaxial stress, E times the larger principal
+strain, 22.6 MPa, and its free ends keep their stiffness, so that the prestress needs no factor.
 """
 
 import numpy as np
@@ -56,7 +56,7 @@ def build(
     """Build the scene.
 
     Args:
-        shear: How far the upper edge moves along x [m].
+        shear: Displacement of the upper edge along x [m].
     """
     finite("shear", shear)
     bonds = one_of("law", law, ("bonds", "tension_field")) == "bonds"

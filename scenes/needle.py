@@ -45,7 +45,7 @@ def build(
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         thickness: Diameter of the needle, in spacings.
         speed: Speed of the needle [m/s].
-        depth: How far the tip is pushed [m].
+        depth: Distance by which the tip is pushed [m].
     """
     sheet = Sheet.rectangle(0.15, 0.15, thickness=1e-3, density=1000.0, points=count("points", points, 21))
     diameter, length = positive("thickness", thickness) * sheet.spacing, 0.2

@@ -4,8 +4,8 @@
 Pa, nu 1/3, no compressive modulus; the ends move apart by Ux each, bonds break at a strain of 6e-3. The paper shows
 crack and wrinkle level at Ux = 2.1, 2.4, 2.7 and 3.0e-4 m, without numbers; the membrane next to the crack is slack.
 
-`law`: "bonds" is the paper's, bond by bond slack. With free sides its rows of points part from each other instead of
-tearing at the notch (docs/papers/im.md). "tension_field" is the one to take: the relaxed energy of tension field theory
+`law`: "bonds" is the paper's law, in which single bonds go slack. With free sides its rows of points separate instead
+of tearing at the notch (docs/papers/im.md). "tension_field" is recommended: the relaxed energy of tension field theory
 in the bond-associated form, with the same modulus and critical strain. Its crack begins at the notch.
 
 `solver`: "newton" and "relaxation" follow the static path by the paper's procedure: one load step to `start`, the

@@ -41,7 +41,7 @@ def build(
         boundary_force: A of the empirical force along the free edges [N/m^7].
         form: Direction of that force: "normal" or "printed".
         speed: Speed of each edge [m/s].
-        travel: How far each edge moves [m].
+        travel: Displacement of each edge [m].
     """
     sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
     left, right = sheet.edges("left"), sheet.edges("right")

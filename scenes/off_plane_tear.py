@@ -58,7 +58,7 @@ def build(
         boundary_force: A of the empirical force along free edges [N/m^7].
         cut: Length of the cut [m].
         speed: Speed of each leg [m/s].
-        travel: How far each leg moves [m].
+        travel: Displacement of each leg [m].
     """
     side = 0.1
     horizon = horizon_for_tears(horizon, critical_stretch)

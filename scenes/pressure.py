@@ -24,7 +24,7 @@ def build(
     """Build the scene.
 
     Args:
-        follower: Whether the pressure turns with the sheet.
+        follower: Whether the pressure follows the deformed surface.
     """
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance),

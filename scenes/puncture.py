@@ -1,11 +1,11 @@
 """A ball is pushed through a clamped silicone sheet with a slit: force and depth when the slit tears open.
 
 A square of 60 mm, 0.3 mm thick, mu 0.4 MPa, Gc 1 kJ/m^2, rho 1000 kg/m^3; a rigid ball of 30 mm in diameter is lowered
-onto its middle, which has a slit of 12 mm. There is no closed form. What counts is that force and depth at puncture
-depend on neither the grid nor the spacing: the slit is a crack, and its energy release rate decides when it grows. So
-it must be long against the damage length and against Gc / mu, here 2.5 mm. Through a slit of 4 mm in latex, whose
-Gc / mu is 12 mm, the ball slips and tears nothing. A sheet without a crack (`slit` = 0) tears where its energy density
-reaches 3 Gc / (16 damage_length).
+onto its middle, which has a slit of 12 mm. There is no closed form. The check is that force and depth at puncture
+depend on neither the grid nor the spacing: the slit is a crack, which grows when its energy release rate reaches Gc. So
+it must be much longer than the damage length and than Gc / mu, here 2.5 mm. Through a slit of 4 mm in latex, whose Gc /
+mu is 12 mm, the ball slips without tearing. A sheet without a crack (`slit` = 0) tears where its energy density reaches
+3 Gc / (16 damage_length).
 
 The sheet snaps back when the ball is through. Only then do the energies miss their balance, by an amount that goes
 with the squared step, whatever breaks: 0.5 % at the default `safety` of tears, half of it here.
@@ -52,7 +52,7 @@ def build(
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         slit: Length of the slit [m]; 0: there is none.
         speed: Speed of the ball, slow against waves of 20 to 100 m/s [m/s].
-        depth: How far the ball is lowered [m].
+        depth: Distance by which the ball is lowered [m].
     """
     sheet = Sheet.filled(
         SIZE, SIZE, thickness=THICKNESS, density=DENSITY, points=count("points", points, 9), turn=turn, jitter=jitter,

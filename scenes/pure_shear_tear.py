@@ -7,7 +7,7 @@ reaches the tearing energy Gc: `onset_ratio` is G / Gc when the tip has moved by
 
 `tearing_energy` is Gc [J/m^2]. The edges move apart until G is `overload` times Gc, slow against waves, and most slowly
 from 0.9 to 1.15 Gc, where it may tear: while the tear runs G goes on growing. `material` is one of MATERIALS;
-`wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
+with `wrinkles` = "relaxed" it wrinkles more finely than the spacing, with "resolved" it does not.
 """
 
 import math

@@ -1,8 +1,8 @@
 """A crack that runs along a stretched strip, faster the more it is stretched. Rivlin and Thomas (1953).
 
 The strip of `pure_shear_tear`, 6 H long with a cut of 1.5 H, is stretched until the energy release rate G = H W is
-`overload` times the tearing energy Gc, and then let go: its cut opens, and the crack runs with the grips at rest. What
-reaches the tip is Gc; the rest of G goes into waves and damping. No crack in plane can pass the shear wave speed of the
+`overload` times the tearing energy Gc, and then let go: its cut opens, and the crack runs with the grips at rest. The
+tip takes Gc; the rest of G goes into waves and damping. No crack in plane can pass the shear wave speed of the
 stretched sheet, which for a neo-Hookean sheet in pure shear is sqrt(mu / rho) = 1 m/s at any stretch, measured in the
 undeformed sheet.
 

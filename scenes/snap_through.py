@@ -1,8 +1,8 @@
-"""A rubber disc that snaps: inflated past its largest pressure, it jumps to where the rubber stiffens.
+"""A rubber disc that snaps through: inflated past its pressure maximum, it jumps to a stiffer state.
 
 A disc of Yeoh rubber (c10 50 kPa, c30 5 Pa), radius 50 mm, 1 mm thick, clamped at its rim, under a follower pressure
-that ends at 6 kPa. The pressure has a maximum at a height of 60 mm and a minimum at 121 mm; between them no given
-pressure holds the disc, so `solver=newton` jumps there and says so, while `ArcLength` follows the fold between both
+that ends at 6 kPa. The pressure has a maximum at a height of 60 mm and a minimum at 121 mm; between them the disc is
+unstable at a given pressure, so `solver=newton` jumps and adds a note, while `ArcLength` follows the path between both
 branches.
 
 The reference is the exact membrane (tools/references/shooting.py, with cubic = c30 / c10).

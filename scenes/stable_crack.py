@@ -1,8 +1,9 @@
 """A wedge opens a strip, and its crack grows in static equilibrium. Griffith's curve, after Rivlin and Thomas (1953).
 
-The strip of `pure_shear_tear`, 4 H long with a cut of 1.25 H, in plane. Both long edges are held; what they move apart
-falls along the strip to zero at 5 H from its left end, as by a wedge. When the slope of the opening grows, the crack
-must grow: its energy release rate G falls towards the hinge. `growth` says by how much, in H.
+The strip of `pure_shear_tear`, 4 H long with a cut of 1.25 H, in plane. Both long edges are held; their opening
+decreases linearly along the strip to zero at 5 H from its left end, as by a wedge. When the slope of the opening
+increases, the crack grows stably, because its energy release rate G decreases towards the hinge. `growth` is its growth
+in H.
 
 Griffith: in every equilibrium G(length, slope) = Gc. Ahead of the tip G is H W(stretch) but for 1 to 4 %, see
 `stored_energy`. The length of the crack is that of the cut with which an elastic strip stores as much energy;
@@ -111,7 +112,7 @@ def wedged_strip(points, cut, times, slopes):
 
     Args:
         times: [s].
-        slopes: What the edges move apart over the distance from the hinge [-], one per time.
+        slopes: Opening of the edges divided by the distance from the hinge [-], one per time.
     """
     sheet, *grips = strip(points, LENGTH * HEIGHT, cut)
     loads = [Fixed(np.arange(sheet.size), "z")]
@@ -146,7 +147,7 @@ def release_rate(length, slope):
 
 
 def length_of(falling, value):
-    """Length [m] at which a falling function of it has a value; that of the nearest end where it has none."""
+    """Length [m] at which a decreasing function has a value; clipped to the ends of its range."""
     shortest, longest = CUT * HEIGHT, LONGEST * HEIGHT
     if value >= falling(shortest):
         return shortest

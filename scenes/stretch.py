@@ -90,8 +90,8 @@ def build(
 
     Args:
         defect: none, hole, crack, inclusion or stiff_inclusion.
-        law: Mode whose constants the bonds take; auto: the scene's.
-        grip: What edges hold: roller the direction across the edge, clamp both.
+        law: Mode whose constants the bonds use; auto: the scene's.
+        grip: Held directions at the edges: roller, only across the edge; clamp, both.
     """
     one_of("mode", mode, MODES)
     one_of("defect", defect, DEFECTS)
@@ -161,9 +161,9 @@ def build(
 
 
 def openings(sheet: Sheet, defect: str) -> list[Measure]:
-    """How far the rim of a hole on the x and the y axis, or a face and the tip of a crack, move from the centre [m].
+    """Displacement from the centre [m] of a hole's rim on the x and y axes, or of a crack's face and tip.
 
-    On a sheet of cells they are those of the nearest points, up to 0.7 spacings away.
+    On a sheet of cells the nearest points are used, up to 0.7 spacings away.
     """
     if defect not in ("hole", "crack"):
         return []
@@ -201,7 +201,7 @@ def with_defect(sheet: Sheet, defect: str) -> Sheet:
 
 
 def outlined(points: int, defect: str) -> Sheet:
-    """The sheet of the bond-associated law, centred at the origin: points on all edges, those of the defect too."""
+    """The sheet of the bond-associated law, centred at the origin, with points on all edges and on the defect."""
     if defect in ("none", "stiff_inclusion"):
         sheet = Sheet.rectangle(
             SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points, origin=(-HALF, -HALF)
@@ -224,7 +224,7 @@ def stiff_inside(sheet: Sheet) -> Sheet:
 
 
 def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed | Motion]:
-    """Edges, or layers outside, that move as in a uniform stretch; all points are held in the plane."""
+    """Motions of the edges, or of the layers outside, as in a uniform stretch, and in-plane supports of all points."""
     x, y = np.abs(sheet.points).T >= HALF * (1.0 - 1e-9)
     across = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": 1.0}[mode]
     if mode == "uniaxial":
@@ -245,7 +245,7 @@ def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed |
 
 
 def reference(mode: str, defect: str, grip: str, stretch: float) -> tuple[float | None, str]:
-    """Force on an edge [N] and where it comes from, if it is known."""
+    """Reference force on an edge [N] and its source, if known."""
     if defect == "none" and (mode != "uniaxial" or grip == "roller"):
         return MU * SIDE * THICKNESS * exact_traction(mode, stretch), "exact, incompressible neo-Hookean"
     if defect == "none":

@@ -1,10 +1,10 @@
-"""A tube is pulled and inflated at once.
+"""A tube is pulled and inflated simultaneously.
 
-Neo-Hookean rubber, exactly incompressible, radius 20 mm, 1 mm thick, 60 mm long, mu 1 MPa, free of stress as it is.
-Both ends keep to their planes and slide in them without friction; one is pulled away while a pump prescribes the
-volume. The strain is then the same everywhere. With the stretches a around and b along, and
-W = mu/2 (a^2 + b^2 + 1/(a b)^2 - 3), virtual work gives the pressure p = (h / R) (1 / (a b)) dW/da, and the force on an
-end, besides that of the pressure on its lid, N = 2 pi R h dW/db.
+Neo-Hookean rubber, exactly incompressible, radius 20 mm, 1 mm thick, 60 mm long, mu 1 MPa, initially stress-free. Both
+ends stay in their planes and slide in them without friction; one is pulled away while a pump prescribes the volume. The
+strain is then the same everywhere. With the stretches a around and b along, and W = mu/2 (a^2 + b^2 + 1/(a b)^2 - 3),
+virtual work gives the pressure p = (h / R) (1 / (a b)) dW/da, and the force on an end, besides that of the pressure on
+its lid, N = 2 pi R h dW/db.
 """
 
 import numpy as np
@@ -55,8 +55,8 @@ def build(
 
     Args:
         points: Points around the tube.
-        around: Stretch around the tube at the end [-].
-        along: Stretch along the tube at the end [-].
+        around: Final stretch around the tube [-].
+        along: Final stretch along the tube [-].
     """
     sheet = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=points)
     duration = 0.1 if solver == "explicit" else 1.0
@@ -117,7 +117,7 @@ def build(
 
 
 def held_in_place(sheet):
-    """The bottom in its plane, and four of its points on the axes: the tube neither moves away nor turns."""
+    """Supports of the bottom in its plane, and of four of its points, which prevent rigid-body motion."""
     bottom = sheet.edges("bottom")
     on_x, on_y = ([sheet.nearest(*(s * RADIUS * axis)) for s in (1.0, -1.0)] for axis in np.eye(3)[:2])
     return [Fixed(bottom, "z"), Fixed(on_x, "y"), Fixed(on_y, "x")]

@@ -1,8 +1,8 @@
-"""A rubber sheet lies on another one and is pulled over it: the pull is the friction times the weight.
+"""A rubber sheet is pressed on another one and pulled over it: the pull is the friction force.
 
 Two neo-Hookean sheets (mu 1 MPa, 1 mm thick). The lower one, 0.1 x 0.06 m, is held everywhere; the upper one, 0.04 m
 square and turned by 17 degrees, is pressed on it by a pressure and pulled along x at 0.2 m/s by its right edge. Mass
-damping takes out the vibrations of the start, as air and the rubber's own losses would.
+damping removes the initial vibrations, as air and losses in the rubber would.
 
 The reference is the pull coefficient x pressure x area. Surfaces of points are bumpy, and bumps resist: points that
 keep 2.5 spacings instead of 1.5 make the surface smoother, and the pull 1 % instead of 4 % too large.
@@ -81,7 +81,7 @@ def build(
 
 
 def pull(history):
-    """Work of the supports over the way in the second half of the run [N], without what mass damping takes of it."""
+    """Work of the supports divided by the distance in the second half of the run [N], without mass damping."""
     half = [row for row in history if row["time"] >= 0.5 * history[-1]["time"]]
     way = half[-1]["slip"] - half[0]["slip"]
     work, lost = (half[-1][name] - half[0][name] for name in ("external", "damping"))

@@ -139,7 +139,7 @@ def outlined(points: int, density: float) -> Sheet:
 
 
 def stepped(points: int, density: float, horizon: float, families: int) -> Sheet:
-    """The sheet of cells, with layers of points outside that are so many families wide."""
+    """The sheet of cells, with layers of points outside; their width is `families` families."""
     # The published law's stress at a point depends on the complete families of its neighbours.
     layers = 2 * (math.ceil(horizon) * families,)
     return Sheet.rectangle(

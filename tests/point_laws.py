@@ -17,7 +17,7 @@ def build(sheet, law, precision=64, device="cpu", solver=None, **parts):
 
 def tiny(seed=0, hidden=(5, 7), **changes):
     """A network with random weights, without force on an undeformed bond."""
-    from warp_pd.laws.neural.training import at_rest
+    from network_training import at_rest
 
     rng = np.random.default_rng(seed)
     sizes = [4, *hidden, 2]

@@ -1,5 +1,7 @@
 """Frames of a small sheet that tears under a ball, for the tests of writers."""
 
+from contextlib import closing
+
 import numpy as np
 
 from warp_pd.interfaces.frame import Frame, Surface
@@ -56,7 +58,7 @@ def make_frame_with_fields(surface: Surface, at: int, **changes) -> Frame:
 def write_all(writer, path, first=0, last=FRAMES, frame=make_frame, **options) -> Surface:
     """The frames first to last - 1, written by a class of writers."""
     surface = make_surface()
-    with writer(path, surface, **options) as open_file:
+    with closing(writer(path, surface, **options)) as open_file:
         for index in range(first, last):
             open_file.write(frame(surface, index))
     return surface

@@ -10,7 +10,6 @@ TERMS = (Prony(c10=0.1e6, c20=0.01e6, time=1.0), Prony(c10=0.05e6, time=0.1))
 LAWS = {
     "stress-free": Visco(POLYUREA, horizon=2.015, prony=TERMS),
     "published": ViscoBondBased(POLYUREA, prony=TERMS, horizon=2.015),
-    "published, series": ViscoBondBased(POLYUREA, prony=TERMS, horizon=2.015, update="series"),
 }
 HEAVY = 1e20
 

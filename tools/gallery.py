@@ -58,6 +58,7 @@ class Shown:
 SCENES: dict[str, Shown] = {
     "ball_penetration": Shown({"frames": 60}, share=0.95),
     "balloon": Shown({"points": 12}, "displacement"),
+    "balls_on_a_sheet": Shown({"points": 21, "duration": 0.12, "frames": 2}, "displacement along z"),
     "balloon_burst": Shown({"points": 24, "frames": 30}, share=0.5),
     "balloon_paths": Shown({"points": 7}, "displacement", 0.6, "3D"),
     "bimodular_bar": Shown({"points": 100}),
@@ -73,6 +74,7 @@ SCENES: dict[str, Shown] = {
     "flaw_sensitivity": Shown({"points": 40, "frames": 60}, view="top"),
     "folded_sheet": Shown({"points": 61, "frames": 40}, "displacement", 0.7),
     "glove": Shown({"spacing": 4e-3}, "displacement"),
+    "gripper": Shown({"points": 31, "duration": 0.034, "frames": 3}, view="top"),
     "holed_strip": Shown({"points": 41}, "displacement along x", view="top"),
     "kapton_shear": Shown({"points": 76, "tolerance": 1e-6}, "wrinkle level"),
     "metamaterial": Shown({"points": 30, "horizon": 2.015, "crack": True}),

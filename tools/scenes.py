@@ -82,6 +82,8 @@ SCENES = (
         {"points": 25, "horizon": 2.015, "duration": 0.2, "frames": 40},
     ),
     SceneCase("needle", "Needle", {"points": 31, "frames": 20}),
+    SceneCase("balls_on_a_sheet", "A dozen balls", {"points": 21, "duration": 0.3, "frames": 30}),
+    SceneCase("gripper", "Gripper", {"points": 31, "frames": 30}),
     SceneCase("folded_sheet", "Strip that folds", {"points": 41, "frames": 40}),
     SceneCase("two_sheets", "A sheet pulled over another one", {"points": 17, "frames": 20}),
 )  # fmt: skip

@@ -22,9 +22,13 @@ if [ "${1:-}" = test ]; then
   shift
   .venv/bin/ruff check .
   .venv/bin/ruff format --check .
-  bash tools/check_structure.sh
+  # Beside the tests: it takes one core half a minute.
+  bash tools/check_structure.sh & structure=$!
+  status=0
   # Tests of a file share kernels: one process compiles them once.
-  exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile "$@"
+  .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile "$@" || status=$?
+  wait "$structure" || { echo "LAYERS OR TYPES: see the messages of tools/check_structure.sh above"; status=1; }
+  exit "$status"
 fi
 if [ "${1:-}" = docs ]; then
   shift

@@ -1,4 +1,4 @@
-"""What the studies share: options, runs of scenes, numbers with their origin, pages, pictures, one-line errors.
+"""What the studies share: options, runs of scenes, numbers with their origin, pages, one-line errors.
 
 Modules of the package without public names are imported here and nowhere else in the studies, as far as possible.
 """
@@ -16,7 +16,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -33,8 +32,6 @@ from warp_pd.run.scene_files import build_scene
 __all__ = ["build_scene"]
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS = ROOT / "docs", ROOT / "runs"
-# Finite-element solutions.
-REFERENCES = ROOT / "tests" / "physics" / "references" / "data"
 Row = dict[str, Any]
 
 
@@ -165,7 +162,7 @@ def _six_digits(value: Any) -> Any:
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
-# Pages and pictures -----------------------------------------------------------------------------------------
+# Pages --------------------------------------------------------------------------------------------------------
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -203,20 +200,6 @@ def renew(path: Path, sections: Mapping[str, Sequence[str]]) -> None:
     write_page(path, text.rstrip() + "\n")
 
 
-@contextmanager
-def picture(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (5.0, 4.2)) -> Iterator[Any]:
-    """Draw a picture: gives its axes, (rows, columns), and writes the file at the end. `size` is that of a panel."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for panel in axes.flat:
-        panel.grid(alpha=0.3)
-    yield axes
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=70)
-
-
 # The command line -------------------------------------------------------------------------------------------
 
 
@@ -243,7 +226,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "work": {"type": Path, "help": "folder of the runs; finished runs in it are not repeated"},
     "out": {"type": Path, "help": "file to write; pictures and numbers go beside it"},
     "only_page": {"action": "store_true", "help": "run nothing; make the page from what is there"},
-    "missing": {"action": "store_true", "help": "run only what the numbers do not have yet"},
     "commit": {"help": "commit to name on the page, for a copy without a repository"},
 }
 

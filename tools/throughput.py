@@ -12,6 +12,23 @@ import dataclasses
 from study import find_device, provenance, renew, run_tool, save_rows, study_parser
 
 from warp_pd.run import bench
+from warp_pd.run.bench import Case
+
+
+def feature_cases(points: int, horizon: float) -> list[Case]:
+    """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
+    alone = [Case(points, horizon, features=(feature,)) for feature in bench.FEATURES]
+    torn = [Case(points, horizon, features=("rupture",), damaged=fraction) for fraction in (0.01, 1.0)]
+    torn += [Case(points, horizon, features=(bench.DAMAGE_FIELD,), damaged=part) for part in (0.0, 0.01, 0.05)]
+    return [
+        Case(points, horizon),
+        *alone,
+        Case(points, horizon, features=bench.FEATURES),
+        *torn,
+        Case(points, horizon, layout="hole"),
+        Case(points, horizon, layout="cloud"),
+        Case(points, horizon, fast=False),
+    ]
 
 
 def main() -> None:
@@ -32,7 +49,7 @@ def main() -> None:
     groups = {"Sizes": bench.sweep(options.points, options.horizon, options.precision)}
     for points in options.features_at:
         for horizon in options.horizon:
-            groups[f"Features, {points} x {points} points, horizon {horizon:g}"] = bench.feature_cases(points, horizon)
+            groups[f"Features, {points} x {points} points, horizon {horizon:g}"] = feature_cases(points, horizon)
     made = provenance(device.name, options.commit)
     sections = {
         "# Time of a step": [

@@ -2,12 +2,12 @@
 
     python tools/train_neural_law.py --out my_law.npz --bulk 50e3
     python tools/train_neural_law.py --out gent.npz --material gent --lock 160 --stretches 0.6 5
-    python tools/train_neural_law.py --out warp_pd/neo_hookean_100.npz --steps 300            # the default network
+    python tools/train_neural_law.py --out warp_pd/laws/neural/neo_hookean_100.npz --steps 300    # the default network
 
-Writes the model file, and beside it a folder of the same name with `parity.png`, `error_by_stretch.png` and
-`report.md`. The report holds the errors on the held-out 15 % and on a dense sample that training never saw, and the
-worst cases. Errors are relative to the force on the bond, or to 0.1 mu where the force is smaller. The file can be used
-as `Neural(material, network="my_law.npz")` and as `warp-pd run SCENE --force my_law.npz`. Training needs torch.
+Writes the model file, and beside it my_law.md: the errors on the held-out 15 % and on a dense sample that training
+never saw, and the worst cases. Errors are relative to the force on the bond, or to 0.1 mu where the force is smaller.
+The file can be used as `Neural(material, network="my_law.npz")` and as `warp-pd run SCENE --force my_law.npz`. Training
+needs torch.
 """
 
 from __future__ import annotations
@@ -17,12 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import picture, provenance, run_tool, study_parser, table, write_page
-from tqdm import tqdm
-
-from warp_pd import Gent, NeoHookean
-from warp_pd.laws.neural.networks import Network
-from warp_pd.laws.neural.training import (
+from network_training import (
     FLOOR,
     Training,
     TrainingData,
@@ -32,39 +27,14 @@ from warp_pd.laws.neural.training import (
     train,
     training_data,
 )
+from study import provenance, run_tool, study_parser, table, write_page
+from tqdm import tqdm
+
+from warp_pd import Gent, NeoHookean
+from warp_pd.laws.neural.networks import Network
 
 # States of the dense sample.
 DENSE = 100_000
-
-
-def parity(path: Path, network: Network, data: TrainingData) -> None:
-    """Forces of the network over those of the law, both components."""
-    found = network.evaluate(data.features)
-    with picture(path, 1, 2) as axes:
-        for c, name in enumerate(("along the bond", "across the bond")):
-            panel, law = axes[0, c], data.forces[:, c]
-            panel.plot(law, found[:, c], ".", markersize=2)
-            panel.plot([law.min(), law.max()], [law.min(), law.max()], "k-", linewidth=0.6)
-            panel.set(title=name, xlabel="law, T / mu", ylabel="network, T / mu")
-
-
-def error_by_stretch(path: Path, data: TrainingData, errors: np.ndarray) -> None:
-    """Largest and mean relative error in bins of the bond's stretch, and over both principal stretches."""
-    stretch = data.features[:, 0]
-    edges = np.linspace(stretch.min(), stretch.max(), 33)
-    which = np.clip(np.digitize(stretch, edges) - 1, 0, len(edges) - 2)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    with picture(path, 1, 2) as axes:
-        left, right = axes[0]
-        for name, function in (("largest", np.max), ("mean", np.mean)):
-            values = [function(errors[which == b]) if (which == b).any() else np.nan for b in range(len(middle))]
-            left.semilogy(middle, values, label=name)
-        left.set(xlabel="bond stretch", ylabel="relative error")
-        left.legend()
-        first, second, _ = data.states.T
-        drawn = right.hexbin(first, second, errors, reduce_C_function=np.max, gridsize=40, bins="log")
-        right.set(xlabel="principal stretch 1", ylabel="principal stretch 2")
-        right.figure.colorbar(drawn, ax=right, label="largest relative error")
 
 
 def report(network: Network, training: Training, dense: TrainingData, errors: np.ndarray) -> str:
@@ -156,12 +126,8 @@ def main() -> None:
     network.save(options.out)
     dense = training_data(material, sampled_states(training.stretches, DENSE, training.seed + 1))
     errors = relative_errors(network.evaluate(dense.features), dense.forces)
-    folder = options.out.with_suffix("")
-    folder.mkdir(exist_ok=True)
-    parity(folder / "parity.png", network, dense)
-    error_by_stretch(folder / "error_by_stretch.png", dense, errors)
     text = report(network, training, dense, errors)
-    write_page(folder / "report.md", text)
+    write_page(options.out.with_suffix(".md"), text)
     print(text)
 
 

@@ -1,8 +1,8 @@
-"""Peridynamics of thin rubber sheets, on NVIDIA Warp.
+"""Peridynamics of thin rubber sheets on NVIDIA Warp.
 
     from warp_pd import Sheet, Simulation, BondAssociated, NeoHookean, Explicit, Fixed, RigidBall, CriticalStretch
 
-See README.md and the files in `scenes/`, which are meant to be read and changed.
+See README.md and the examples in `scenes/`, which are meant to be read and modified.
 """
 
 from typing import TYPE_CHECKING
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         Sphere,
         TearingEnergy,
         TriangleMesh,
+        newton_bodies,
     )
     from .run.built import Built
     from .run.result import Result
@@ -90,7 +91,7 @@ else:
             "geometry.together": "placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
             "EnclosedVolume Fixed Free Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
-            "Sphere TearingEnergy TriangleMesh",
+            "Sphere TearingEnergy TriangleMesh newton_bodies",
             "run.result": "Result",
             "run.scene": "Measure Outcome",
             "geometry.curves": "Circle Polygon Spline",
@@ -172,6 +173,7 @@ __all__ = [
     "ViscoBondBased",
     "Yeoh",
     "draw_sheet",
+    "newton_bodies",
     "placed",
     "read_frame",
     "read_mesh",

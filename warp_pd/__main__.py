@@ -1,6 +1,6 @@
 """Command line: warp-pd list, run, sweep, plan, draw, view, fit, info, bench.
 
-A command imports what it needs when it runs: the help must not wait for Warp.
+Each command imports its dependencies when it runs, so that help texts appear without loading Warp.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .run.scene_help import SceneCommand
 
 
 class OneLineGroup(click.Group):
-    """A group that reports wrong input in one line and exits with code 2."""
+    """A command group that reports input errors in one line and exits with code 2."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -50,7 +50,7 @@ class OneLineGroup(click.Group):
 
 
 def _refused(text: str) -> int:
-    """Say why input is refused; the exit code."""
+    """Print the reason why input is refused, and return the exit code."""
     from .run.processes import WRONG_INPUT
 
     _say(text)
@@ -58,7 +58,7 @@ def _refused(text: str) -> int:
 
 
 def _say(text: str) -> None:
-    """One line on stderr; of several processes the first says it."""
+    """Print one line to stderr, from the first process only."""
     from .run.processes import is_first
 
     if is_first():
@@ -68,17 +68,17 @@ def _say(text: str) -> None:
 @click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="warp-pd")
 def main() -> None:
-    """Peridynamics of thin rubber sheets that stretch, wrinkle, tear and get pierced."""
+    """Peridynamics of thin rubber sheets: stretching, wrinkling, tearing and puncture."""
 
 
 def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:
-    """Arguments of a scene: those that have an option of their own, and those of --set."""
+    """Arguments of a scene, from named options and from --set."""
     settings = {key: value for key, value in named.items() if value is not None}
     return settings | _assigned(assignments, settings)
 
 
 def _assigned(assignments: tuple[str, ...], given: dict[str, Any]) -> dict[str, str]:
-    """The arguments of --set NAME=VALUE, none of which may be given already."""
+    """Parse the --set NAME=VALUE assignments; none may repeat an argument in `given`."""
     found: dict[str, str] = {}
     for text in assignments:
         key, separator, value = text.partition("=")
@@ -87,15 +87,15 @@ def _assigned(assignments: tuple[str, ...], given: dict[str, Any]) -> dict[str, 
         name = key.strip().replace("-", "_")
         earlier = given.get(name, found.get(name))
         if earlier is not None:
-            raise InputError(f"--set {text}: {name} = {earlier} is given already; expected one value")
+            raise InputError(f"--set {text}: {name} = {earlier} is already given; expected only one value")
         found[name] = value.strip()
     return found
 
 
 def _of_a_sweep(command: Any) -> Any:
-    """Options of `sweep` that take values separated by commas."""
+    """Add the options of `sweep` that take comma-separated values."""
     values = "VALUE,VALUE,..."
-    assigned = "Values of a parameter of the scene, separated by commas; tuples in brackets. May be repeated."
+    assigned = "Comma-separated values of an argument of the scene; tuples in brackets. May be repeated."
     command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
     for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
         command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
@@ -103,7 +103,7 @@ def _of_a_sweep(command: Any) -> Any:
 
 
 def _scene_options(command: Any) -> Any:
-    """Options common to `run` and `plan`."""
+    """Add the options common to `run` and `plan`."""
     options = [
         click.argument("scene"),
         click.option("--points", type=int, help="Points along x."),
@@ -115,14 +115,14 @@ def _scene_options(command: Any) -> Any:
         ),
         click.option("--weights", help="published, plain, corrected or auto."),
         click.option("--solver", help="explicit, relaxation or newton, in static scenes."),
-        click.option("--duration", type=float, help="Simulated time [s], in scenes that take one."),
+        click.option("--duration", type=float, help="Simulated time [s], in scenes that have this argument."),
         click.option("--frames", type=int, help="Number of frames after the first, in dynamic scenes."),
         click.option(
             "--set",
             "assignments",
             multiple=True,
             metavar="NAME=VALUE",
-            help="A parameter of the scene; may be repeated.",
+            help="An argument of the scene; may be repeated.",
         ),
         click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available."),
         click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers."),
@@ -142,11 +142,15 @@ def list_scenes() -> None:
 
 @main.command(cls=SceneCommand)
 @_scene_options
-@click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if it holds some.")
-@click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
+@click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if results exist.")
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Continue the run in the folder, by default in the newest one, from its restart file.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
-@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf; no pictures are drawn then.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf, and draw no pictures.")
 @click.option(
     "--fields",
     help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
@@ -154,12 +158,17 @@ def list_scenes() -> None:
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
-@click.option("--stride", type=int, default=1, help="Frames hold every n-th column and row of a lattice, n = stride.")
-@click.option("--no-restart", is_flag=True, help="Do not write restart.npz: the run cannot go on.")
+@click.option("--stride", type=int, default=1, help="Store only every n-th column and row of a lattice in frames.")
+@click.option("--no-restart", is_flag=True, help="Do not write restart.npz; the run cannot be resumed.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
-@click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
-@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
+@click.option("--gpus", type=int, default=1, help="Divide the sheet among this number of GPUs.")
+@click.option(
+    "--processes",
+    type=int,
+    default=1,
+    help="Divide the sheet among this number of processes; with --device cpu they share the cores.",
+)
 def run(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
     resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
@@ -227,18 +236,23 @@ def run(
 @click.option("--overwrite", is_flag=True, help="Run everything again.")
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
 @click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
-@click.option("--quiet", is_flag=True, help="Print the table alone.")
-@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among so many GPUs of this machine.")
-@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
+@click.option("--quiet", is_flag=True, help="Print only the table.")
+@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among this number of GPUs.")
+@click.option(
+    "--processes",
+    type=int,
+    default=1,
+    help="Divide the sheet among this number of processes; with --device cpu they share the cores.",
+)
 def sweep_values(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
     overwrite: bool, usd: bool, pictures: str | None, quiet: bool, gpus: int, processes: int, **named: str | None,
 ) -> None:  # fmt: skip
     """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
 
-    Runs follow each other, each in a folder of its own. The same command continues a sweep that was interrupted, and
-    skips what is done. A run that fails does not stop the others: the table says so, and the exit code is that of the
-    worst.
+    The runs are executed one after the other, each in a separate folder. Repeating the command continues an interrupted
+    sweep and skips finished runs. A failed run does not stop the others: the table shows its status, and the exit code
+    is that of the worst run.
     """
     from .run.arguments import split_values
     from .run.sweep_command import apart, here, run_sweep
@@ -261,14 +275,14 @@ def sweep_values(
 def plan(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, **named: Any
 ) -> None:  # fmt: skip
-    """Show the arrays and launches of SCENE, and the part that each belongs to."""
+    """Show the arrays and launches of SCENE, each with the part that owns it."""
     click.echo(build_scene(scene, _settings(assignments, named)).plan(device, precision))
 
 
 @main.command("draw")
 @click.argument("folder", metavar="FOLDER|SCENE", type=click.Path(path_type=Path))
-@click.option("--scene", help="The scene's file, if it has moved.")
-@click.option("--shape", is_flag=True, help="Draw the sheet of SCENE before it runs.")
+@click.option("--scene", help="The scene's Python file, if it has moved.")
+@click.option("--shape", is_flag=True, help="Draw the undeformed sheet of SCENE.")
 @click.option("--points", type=int, help="With --shape: points along x.")
 @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
@@ -277,13 +291,13 @@ def draw(
     folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], pictures: str,
     out: str | None,
 ) -> None:  # fmt: skip
-    """Draw the pictures of a run from its FOLDER again, for runs made with --no-pictures or changed pictures.
+    """Redraw the pictures of a run from its FOLDER, for example after --no-pictures or if the drawing code changed.
 
-    With --shape: draw the sheet of SCENE, a name from `warp-pd list` or a Python file. Nothing is compiled or run.
+    With --shape: draw the undeformed sheet of SCENE, a name from `warp-pd list` or a Python file, without running it.
     """
     if shape:
         if scene is not None:
-            raise InputError(f"--scene {scene}: expected it without --shape; name the scene itself")
+            raise InputError(f"--scene {scene}: expected only without --shape; give the scene as the argument instead")
         simulation = build_scene(str(folder), _settings(assignments, {"points": points}))
         picture = out or f"{simulation.scene}-shape.png"
         simulation.draw(picture)
@@ -291,7 +305,7 @@ def draw(
         return
     given = {"--points": points, "--set": assignments or None, "--out": out}
     for option in (name for name, value in given.items() if value is not None):
-        raise InputError(f"{option}: expected it with --shape")
+        raise InputError(f"{option}: expected only with --shape")
     _draw_again(folder, scene, pictures)
 
 
@@ -303,7 +317,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 
     summary = run_summary(folder)
     if summary is None:
-        raise InputError(f"folder = {str(folder)!r}: expected one with the summary.json of a run")
+        raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
@@ -318,7 +332,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 @click.option("--points", type=int, help="Largest number of points to draw; by default 40000.")
 @click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
 def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
-    """Write the page of a run from its FOLDER: one HTML file that any browser opens, without server or network."""
+    """Write the page of a run from its FOLDER: one HTML file for any browser, without server or network."""
     from .run.view import write_page
 
     path = write_page(folder, out, points, frames)
@@ -328,7 +342,7 @@ def view(folder: Path, out: str | None, points: int | None, frames: int | None) 
 @main.command()
 @click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
 def info(file: Path) -> None:
-    """Show the contents of a frames.vtkhdf, an animation.usd, a summary.json, or a folder of them."""
+    """Show the contents of a frames.vtkhdf, animation.usd or summary.json, or of a folder with these files."""
     from .output.info import describe
 
     click.echo(describe(file))
@@ -336,20 +350,22 @@ def info(file: Path) -> None:
 
 @main.command()
 @click.option("--points", type=int, multiple=True, default=(101,), help="Points along a side; may be repeated.")
-@click.option("--horizon", type=float, multiple=True, default=(2.015, 3.15), help="In spacings; may be repeated.")
+@click.option(
+    "--horizon", type=float, multiple=True, default=(2.015, 3.15), help="Horizon in spacings; may be repeated."
+)
 @click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
 @click.option("--precision", type=int, default=32, help="32 or 64.")
 @click.option("--features", default="", help="supports, pressure, contact, rupture or damage_field, ...")
 @click.option("--layout", default="lattice", help="lattice, hole, cloud, or tube: a curved cloud.")
 @click.option("--damaged", type=float, default=0.0, help="Fraction of the points that are damaged.")
 @click.option("--plain", is_flag=True, help="Use the reference kernels.")
-@click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")
-@click.option("--device", help="Such as cpu or cuda:0.")
+@click.option("--seconds", type=float, default=1.0, help="Duration of the measurement of each case [s].")
+@click.option("--device", help="Device, such as cpu or cuda:0.")
 def bench(
     points: tuple[int, ...], horizon: tuple[float, ...], law: str, precision: int, features: str, layout: str,
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
-    """Time the steps of a sheet, and print a table."""
+    """Measure the time per step of a sheet, and print a table."""
     from .device.checks import count, positive
     from .run.bench import Case, chosen_features, report
 
@@ -369,9 +385,11 @@ def bench(
 @main.command(cls=SceneCommand)
 @click.argument("scene")
 @click.argument("data", nargs=-1, required=True, metavar="DATA.csv...", type=click.Path(path_type=Path))
-@click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene that are fitted.")
-@click.option("--measure", help="The measure of the scene that was measured; by default the column's name.")
-@click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a constant; may be repeated.")
+@click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene to fit.")
+@click.option(
+    "--measure", help="Measure of the scene to compare with the data; by default the one named like the column."
+)
+@click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a fitted constant; may be repeated.")
 @click.option("--loss", default="linear", help="linear, or soft_l1 for data with outliers.")
 @click.option("--points", type=int, help="Points along x.")
 @click.option(
@@ -379,7 +397,7 @@ def bench(
     "assignments",
     multiple=True,
     metavar="NAME=VALUE",
-    help="A parameter of the scene, or the start value of a constant; may be repeated.",
+    help="An argument of the scene, or the initial value of a fitted constant; may be repeated.",
 )
 @click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
 @click.option("--precision", type=int, help="32 or 64; by default the solver's.")
@@ -388,10 +406,10 @@ def fit(
     scene: str, data: tuple[Path, ...], vary: str, measure: str | None, bounds: tuple[str, ...], loss: str,
     points: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
 ) -> None:  # fmt: skip
-    """Fit constants of SCENE to tests: CSV files with units in the header, all at once.
+    """Fit constants of SCENE to one or more tests, CSV files with units in the header.
 
-    A curve has a column for what was controlled, an argument of the scene such as "pressure [kPa]", "time [s]" or
-    "load_factor [1]", and one for what was measured. Columns x, y, u, v (w) are displacements at places.
+    A curve has a column for the controlled quantity ("time [s]", "load_factor [1]", or an argument of the scene such as
+    "pressure [kPa]") and one for the measured quantity. Columns x, y, u, v (w) are measured displacements at positions.
     """
     from .fitting.command import FitOptions, fit_scene
 

@@ -1,4 +1,4 @@
-"""What scenes measure: cracks, reactions, and numbers of a whole history."""
+"""Measures for scenes: cracks, reactions, and functions of the history."""
 
 from __future__ import annotations
 
@@ -27,14 +27,13 @@ PATCH = 4.0
 
 
 class TearLine:
-    """Length, direction and place of the cracks that a run has torn, on lattices and clouds alike.
+    """Length, direction and position of the cracks of a run, on lattices and clouds.
 
-    A face (a triangle of the reference sheet) is torn when a bond along one of its edges broke. Its edges
-    that it shared with faces still whole are then free: they form the two faces of the crack. The crack
-    length is half the length of these free edges in the reference configuration, their stairs averaged
-    out. What a cut opened beforehand does not count, nor do the sheet's own edges. A band of shattered
-    faces counts once, as it has two faces, whatever its width, and so do shreds of a few faces in it. A patch
-    of a few torn faces, less than about four spacings of crack, does not count yet.
+    A face (a triangle of the reference sheet) is torn when a bond along one of its edges has broken. The edges between
+    torn and intact faces form the two sides of a crack. The crack length is half the length of these edges in the
+    reference configuration, after smoothing of their staircase shape. Initial cuts and the edges of the sheet are not
+    counted. A band of torn faces counts once, whatever its width, also if it contains small intact pieces. Small
+    patches of torn faces, less than about four spacings of crack, are not counted.
 
     Attributes:
         sheet: The sheet.
@@ -55,14 +54,14 @@ class TearLine:
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def length(self, intact: np.ndarray) -> float:
-        """Crack length [m]; `intact`, shape (F,), says which faces are whole."""
+        """Crack length [m]; `intact`, shape (F,), is the mask of intact faces."""
         return 0.5 * float(np.linalg.norm(self._crack_faces(intact), axis=1).sum())
 
     def alignment(self, intact: np.ndarray, turn: float = 0.0) -> float:
-        """How far cracks follow a grid: the mean of cos 8 (angle - turn) along them [-]; NaN while nothing is torn.
+        """How closely cracks follow a grid: the mean of cos 8 (angle - turn) along them [-]; NaN if nothing is torn.
 
-        1: all along the axes and diagonals of a square grid turned by `turn` degrees; -1: all halfway between
-        them; 0: no preference.
+        1 means along the axes and diagonals of a square grid rotated by `turn` degrees, -1 halfway between them, and 0
+        no preferred direction.
 
         Raises:
             InputError: on a curved sheet.
@@ -76,7 +75,7 @@ class TearLine:
         return float((length * np.cos(8.0 * angle)).sum() / length.sum())
 
     def _crack_faces(self, intact: np.ndarray) -> np.ndarray:
-        """Vectors along the free edges [m], their stairs averaged out, shape (E, 2)."""
+        """Vectors along the crack edges [m] after smoothing, shape (E, 2)."""
         if intact.all():
             return np.zeros((0, self.sheet.points.shape[1]))
         whole = self.without_specks(intact)
@@ -88,7 +87,7 @@ class TearLine:
             raise InputError(f"TearLine.{what}: expected a flat sheet, got a curved one")
 
     def direction(self, intact: np.ndarray) -> float:
-        """Angle of the cracks' principal axis to the x axis [degrees], in (-90, 90]; NaN while nothing is torn."""
+        """Angle of the cracks' principal axis to the x axis [degrees], in (-90, 90]; NaN if nothing is torn."""
         self._require_flat("direction")
         torn = ~self.without_specks(intact)
         if not torn.any():
@@ -100,7 +99,7 @@ class TearLine:
         return angle - 180.0 if angle > 90.0 else angle + 180.0 if angle <= -90.0 else angle
 
     def deviation(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
-        """Root mean square distance of the torn faces from a straight line [m]; 0 while nothing is torn."""
+        """Root mean square distance of the torn faces from a straight line [m]; 0 if nothing is torn."""
         self._require_flat("deviation")
         torn = ~self.without_specks(intact)
         if not torn.any():
@@ -111,7 +110,7 @@ class TearLine:
         return float(np.sqrt((distance**2 * self.areas[torn]).sum() / self.areas[torn].sum()))
 
     def reach(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
-        """How far the torn faces reach from `start` in the direction of `towards` [m]; 0 while nothing is torn."""
+        """Extent of the torn faces from `start` in the direction of `towards` [m]; 0 if nothing is torn."""
         self._require_flat("reach")
         torn = ~self.without_specks(intact)
         if not torn.any():
@@ -131,13 +130,13 @@ class TearLine:
         return int((area >= least_fraction * self.areas.sum()).sum())
 
     def attached_fraction(self, intact: np.ndarray, points: np.ndarray) -> float:
-        """Fraction of the sheet's area that is connected to these points through whole faces [-]."""
+        """Fraction of the sheet's area that is connected to the given points through intact faces [-]."""
         label, area = self._joined(intact)
         attached = intact & np.isin(self.sheet.triangles, points).any(axis=1)
         return float(area[np.unique(label[attached])].sum() / self.areas.sum())
 
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
-        """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
+        """Mask of intact faces, shape (F,), after small torn patches are set intact and then small pieces torn."""
         # Several measures ask for the same frame, and the next frame is often torn no further.
         if self._last is None or not np.array_equal(self._last[0], intact):
             self._last = intact.copy(), self._without_specks(intact)
@@ -154,7 +153,7 @@ class TearLine:
         return np.asarray(whole & (area[label] >= SHRED * unit))
 
     def _joined(self, intact: np.ndarray, areas: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Piece of each face, shape (F,), and area of each piece [m^2]; the other faces are in pieces of no area."""
+        """Piece of each face, shape (F,), and area of each piece [m^2]; torn faces are in pieces of zero area."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -176,7 +175,7 @@ def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Vectors of a net of edges after each of its points with two neighbours was averaged with them."""
+    """Edge vectors after every point with exactly two neighbours has been averaged with them."""
     if len(edges) == 0:
         return np.zeros((0, points.shape[1]))
     used, local = np.unique(edges, return_inverse=True)
@@ -193,14 +192,14 @@ def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def support_force(built: Built, points: np.ndarray) -> np.ndarray:
-    """Force of a support on the points that it holds [N], shape (3,); their inertia left out."""
+    """Force of a support on its points [N], shape (3,), without their inertia."""
     return np.asarray(-built.to_numpy(built.state.force)[points].sum(axis=0))
 
 
 def virial_stress(built: Built, point: int) -> np.ndarray:
-    """Nominal stress in the plane at a point of a lattice [Pa], (2, 2), from its bonds (VE eq. 78).
+    """In-plane nominal stress at a point of a lattice [Pa], (2, 2), from its bonds (VE eq. 78).
 
-    Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
+    Half the sum of (pair force) (x) X divided by the volume of the point; for laws that store `bond_force`.
     """
     force, sheet = built.law, built.context.sheet
     families, halves = force.families, built.to_numpy(force.bond_force())[:, :, :2]
@@ -213,13 +212,13 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
 
 
 def torn(frame: Frame) -> np.ndarray:
-    """Which faces are torn, shape (F,).
+    """Mask of torn faces, shape (F,).
 
     Raises:
-        InputError: if nothing can break.
+        InputError: if bonds cannot break.
     """
     if frame.intact_faces is None:
-        raise InputError("damage = None: a crack is measured only where bonds can break")
+        raise InputError("damage = None: expected a rupture criterion to measure cracks")
     return ~frame.intact_faces
 
 
@@ -227,7 +226,7 @@ History = list[dict[str, float]]
 
 
 def at_time(name: str, time: float) -> Callable[[History], float | None]:
-    """Function of a history: column `name` at a time [s], linear between frames; None before it is reached."""
+    """Function of a history: column `name` at a time [s], linear between frames; None until that time."""
 
     def value(history: History) -> float | None:
         times = [row["time"] for row in history]
@@ -244,7 +243,7 @@ def largest(name: str) -> Callable[[History], float | None]:
 
 
 def time_above(name: str, threshold: float) -> Callable[[History], float | None]:
-    """Function of a history: the time [s] of the first frame in which column `name` is above a threshold."""
+    """Function of a history: time [s] of the first frame with column `name` above a threshold, or None."""
 
     def value(history: History) -> float | None:
         return next((row["time"] for row in history if row[name] > threshold), None)
@@ -253,7 +252,7 @@ def time_above(name: str, threshold: float) -> Callable[[History], float | None]
 
 
 def time_below(name: str, threshold: float) -> Callable[[History], float | None]:
-    """Function of a history: the time [s] of the first frame in which column `name` is below a threshold."""
+    """Function of a history: time [s] of the first frame with column `name` below a threshold, or None."""
 
     def value(history: History) -> float | None:
         return next((row["time"] for row in history if row[name] < threshold), None)
@@ -262,7 +261,7 @@ def time_below(name: str, threshold: float) -> Callable[[History], float | None]
 
 
 def when_above(name: str, of: str, threshold: float) -> Callable[[History], float | None]:
-    """Function of a history: column `name` in the first frame in which column `of` is above a threshold."""
+    """Function of a history: column `name` in the first frame with column `of` above a threshold, or None."""
 
     def value(history: History) -> float | None:
         return next((row[name] for row in history if row[of] > threshold), None)
@@ -271,7 +270,7 @@ def when_above(name: str, of: str, threshold: float) -> Callable[[History], floa
 
 
 def worst_balance(history: History) -> float | None:
-    """The largest energy balance error of a history, in either direction [-]; None where it is not tracked."""
+    """The largest absolute energy balance error of a history [-]; None if it is not tracked."""
     errors = [abs(row["balance_error"]) for row in history if "balance_error" in row]
     return max(errors) if errors else None
 
@@ -281,7 +280,7 @@ def row_at(points: np.ndarray, height: float) -> np.ndarray:
 
     Args:
         points: Positions [m], shape (N, 2) or (N, 3).
-        height: [m].
+        height: Height [m].
     """
     y = points[:, 1]
     # Frames hold single precision; rows are many times further apart.
@@ -290,9 +289,9 @@ def row_at(points: np.ndarray, height: float) -> np.ndarray:
 
 
 def growth_rate(history: History, name: str) -> np.ndarray:
-    """Rate of the largest value of column `name` so far, by central differences over frames, one value a frame.
+    """Rate of the running maximum of column `name`, by central differences, one value per frame.
 
-    Never negative: cracks do not heal, but their measured length falls when specks or shreds join them.
+    It is never negative: cracks do not heal, although their measured length decreases when small pieces join them.
     """
     times = np.array([row["time"] for row in history])
     values: Any = np.maximum.accumulate([row[name] for row in history])
@@ -304,22 +303,22 @@ COLLINEAR = 1e-10
 
 
 def distance_from_local_plane(built: Built, frame: Frame, points: Any) -> np.ndarray:
-    """Distance of points from the plane fitted through the deformed positions of their family members.
+    """Distance of points from the plane fitted to the deformed positions of their family members.
 
-    The plane is that of least squared distances of the members, all alike, the point itself left out. On a
-    smooth surface the distance is about its curvature times a fraction of the horizon squared. Where bonds can
-    break, the members are those whose bonds stand now, which fits the newest frame alone.
+    The plane is the unweighted least-squares fit to the members, without the point itself. On a smooth surface the
+    distance is about the curvature times a fraction of the squared horizon. If bonds can break, only members with
+    currently intact bonds are used, so the result is valid only for the latest frame.
 
     Args:
         built: The simulation.
-        frame: Its newest frame; any, if nothing can break.
+        frame: Its latest frame; any frame if bonds cannot break.
         points: Point indices, shape (P,), in any order.
 
     Returns:
-        [m], shape (P,), 0 or more; NaN where fewer than three members, or collinear ones, determine no plane.
+        Distances [m], shape (P,), at least 0; NaN where the members are fewer than three or collinear.
 
     Raises:
-        InputError: if there is no point, or an index does not exist.
+        InputError: if there are no points, or an index does not exist.
     """
     sheet, families = built.simulation.sheet, built.law.families
     point_indices("points", points, sheet.size)

@@ -38,7 +38,7 @@ def frame_of(surface, at):
 
 def write_run(folder):
     surface = make_surface(bodies=(BOX,))
-    with VtkHdfSeries(folder / "frames.vtkhdf", surface) as series:
+    with contextlib.closing(VtkHdfSeries(folder / "frames.vtkhdf", surface)) as series:
         for at in range(FRAMES):
             series.write(frame_of(surface, at))
     history = [{"time": 0.01 * at, "kinetic": at**2, "load": 0.25 * at, "swing": min(at, 6 - at), "bad": np.nan}
@@ -308,7 +308,7 @@ def test_turning_zooming_and_exaggerating_change_the_picture(page):
 
 def test_a_row_of_points_is_drawn_as_points(browser, tmp_path):
     surface = make_surface(faces=np.zeros((0, 3), np.int32))
-    with VtkHdfSeries(tmp_path / "frames.vtkhdf", surface) as series:
+    with contextlib.closing(VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)) as series:
         series.write(make_frame_with_fields(surface, 1, index=0, intact_faces=np.zeros(0, bool)))
     write_page(tmp_path)
     # As in browsers that do not have this function yet.

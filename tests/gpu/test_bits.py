@@ -62,7 +62,7 @@ def test_two_runs_agree_and_tear(device, layout, precision):
 
 @pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("layout", SHEETS)
-def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout, precision):
+def test_fused_launches_are_the_launches_one_by_one(device, joined_stages, monkeypatch, layout, precision):
     fused = struck(SHEETS[layout](), precision).run(device=device).built
     # Launches are joined wherever that changes no bit, so nothing public keeps them apart.
     monkeypatch.setattr(launches, "_joined", lambda first, second: None)
@@ -71,14 +71,14 @@ def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout,
     assert_same(left_behind(fused), left_behind(single))
 
 
-def test_wraparound_is_the_steps_one_by_one(device):
+def test_wraparound_is_the_steps_one_by_one(device, joined_stages):
     """Many steps in one sequence, whose ends share launches, and the same steps one at a time."""
     results = []
     for repeat in (1, 20):
-        built = struck(square(21), 64).build(device, 64)
+        built = struck(square(21), 32).build(device, 32)
         built.context.compile()
         assert built.context.stages["step"].wraparound is None, "a follower pressure gathers what the drift writes"
-        built = without_follower().build(device, 64)
+        built = without_follower().build(device, 32)
         built.context.compile()
         assert built.context.stages["step"].wraparound is not None
         built.state.step.fill_(1e-4)
@@ -93,21 +93,21 @@ def test_wraparound_is_the_steps_one_by_one(device):
 
 
 def without_follower():
-    simulation = struck(square(21), 64)
+    simulation = struck(square(21), 32)
     simulation.loads = [load for load in simulation.loads if load != Pressure(5.0, ramp=RAMP)]
     return simulation
 
 
 def test_side_streams_give_the_same_bits(device, monkeypatch):
     """The clock runs beside the forces; here it waits for them instead."""
-    beside = struck(square(21), 64).run(device=device).built
+    beside = struck(square(21), 32).run(device=device).built
     assert any(item.side_stream for item in beside.context.stages["step"])
     launch = launches.Stage.launch
     # Nothing public takes a launch off its side stream.
     monkeypatch.setattr(
         launches.Stage, "launch", lambda self, *a, side_stream=False, **k: launch(self, *a, side_stream=False, **k)
     )
-    alone = struck(square(21), 64).run(device=device).built
+    alone = struck(square(21), 32).run(device=device).built
     assert not any(item.side_stream for item in alone.context.stages["step"])
     assert graph.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
     assert_same(left_behind(beside), left_behind(alone))
@@ -144,7 +144,7 @@ def stretched(solver):
 
 
 RUNS = {
-    "explicit": lambda: struck(square(21), 64),
+    "explicit": lambda: struck(square(21), 32),
     "relaxation": lambda: stretched(Relaxation(tolerance=1e-4, load_steps=4)),
     "newton": lambda: stretched(Newton(load_steps=4)),
 }

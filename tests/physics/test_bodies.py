@@ -176,7 +176,8 @@ def test_both_precisions_agree():
 def test_a_body_that_nothing_touches_flies_as_it_should():
     spin, inertia = np.array([1.0, 5.0, -3.0]), (2e-4, 3e-4, 1e-4)
     body = Free(0.1, (0.0, 0.0, 5.0), (1.0, 0.0, 2.0), tuple(spin), TURNED, inertia)
-    result = run(square(7), Explicit(0.2, frames=4), contact=RigidBody(Box((0.1, 0.1, 0.1)), body))
+    contact = RigidBody(Box((0.1, 0.1, 0.1)), body, friction=0.5)
+    result = run(square(7), Explicit(0.2, frames=4), precision=64, contact=contact)
     row = result.history[-1]
     expected = np.array([0.2, 0.0, 5.0 + 0.4 - 0.5 * GRAVITY * 0.04])
     np.testing.assert_allclose(vector(row, "body_position"), expected, atol=1e-12)
@@ -307,7 +308,8 @@ def test_two_bodies_at_once_restart_in_contact(tmp_path):
     def scene():
         sheet = square(11)
         ball = RigidBody(Sphere(0.03), falling(), name="ball", friction=0.2)
-        floor = RigidBody(TriangleMesh(*Box((0.2, 0.2, 0.02)).outline(0.0)), BodyPath.still((0.05, 0.05, -0.012)))
+        slab = TriangleMesh(*Box((0.2, 0.2, 0.02)).outline(0.0))
+        floor = RigidBody(slab, BodyPath.still((0.05, 0.05, -0.012)), friction=0.1)
         return simulate(sheet, Explicit(0.02, frames=4), contact=[ball, floor])
 
     complete = require_same_when_stopped(scene, tmp_path, [2], precision=32)
@@ -319,7 +321,13 @@ def test_two_bodies_at_once_restart_in_contact(tmp_path):
 def test_bodies_are_in_files_and_pictures(tmp_path):
     shapes = [Sphere(0.03), Capsule(0.02, 0.03), Cylinder(0.02, 0.03), Box((0.02, 0.03, 0.02)), Plane()]
     bodies = [
-        RigidBody(s, BodyPath.straight((0.05, 0.05, -0.1), (0.0, 0.0, -1.0), 1e-3, TURNED), name=s.kind) for s in shapes
+        RigidBody(
+            s,
+            BodyPath.straight((0.05, 0.05, -0.1), (0.0, 0.0, -1.0), 1e-3, TURNED),
+            name=s.kind,
+            friction=0.3 if s.kind in ("capsule", "plane") else 0.0,
+        )
+        for s in shapes
     ]
     simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run")
     stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))

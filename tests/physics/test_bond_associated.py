@@ -205,7 +205,7 @@ def test_a_stretched_sheet_has_no_zero_energy_mode(horizon):
     assert values[0] > 1e-4 * values[-1]
 
 
-@pytest.mark.parametrize("horizon", [*HORIZONS, 6.015])
+@pytest.mark.parametrize("horizon", HORIZONS)
 def test_a_checkerboard_is_resisted(horizon):
     sheet = square(23)
     stretched = uniform(sheet, [[1.2, 0.0], [0.0, 1.2], [0.0, 0.0]])

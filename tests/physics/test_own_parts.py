@@ -188,7 +188,7 @@ def test_plane_limits_the_step(parts):
 def test_solvers_without_contact_refuse_the_plane(parts, solver):
     plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
     sheet = square(9)
-    said = r"contact = MovingPlane: the solver \w+ has no phase for it .*; expected Explicit"
+    said = r"contact = MovingPlane: not supported by the solver \w+; expected Explicit"
     with pytest.raises(InputError, match=said):
         Simulation(sheet, LAW, solver, loads=[Fixed(sheet.edges("left"))], contact=plane).build("cpu")
 

@@ -367,16 +367,18 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: SelfContact(distance=0.0), "SelfContact.distance = 0.0: expected a positive number"),
         (lambda: SelfContact(stiffness=-1.0), "SelfContact.stiffness = -1.0: expected a positive number"),
         (lambda: SelfContact(friction=-0.1), "SelfContact.friction = -0.1: expected"),
-        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "given twice"),
-        (lambda: simulate(square(9), Newton(), contact=SelfContact()).build("cpu"), "Newton has no phase for it"),
-        (lambda: simulate(square(9), Relaxation(), contact=SelfContact()).build("cpu"), "no phase for it"),
+        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "more than one SelfContact"),
+        (lambda: simulate(square(9), Newton(), contact=SelfContact()).build(
+            "cpu"
+        ), "not supported by the solver Newton"),
+        (lambda: simulate(square(9), Relaxation(), contact=SelfContact()).build("cpu"), "not supported by the solver"),
         (lambda: simulate(square(9), contact=["ball"]).build("cpu"), r"contact\[0\] = 'ball': expected an instance"),
-        (lambda: together(square(9)), "sheets holds 1 sheets: expected two or more"),
+        (lambda: together(square(9)), "sheets: expected two or more sheets, got 1"),
         (lambda: together(square(9), square(9).prestretched(1.2)), r"sheets\[1\] is prestretched"),
         (lambda: together(square(9), Sheet.tube(0.1, 0.1, thickness=1e-3, density=1000.0, points=20)), "is curved"),
-        (lambda: placed(square(9), Place()), "expected one of several pieces"),
-        (lambda: placed(together(square(9), square(9)), Place()), "holds 1 places: expected 2"),
-        (lambda: Place(axis=(0.0, 0.0, 0.0)), "expected a vector of some length"),
+        (lambda: placed(square(9), Place()), "expected a sheet of several pieces"),
+        (lambda: placed(together(square(9), square(9)), Place()), "places: expected 2, one per piece, got 1"),
+        (lambda: Place(axis=(0.0, 0.0, 0.0)), "expected a nonzero vector"),
     ],
 )  # fmt: skip
 def test_wrong_input_is_refused_in_one_line(make, message):

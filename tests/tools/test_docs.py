@@ -54,12 +54,15 @@ def test_examples_of_fits_run(code, capsys):
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["contact", "self-contact"])
+@pytest.mark.parametrize("page", ["bodies", "contact", "self-contact"])
 def test_examples_of_contact_can_be_built(page):
+    if page == "bodies":
+        pytest.importorskip("newton", reason="newton, the extra `bodies`, is not installed")
     (code,) = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
     names = {}
     exec(compile(code, page, "exec"), names)
-    assert ("punch" if page == "contact" else "SelfContact") in names["simulation"].plan("cpu")
+    part = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}[page]
+    assert part in names["simulation"].plan("cpu")
 
 
 def test_every_page_is_in_the_navigation():

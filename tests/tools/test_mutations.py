@@ -3,7 +3,7 @@
 import ast
 from itertools import islice
 
-from mutations import ROOT, mutations, mutations_in
+from code_changes import ROOT, mutations, mutations_in
 
 FILE = "kernels/enclosed_volume.py"
 

@@ -35,7 +35,7 @@ WRONG_LINES = [
     (["run", "pressure", "--precision", "16"], "precision = 16: expected one of 32, 64"),
     (["run", "pressure", "--out", "/proc/nowhere"], "out = '/proc/nowhere': expected a folder that can be written"),
     (["run", "pressure", "--out", ""], "out = '': expected a folder that can be written"),
-    (["run", "pressure", "--set", "points=31", "--points", "41"], "points = 41 is given already"),
+    (["run", "pressure", "--set", "points=31", "--points", "41"], "points = 41 is already given"),
     (["run", "pressure", "--horizon", "200", "--points", "101"], "horizon = 200.0: expected at most 16 spacings"),
     (["run", "pressure", "--horizon", "4.15", "--points", "4"], "horizon = 4.15: expected at most 3 spacings"),
     (["run", "off_plane_tear", "--duration", "3"], "the duration is travel / speed"),
@@ -46,8 +46,8 @@ WRONG_LINES = [
     (["run", "pressure", "--set", "=3"], "--set '=3': expected name=value"),
     (["run", "ball_penetration", "--points", "-5"], "points = -5: expected a whole number of 3 or more"),
     (["run", "ball_penetration", "--horizon", "nan"], "horizon = nan"),
-    (["info", "nothing.usd"], "it does not exist"),
-    (["info", __file__], "expected .vtkhdf, .usd and .json"),
+    (["info", "nothing.usd"], "the file does not exist"),
+    (["info", __file__], "expected a .vtkhdf, .usd or .json"),
 ]
 
 

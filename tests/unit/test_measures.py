@@ -31,8 +31,8 @@ def torn_by(sheet, segment):
     return intact
 
 
-@pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (15.0, 0.0), (30.0, 0.0), (45.0, 0.0), (0.0, 0.25)])
-@pytest.mark.parametrize("angle", [0.0, 8.0, 22.5, 45.0, 70.0])
+@pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (30.0, 0.0), (0.0, 0.25)])
+@pytest.mark.parametrize("angle", [0.0, 22.5, 70.0])
 def test_a_straight_crack_has_its_length_and_direction_on_any_grid(turn, jitter, angle):
     sheet = sheet_of(turn, jitter)
     line = TearLine(sheet)

@@ -47,7 +47,7 @@ WRONG = {
     "out": (lambda: simulated().run(device="cpu", out=3), "out = 3: expected a folder or None"),
     "writers": (
         lambda: simulated().run(device="cpu", writers=[3]),
-        "writers[0] = 3: expected a Writer, which has write, save and close",
+        "writers[0] = 3: expected a Writer with the methods write, save and close",
     ),
     "class": (
         lambda: simulated(loads=[Fixed]).build("cpu"),
@@ -57,22 +57,25 @@ WRONG = {
         lambda: simulated(loads=[Fixed(np.zeros(121, bool))]).build("cpu"),
         "Fixed.points = bool array of shape (121,): expected point indices, or a mask of 81 booleans",
     ),
-    "components": (lambda: Fixed([0], "xx"), "Fixed.components = 'xx': expected letters out of 'xyz', each once"),
+    "components": (lambda: Fixed([0], "xx"), "Fixed.components = 'xx': expected distinct letters from 'xyz'"),
     "fields": (lambda: simulated(fields="damage").build("cpu"), "fields = 'damage': expected a list of names"),
-    "ArcLength": (lambda: ArcLength(increment=1.5), "increment = 1.5: expected a number above 0 and below 1"),
+    "ArcLength": (
+        lambda: ArcLength(increment=1.5),
+        "increment = 1.5: expected a number greater than 0 and less than 1",
+    ),
     "a path with rupture": (
         lambda: simulated(solver=ArcLength(), damage=CriticalStretch(1.5)).build("cpu"),
-        "damage = CriticalStretch: ArcLength follows sheets that do not break; expected Newton",
+        "damage = CriticalStretch: ArcLength does not support rupture; expected Newton",
     ),
-    "Newton": (lambda: Newton(tolerance=1.0), "tolerance = 1.0: expected a number above 0 and below 1"),
-    "Relaxation": (lambda: Relaxation(tolerance=2), "tolerance = 2: expected a number above 0 and below 1"),
+    "Newton": (lambda: Newton(tolerance=1.0), "tolerance = 1.0: expected a number greater than 0 and less than 1"),
+    "Relaxation": (lambda: Relaxation(tolerance=2), "tolerance = 2: expected a number greater than 0 and less than 1"),
     "small ball": (
         lambda: simulated(contact=RigidBall(0.01, (0.05, 0.05, 0.1))).build("cpu"),
         "RigidBall.diameter = 0.01: expected at least 1.42 spacings, 0.0177 m; use more points",
     ),
     "ball in the sheet": (
         lambda: simulated(contact=RigidBall(0.06, (0.05, 0.05, 0.01))).build("cpu"),
-        "RigidBall.start = (0.05, 0.05, 0.01): expected a ball outside the sheet; point 40 is 0.02 m inside it",
+        "RigidBall.start = (0.05, 0.05, 0.01): expected a ball outside the sheet, but point 40 is 0.02 m inside it",
     ),
 }
 
@@ -112,7 +115,7 @@ def test_a_balance_that_is_off_is_a_note():
     notes = _energy_notes(type("Recorder", (), {"history": history}))
     assert notes == [
         "energy: the balance is off by -3 %; try a smaller safety or step",
-        "energy: breaking bonds added 0.1 J between two frames, which it must not",
+        "energy: breaking bonds added 0.1 J between two frames; expected only losses",
     ]
     assert not _energy_notes(type("Recorder", (), {"history": [row, row]}))
 

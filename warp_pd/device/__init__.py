@@ -1,1 +1,1 @@
-"""Device side of a simulation: arrays (fields), launches (stages), graphs. It knows nothing of mechanics."""
+"""Device side of a simulation, independent of mechanics: arrays (fields), launches (stages), graphs."""

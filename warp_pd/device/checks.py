@@ -14,9 +14,9 @@ MAX_SHOWN, MAX_TEXT, MAX_MESSAGE = 6, 90, 700
 
 
 class InputError(ValueError):
-    """Wrong input: the message names the argument, its value and what is expected.
+    """Invalid input: the message names the argument, its value and what is expected.
 
-    It is one line, whatever the text of a value is; the middle of a long one is left out.
+    The message is always one line; the middle of a long value is left out.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -26,7 +26,7 @@ class InputError(ValueError):
 
 
 class OutputError(InputError):
-    """A result file that could not be written: the message says which and why."""
+    """A result file could not be written; the message names the file and the reason."""
 
 
 @contextlib.contextmanager
@@ -34,7 +34,7 @@ def user_code(text_of: Callable[[Exception], str]) -> Iterator[None]:
     """Context in which user code runs; `text_of` turns the errors that it raises into one line.
 
     Raises:
-        InputError: in place of any other error.
+        InputError: instead of any other error.
     """
     try:
         yield
@@ -45,7 +45,7 @@ def user_code(text_of: Callable[[Exception], str]) -> Iterator[None]:
 
 
 def said(value: Any) -> str:
-    """A value in a message: one short line, whatever it is."""
+    """Any value as one short line for a message."""
     if isinstance(value, np.ndarray) and value.size > MAX_SHOWN:
         return f"{value.dtype} array of shape {value.shape}"
     if isinstance(value, type):
@@ -80,10 +80,10 @@ def finite(name: str, value: Any) -> float:
 
 
 def positive(name: str, value: Any) -> float:
-    """`value` as a float above zero.
+    """`value` as a positive float.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     number = finite(name, value)
     if number <= 0.0:
@@ -92,10 +92,10 @@ def positive(name: str, value: Any) -> float:
 
 
 def not_negative(name: str, value: Any) -> float:
-    """`value` as a float of zero or more.
+    """`value` as a nonnegative float.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     number = finite(name, value)
     if number < 0.0:
@@ -104,10 +104,10 @@ def not_negative(name: str, value: Any) -> float:
 
 
 def count(name: str, value: Any, least: int) -> int:
-    """`value` as an int of `least` or more.
+    """`value` as an int, at least `least`.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} = {said(value)}: expected a whole number of {least} or more")
@@ -115,21 +115,21 @@ def count(name: str, value: Any, least: int) -> int:
 
 
 def below_one(name: str, value: Any) -> float:
-    """`value` as a float above zero and below one.
+    """`value` as a float between 0 and 1, exclusive.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     if positive(name, value) >= 1.0:
-        raise InputError(f"{name} = {said(value)}: expected a number above 0 and below 1")
+        raise InputError(f"{name} = {said(value)}: expected a number greater than 0 and less than 1")
     return float(value)
 
 
 def counts(name: str, value: Any, least: int) -> tuple[int, int]:
-    """`value` as two ints of `least` or more.
+    """`value` as two ints, each at least `least`.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     if not isinstance(value, tuple | list) or len(value) != 2:
         raise InputError(f"{name} = {said(value)}: expected two whole numbers")
@@ -137,42 +137,44 @@ def counts(name: str, value: Any, least: int) -> tuple[int, int]:
 
 
 def positions(name: str, value: Any, least: int = 3, components: int = 2) -> np.ndarray:
-    """`value` as positions in the plane or in space [m], float64, shape (N, 2) or (N, 3), of `least` points or more.
+    """`value` as positions [m], float64, shape (N, 2) or (N, 3), of at least `least` points.
 
     Raises:
-        InputError: for another shape, or numbers that are not finite.
+        InputError: if the shape is wrong or a number is not finite.
     """
     found = numbers(name, value)
     if found.ndim != 2 or found.shape[1] != components or len(found) < least:
-        raise InputError(f"{name} has shape {found.shape}: expected (N, {components}) with N of {least} or more")
+        raise InputError(f"{name}: expected shape (N, {components}) with N >= {least}, got {found.shape}")
     return found.copy()
 
 
 def one_each(name: str, value: Any, points: int) -> np.ndarray:
-    """`value` as one number above zero for each point, float64, shape (N,).
+    """`value` as one positive number per point, float64, shape (N,).
 
     Raises:
-        InputError: otherwise; the message names the first that is not.
+        InputError: if it is not; the message names the first invalid entry.
     """
     found = numbers(name, value)
     if found.shape != (points,):
-        raise InputError(f"{name} has shape {found.shape}: expected one above 0 for each of the {points} points")
+        raise InputError(
+            f"{name}: expected one positive number for each of the {points} points, got shape {found.shape}"
+        )
     if not (found > 0.0).all():
         bad = int(np.flatnonzero(found <= 0.0)[0])
-        raise InputError(f"{name}[{bad}] = {found[bad]}: expected one above 0 for each of the {points} points")
+        raise InputError(f"{name}[{bad}] = {found[bad]}: expected one positive number for each of the {points} points")
     return found.copy()
 
 
 def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
-    """`value`, a number, one for each point, or a function of the place, as a float or float64 array, shape (N,).
+    """`value`, a number, an array or a function of position, as a float or a float64 array, shape (N,).
 
     Args:
-        name: What messages call it.
+        name: Name for messages.
         value: The number; an array, shape (N,); or a function of the coordinates, each of shape (N,), to such an array.
         places: The points [m], shape (N, 2) or (N, 3).
 
     Raises:
-        InputError: unless all numbers are above zero; the message names the first that is not.
+        InputError: unless all numbers are positive; the message names the first that is not.
     """
     if callable(value):
         name = f"{name}({', '.join('xyz'[: places.shape[1]])})"
@@ -188,7 +190,7 @@ def corners(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as the corners of triangles, int32, shape (F, 3).
 
     Raises:
-        InputError: for another shape, or anything but point indices.
+        InputError: if the shape is wrong, or values are not point indices.
     """
     found = np.asarray(value)
     if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
@@ -198,7 +200,7 @@ def corners(name: str, value: Any, points: int) -> np.ndarray:
 
 
 def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> float:
-    """`length` itself, if the points resolve it.
+    """Return `length` if the spacing resolves it.
 
     Raises:
         InputError: if it is shorter than `least` spacings.
@@ -211,10 +213,10 @@ def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> fl
 
 
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
-    """`value` itself.
+    """Return `value` if it is allowed.
 
     Raises:
-        InputError: if it is not allowed; the message names the nearest one.
+        InputError: if it is not allowed; the message suggests the closest match.
     """
     choices = list(allowed)
     # An array is equal to nothing here: it would ask which of its entries is meant.
@@ -242,10 +244,10 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
 
 
 def numbers(name: str, value: Any) -> np.ndarray:
-    """`value`, one number or an array of them, as a float64 array.
+    """`value`, a number or an array of numbers, as a float64 array.
 
     Raises:
-        InputError: unless all are finite numbers; the message names the first that is not.
+        InputError: unless all numbers are finite; the message names the first that is not.
     """
     try:
         found = np.asarray(value, dtype=np.float64)
@@ -262,7 +264,7 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     """`value`, indices or a mask of all points, as sorted unique point indices, int32.
 
     Raises:
-        InputError: if it is empty, an index does not exist, or it is neither whole numbers nor a mask.
+        InputError: if it is empty, an index does not exist, or it is neither integers nor a mask.
     """
     given = np.asarray(value)
     if given.dtype == bool and given.shape == (points,):
@@ -283,14 +285,14 @@ def _require_points(name: str, indices: np.ndarray, points: int) -> None:
 
 
 def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarray:
-    """Values of a condition on arrays of one shape: one truth value per entry.
+    """Values of a condition on arrays of equal shape, one boolean per entry.
 
     Raises:
-        InputError: for anything but a function, or one with other results.
+        InputError: if it is not a function, or does not return such booleans.
     """
     if not callable(condition):
         raise InputError(f"{name} = {condition!r}: expected a function")
     holds, shape = np.asarray(condition(*arguments)), arguments[0].shape
     if holds.dtype != bool or holds.shape != shape:
-        raise InputError(f"{name} gives {holds.dtype} of shape {holds.shape}: expected bool of shape {shape}")
+        raise InputError(f"{name} returned {holds.dtype} of shape {holds.shape}: expected bool of shape {shape}")
     return holds

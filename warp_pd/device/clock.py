@@ -1,4 +1,4 @@
-"""The clock: time on the device, and the schedules that it evaluates there."""
+"""The clock: time and schedules on the device."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Clock:
     """Time and schedules of one simulation. Parts register schedules while they are built, then arrays are allocated.
 
     Attributes:
-        duration: Time to simulate, or load time of the full load [s].
-        default_ramp: Schedule of the factor of loads that have no schedule; None if those are constant.
+        duration: Simulated time, or load time at full load [s].
+        default_ramp: Schedule of the factor of loads without a schedule; None if these are constant.
         schedules: All schedules.
-        scheduled: Value of every schedule now, then of every schedule a step later, vec3; None without schedules.
-        time: [s], one float64; None without schedules.
+        scheduled: Current values of all schedules, then values one step later, vec3; None without schedules.
+        time: Time [s], one float64; None without schedules.
         advance: Time per step and the last time [s], two float64; None without schedules.
     """
 
@@ -38,18 +38,18 @@ class Clock:
     advance: Array | None = None
 
     def register(self, schedule: Schedule | None) -> int | None:
-        """Index of a schedule among all; None stays None."""
+        """Register a schedule and return its index; None for None."""
         if schedule is None:
             return None
         self.schedules.append(schedule)
         return len(self.schedules) - 1
 
     def soon(self, index: int) -> int:
-        """Entry of `scheduled` that holds a schedule a step later."""
+        """Entry of `scheduled` with the value of a schedule one step later."""
         return len(self.schedules) + index
 
     def allocate(self, fields: FieldRegister, types: Numeric) -> None:
-        """Put all schedules on the device; does nothing without schedules."""
+        """Copy all schedules to the device; does nothing without schedules."""
         if not self.schedules:
             return
         begins = np.concatenate([[0], np.cumsum([len(s.times) for s in self.schedules])]).astype(np.int32)
@@ -65,7 +65,7 @@ class Clock:
         self._tick = clock(types.bits)
 
     def add_tick(self, stage: Stage, steps: int) -> None:
-        """Add the launch that advances time by some steps and evaluates the schedules; none without schedules."""
+        """Add the launch that advances time by `steps` steps and evaluates the schedules; none without schedules."""
         if self.scheduled is None:
             return
         stage.launch(
@@ -81,7 +81,7 @@ class Clock:
             evaluate: The launches of the phase SCHEDULES.
             advance: Time per step [s].
             end: Last time [s].
-            now: Present time [s], or None to keep it.
+            now: Current time [s], or None to keep it.
         """
         if self.advance is None or self.time is None:
             return

@@ -1,4 +1,4 @@
-"""What this machine runs on: its cores, and Warp."""
+"""CPU cores of this machine, and the start of Warp."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 # What a Linux machine with an NVIDIA device has, also under Windows; what Warp's native library says without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
@@ -18,21 +19,26 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def available_cores() -> int:
-    """Number of CPU cores that this process may use; of several that torchrun started each takes its part."""
+    """Number of CPU cores that this process may use; processes started by torchrun divide the cores."""
     present = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
     return max(1, present // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
 
 
 def cores() -> ThreadPoolExecutor:
-    """Threads, one per core, for work that releases the interpreter lock."""
+    """Thread pool with one thread per core, for work that releases the interpreter lock."""
     global _pool  # noqa: PLW0603 - one pool per process
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
     return _pool
 
 
+def load_kernel(kernel: Any, device: Any) -> None:
+    """Compile or load a kernel in one of these threads: each thread that compiles first takes seconds for headers."""
+    cores().submit(kernel.module.load, device, 1 if device.is_cpu else None).result()
+
+
 def start_warp() -> None:
-    """Start Warp; it then reports nothing but warnings and errors."""
+    """Initialise Warp with only warnings and errors reported."""
     import warp as wp
 
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
@@ -41,7 +47,7 @@ def start_warp() -> None:
 
 @functools.cache
 def _init_warp() -> None:
-    """Once per process: the detour of its messages costs a file."""
+    """Initialise Warp once per process."""
     import warp as wp
 
     with _without_driver_warning():
@@ -50,7 +56,7 @@ def _init_warp() -> None:
 
 @contextlib.contextmanager
 def _without_driver_warning() -> Iterator[None]:
-    """Context in which Warp does not say on machines without an NVIDIA device that there is no driver for one."""
+    """Context that suppresses Warp's warning about a missing NVIDIA driver on machines without an NVIDIA device."""
     if os.name != "posix" or any(os.path.exists(path) for path in NVIDIA_DEVICES):
         yield
         return

@@ -1,6 +1,6 @@
-"""The register of fields: every array of a simulation, declared once with its purpose.
+"""The field register: every array of a simulation, declared once with its properties.
 
-Restart files, `plan`, the memory table, frames and halo exchange read this register, so they cannot disagree.
+Restart files, the plan, the memory table, frames and halo exchange all use this register.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class Field:
     """The declaration of an array.
 
     Attributes:
-        name: What it contains.
+        name: Name of the field.
         owner: The part that declared it.
-        per: What it has an entry for, one of PER; "bond" is [members, points].
-        restart: Whether a restart file keeps it; such names are unique in a simulation.
-        halo: Whether a halo of neighbouring points needs it where several devices divide the points.
-        own_exchange: Whether its owner itself keeps it right in the whole halo.
-        output: Name under which frames show it, which no other field has, or "" if they do not.
-        density: Whether frames divide it by the volume of the point [m^3].
+        per: What an entry belongs to, one of PER; "bond" means [members, points].
+        restart: Whether restart files store it; such names are unique in a simulation.
+        halo: Whether ghost points need it if several processes divide the points.
+        own_exchange: Whether its owner keeps it valid in the whole halo.
+        output: Unique name of the field in frames, or "" if it is not in frames.
+        density: Whether frames show it divided by the volume of the point [m^3].
     """
 
     name: str
@@ -103,10 +103,10 @@ class FieldRegister:
 
         Raises:
             ValueError: for a second restart field of the same name.
-            InputError: for rows that are too long, or a name of output that another field has.
+            InputError: if rows are too long, or the output name is already used.
         """
         if declared.restart and any(s.field.restart and s.name == declared.name for s in self.stored):
-            raise ValueError(f"field {declared.name!r} exists already: expected a new name for a restart field")
+            raise ValueError(f"field {declared.name!r} already exists: expected a new name for a restart field")
         for other in (s for s in self.shown() if s.field.output == declared.output):
             raise InputError(
                 f"{declared.owner}: output = {declared.output!r}: {other.owner} shows a field of this name; expected "
@@ -121,7 +121,7 @@ class FieldRegister:
         return array
 
     def kept(self) -> dict[str, Array]:
-        """Arrays that a restart file keeps, by name."""
+        """Arrays stored in restart files, by name."""
         return {s.name: s.array for s in self.stored if s.field.restart}
 
     def shown(self) -> list[Stored]:
@@ -135,7 +135,7 @@ class FieldRegister:
 
 
 def _require_short_rows(declared: Field, array: Array) -> None:
-    """Check that the rows of an array are short enough: Warp counts the bytes from row to row in 32 bits.
+    """Check the row length of an array, whose stride in bytes Warp stores in 32 bits.
 
     Raises:
         InputError: if they are not.
@@ -158,7 +158,7 @@ def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
 
     Args:
         array: The array.
-        points: Entries to copy, of an array with one index; the device gathers them. None: all.
+        points: Entries to copy of a one-dimensional array, gathered on the device; None for all.
     """
     if points is not None:
         chosen: Array = wp.array(points, dtype=wp.int32, device=array.device)
@@ -168,16 +168,16 @@ def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
 
 
 def host_shape(array: Array) -> tuple[int, ...]:
-    """Shape of a copy on the host: entries of vectors and matrices are its last axes."""
+    """Shape of a copy on the host, with the components of vectors and matrices as last axes."""
     return (*array.shape, *getattr(array.dtype, "_shape_", ()))
 
 
 def in_double(values: np.ndarray) -> np.ndarray:
-    """Real numbers as float64; others as they are."""
+    """Convert real numbers to float64; other types are unchanged."""
     return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
 
 
 def assign(array: Array, values: np.ndarray) -> None:
-    """Copy host values into a device array, in its own precision."""
+    """Copy host values into a device array, in the precision of the array."""
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(scalar)))

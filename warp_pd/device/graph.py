@@ -1,4 +1,4 @@
-"""Runs stages with little work on the host: captured graphs on CUDA, recorded launches on a CPU."""
+"""Runs stages with little host overhead: captured graphs on CUDA, recorded launches on a CPU."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import warp as wp
 
-from .cores import available_cores, cores
+from .cores import available_cores, cores, load_kernel
 from .fields import Array
 from .launches import Call, Item, Launch, Stage
 
@@ -26,16 +26,16 @@ TIMED_RUNS = 3
 
 
 class LaunchSequence:
-    """The launches of a stage, repeated, ready to run any number of times.
+    """The repeated launches of a stage as a sequence that can run any number of times.
 
-    On CUDA they are one captured graph; if one is a Call, the Call captures them. On a CPU every launch is recorded
-    once; one that takes long is cut into slices that run on all cores (a launch releases the interpreter lock), and
-    calls run in between. The stage's wraparound launch replaces the last launch and the first of the next repetition.
+    On CUDA the sequence is one captured graph; if an item is a Call, the Call captures it. On a CPU every launch is
+    recorded once; a long launch is divided into slices that run on all cores (a launch releases the interpreter lock).
+    The stage's wraparound launch replaces the last launch and the first launch of the next repetition.
 
     Args:
         stage: The stage.
         repeat: Number of repetitions.
-        begin: Number of repetitions before the first one: in number 0 all launches run; see `Launch.every`.
+        begin: Index of the first repetition; all launches run in repetition 0, see `Launch.every`.
     """
 
     def __init__(self, stage: Stage, repeat: int = 1, begin: int = 0) -> None:
@@ -55,7 +55,7 @@ class LaunchSequence:
             self._commands = [recorded[item] for item in self.items]
 
     def run(self) -> None:
-        """Run the list `repeat` times, in order."""
+        """Run the launches `repeat` times, in order."""
         if not self.items:
             return
         if self.device.is_cuda:
@@ -77,7 +77,7 @@ class LaunchSequence:
 
 @contextlib.contextmanager
 def no_collection() -> Iterator[None]:
-    """Keep the garbage collector off: it may free the graph of an earlier run, which CUDA forbids during a capture."""
+    """Disable garbage collection, which could free an earlier CUDA graph; CUDA forbids that during a capture."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -93,13 +93,13 @@ def _run_calls(calls: Iterable[Call]) -> None:
 
 
 class CpuLaunch:
-    """A launch on a CPU: on one core, or in slices on all of them if it takes long. Results are the same.
+    """A launch on a CPU: on one core, or in slices on all cores if it takes long, with the same results.
 
     Args:
         item: The launch.
         device: The CPU.
-        split_from: Time on one core from which it is split [s]; None: SPLIT_FROM.
-        parts: Number of slices; None: one per core.
+        split_from: Time on one core above which it is split [s]; None for SPLIT_FROM.
+        parts: Number of slices; None for one per core.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class CpuLaunch:
         self._shortest = math.inf
 
     def run(self) -> None:
-        """Run the launch and wait for it, unless it would do nothing."""
+        """Run the launch and wait for it, unless its condition is 0."""
         if self._needed is not None and not self._needed[0]:
             return
         if self._undecided:
@@ -139,6 +139,7 @@ class CpuLaunch:
     def _record(self, begin: int, end: int) -> Callable[[], None]:
         item = self.item
         threads, values = item.slice(begin, end)
+        load_kernel(item.kernel, self.device)
         command: Any = wp.launch(
             item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
         )
@@ -146,7 +147,7 @@ class CpuLaunch:
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
-    """Run launches now, one by one; on CUDA those of the side stream in parallel with others that do not need them."""
+    """Run launches once, now; on CUDA launches of the side stream run in parallel with independent launches."""
     items = list(items)
     if not device.is_cuda or not any(item.side_stream for item in items):
         for condition, group in itertools.groupby(items, _condition):
@@ -174,12 +175,12 @@ def _run_in_order(items: Iterable[Item], device: wp.Device) -> None:
 
 
 def _condition(item: Item) -> Array | None:
-    """What says whether a GPU needs a launch, and those next to it, at all; or None."""
+    """The array that decides on a GPU whether a launch and adjacent ones are needed, or None."""
     return item.only_if if isinstance(item, Launch) and item.grouped else None
 
 
 def side_stream_waits(items: Sequence[Item]) -> list[bool]:
-    """Whether the main stream waits for the side stream before each item, and at the end: one entry more than items."""
+    """Whether the main stream waits for the side stream before each item and at the end (one entry more than items)."""
     waits: list[bool] = []
     parallel: list[Item] = []
     for item in items:
@@ -200,7 +201,7 @@ def _must_wait(item: Item, earlier: Item) -> bool:
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:
-    """Run one launch with some arguments changed; for solvers with separate vectors."""
+    """Run one launch with some arguments replaced, for solvers with separate vectors."""
     threads, values = replace(item, arguments={**item.arguments, **changed}).slice(
         item.begin, item.begin + item.threads
     )
@@ -221,5 +222,5 @@ def _run(item: Item, device: wp.Device, stream: wp.Stream | None = None) -> None
 
 @functools.cache
 def _side_stream(alias: str) -> wp.Stream:
-    """Stream of a GPU for launches that run in parallel with the main stream, and before those that wait there."""
+    """Side stream of a GPU, for launches that run in parallel with the main stream."""
     return wp.Stream(alias, priority=-1)

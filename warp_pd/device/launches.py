@@ -1,7 +1,7 @@
 """Launches, and stages: lists of launches that run in order.
 
-A launch knows the arrays that it reads, gathers from neighbours, and writes (kernels/effects.py). This determines
-which pointwise stages may share one launch, and which launches must wait for a launch on a side stream.
+The arrays that a launch reads, gathers from neighbours and writes are declared (kernels/effects.py). They determine
+which pointwise stages can share a launch, and which launches must wait for one on a side stream.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ SPREAD_RUN = 8
 
 @dataclass(frozen=True)
 class Touched:
-    """Arrays that a launch touches, by their address.
+    """Arrays that a launch accesses, by address.
 
     Attributes:
-        reads: Read at the own point, or by a launch that does not work on points.
-        gathers: Read at other points.
-        writes: Written at the own point.
+        reads: Arrays read at the thread's own point, or by a launch that does not work on points.
+        gathers: Arrays read at other points.
+        writes: Arrays written at the thread's own point.
     """
 
     reads: frozenset[int] = frozenset()
@@ -46,7 +46,7 @@ class Touched:
         return Touched(self.reads | other.reads, self.gathers | other.gathers, self.writes | other.writes)
 
     def may_share_launch(self, later: Touched) -> bool:
-        """Whether a later pointwise stage may run in the same launch: neither gathers what the other writes."""
+        """Whether a later pointwise stage can share the launch, i.e. neither gathers an array that the other writes."""
         return not (self.writes & later.gathers or self.gathers & later.writes)
 
     def must_wait_for(self, earlier: Touched) -> bool:
@@ -66,7 +66,7 @@ def arrays_in(arguments: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
 
 
 def with_values(struct: Any, values: Mapping[str, Any]) -> Any:
-    """A Warp struct with these values; what is None stays as it is."""
+    """Fill a Warp struct with values; members with None are left unchanged."""
     for name, value in values.items():
         if value is not None:
             setattr(struct, name, value)
@@ -74,7 +74,7 @@ def with_values(struct: Any, values: Mapping[str, Any]) -> Any:
 
 
 def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
-    """Arrays that a launch with these arguments touches."""
+    """Arrays that a launch with these arguments accesses."""
     reads, gathers, writes = set(), set(), set()
     for name, array in arrays_in(arguments):
         if not array.ptr:
@@ -90,9 +90,9 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
 
 @dataclass(frozen=True)
 class Span:
-    """How the points from argument `start` to `stop` - 1 are divided among the blocks of a launch.
+    """Division of the points from argument `start` to `stop` - 1 among the blocks of a launch.
 
-    Its argument `blocks` is the number of blocks, each of which goes on until all points are done.
+    The argument `blocks` is the number of blocks; each block loops until all points are done.
 
     Attributes:
         together: Points that a block works on at once.
@@ -108,23 +108,22 @@ class Launch:
     """One kernel launch with its arguments.
 
     Attributes:
-        name: The kernel's name, or those of the pointwise stages that it joins.
+        name: The kernel's name, or the names of the joined pointwise stages.
         owner: The part that added it.
-        source: The kernel, one of whose arguments is called `first`, or a pointwise stage.
+        source: The kernel, which must have an argument `first`, or a pointwise stage.
         threads: Number of threads; for a pointwise stage, number of points.
         arguments: Value of every argument except `first` and `stop`, by name.
-        touched: Arrays that it touches.
-        block_dim: Threads per block on CUDA.
+        touched: Arrays that it accesses. block_dim: Threads per block on CUDA.
         begin: Value of `first` for the first thread.
         run: Points per thread of a pointwise stage, or 0.
-        side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
-        alone: Whether a pointwise stage joins no other launch.
-        divided: Whether it is part of a launch that was divided by points around an exchange (interfaces/overlap.py).
-            Arrays do not say which points a part touches: parts of one division need not wait for each other.
-        span: How points are divided among blocks, where threads do not stand for points.
-        only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
-        grouped: Whether a GPU leaves it out, too, together with those next to it of the same `only_if`.
-        every: A repeated stage runs it in one repetition of so many.
+        side_stream: Whether it may run in parallel with later launches, up to the first that accesses its arrays.
+        alone: Whether a pointwise stage must not share a launch.
+        divided: Whether it is part of a launch that was split by points around an exchange (interfaces/overlap.py).
+            Parts of one split need not wait for each other.
+        span: Division of points among blocks, if threads do not correspond to points.
+        only_if: Array; while its first entry is 0, a CPU skips the launch, and on a GPU the kernel does nothing.
+        grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
+        every: Interval of repetitions of a repeated stage in which it runs.
     """
 
     name: str
@@ -146,7 +145,7 @@ class Launch:
 
     @property
     def points(self) -> tuple[int, int]:
-        """The first point that it works on, and the one after the last."""
+        """First point that it works on, and last point plus 1."""
         if self.span is None:
             return self.begin, self.begin + self.threads
         return self.arguments["start"], self.arguments["stop"]
@@ -166,7 +165,7 @@ class Launch:
 
     @functools.cached_property
     def kernel(self) -> wp.Kernel:
-        """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
+        """The Warp kernel; for a pointwise stage it is declared on first use, after joining."""
         if isinstance(self.source, Pointwise):
             if self.run == SPREAD_RUN:
                 return spread_points(self.source, self.run)
@@ -175,7 +174,7 @@ class Launch:
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
-        """Number of threads, and arguments in the kernel's order, for threads or points begin to end - 1."""
+        """Number of threads and ordered kernel arguments for the threads or points begin to end - 1."""
         places = {"first": begin, "stop": end} if self.run else {"first": begin}
         values = {**self.arguments, **places}
         return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
@@ -183,7 +182,7 @@ class Launch:
 
 @dataclass(eq=False)
 class Call:
-    """A step that is not a Warp kernel, such as a Torch network on arrays that it shares with Warp.
+    """An item that is not a Warp kernel, such as a Torch network on arrays shared with Warp.
 
     Attributes:
         name: Its name.
@@ -192,9 +191,9 @@ class Call:
         function: The function to call, on Warp's stream of the device.
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
-        side_stream: As of a launch.
-        divided: Whether launches were divided around it.
-        every: As of a launch.
+        side_stream: As for a launch.
+        divided: Whether launches were split around it.
+        every: As for a launch.
     """
 
     name: str
@@ -226,7 +225,8 @@ class Stage:
         device: The Warp device.
         block_dim: Threads per block on CUDA.
         items: The launches.
-        wraparound: In a stage that is repeated, one launch that replaces its last and the next first one; or None.
+        wraparound: For a repeated stage, a launch that replaces the last launch and the first of the next repetition,
+            or None.
     """
 
     name: str
@@ -242,12 +242,12 @@ class Stage:
 
     @property
     def interval(self) -> int:
-        """Number of repetitions after which all items have run."""
+        """Number of repetitions after which all items have run at least once."""
         return math.lcm(*(item.every for item in self.items))
 
     @contextlib.contextmanager
     def every(self, repetitions: int) -> Iterator[None]:
-        """What is added within runs in one repetition of so many."""
+        """Context in which added items run only in every n-th repetition, n = `repetitions`."""
         self._every = repetitions
         yield
         self._every = 1
@@ -295,7 +295,7 @@ class Stage:
         grouped: bool = False,
         **arguments: Any,
     ) -> None:
-        """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
+        """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
 
         A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
         `only_if` where it can be left out: on a CPU, and `grouped` on a GPU.
@@ -315,11 +315,11 @@ class Stage:
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
 
     def call(self, call: Call) -> None:
-        """Add a step that is not a kernel."""
+        """Add an item that is not a kernel."""
         self.items.append(replace(call, every=self._every))
 
     def fuse_wraparound(self) -> None:
-        """Join the last launch with the first one of the next repetition, if they may share a launch."""
+        """Join the last launch with the first one of the next repetition if they can share a launch."""
         if len(self.items) > 1 and self.items[0].every == self.items[-1].every == 1:
             self.wraparound = _joined(self.items[-1], self.items[0])
 
@@ -331,7 +331,7 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now, several modules at once."""
+    """Compile or load every kernel now, several modules in parallel."""
     # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
     modules = {(launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches}
     for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
@@ -349,7 +349,7 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
 
 
 def _joined(first: Item, second: Item) -> Launch | None:
-    """One launch that joins two launches of pointwise stages on the same points, or None."""
+    """Join two launches of pointwise stages on the same points into one; None if that is not possible."""
     if not (isinstance(first, Launch) and isinstance(second, Launch)):
         return None
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):

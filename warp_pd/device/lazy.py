@@ -1,4 +1,4 @@
-"""Names that a package offers and imports on first use, so that `import warp_pd` waits for nothing else."""
+"""Lazy import of the names of a package, so that `import warp_pd` is fast."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 
 def lazy(package: str, offered: Mapping[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package.
+    """Create the `__getattr__` of a package.
 
     Args:
-        package: Its name.
-        offered: Names that each of its modules offers, with spaces between them.
+        package: Name of the package.
+        offered: Space-separated public names of each of its modules.
     """
     places = {name: module for module, names in offered.items() for name in names.split()}
 

@@ -1,4 +1,4 @@
-"""Schedules: piecewise linear functions of time, which the device evaluates itself."""
+"""Schedules: piecewise linear functions of time, evaluated on the device."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .checks import InputError, vector
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """A piecewise linear function of time; before its first knot and after its last one it is constant.
+    """A piecewise linear function of time, constant before its first and after its last knot.
 
     Attributes:
         times: Knots [s], increasing, shape (K,).
-        values: shape (K, 3).
+        values: Values at the knots, shape (K, 3).
     """
 
     times: np.ndarray
@@ -27,24 +27,24 @@ class Schedule:
         return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
 
     def top_speed(self, time: float) -> float:
-        """Largest rate of change until a time [1/s]."""
+        """Largest rate of change up to a time [1/s]."""
         rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
         return float(np.linalg.norm(rates[self.times[:-1] < time], axis=1).max(initial=0.0))
 
 
 def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
-    """A checked schedule of finite numbers: times, shape (K,), and values, shape (K, 3).
+    """Create a schedule from checked times, shape (K,), and values, shape (K, 3).
 
     Raises:
-        InputError: unless the times rise.
+        InputError: unless the times increase and all numbers are finite.
     """
     if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-        raise InputError(f"{name} times = {times.tolist()}: expected increasing times, at least one")
+        raise InputError(f"{name} times = {times.tolist()}: expected one or more increasing times")
     return Schedule(times, values)
 
 
 def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
-    """Schedule of a factor from pairs (time, factor); None stays None: the load is constant.
+    """Schedule of a factor from pairs (time, factor); None, for a constant load, stays None.
 
     Raises:
         InputError: unless `ramp` is a list of pairs with increasing times.

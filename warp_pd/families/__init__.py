@@ -1,4 +1,4 @@
-"""Families of bonds on the host: stencil of a lattice or table of a cloud, masks of their intersections."""
+"""Families of bonds on the host: stencils of lattices, tables of clouds, and masks of intersections."""
 
 from .build import build_families
 from .horizon import require_diagonals

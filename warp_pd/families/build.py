@@ -1,4 +1,4 @@
-"""Families of every point of a sheet."""
+"""Construction of the families of a sheet."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from .tables import Families, InfluenceFunction, influence_function
 def build_families(
     sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0, intersections: bool = True
 ) -> Families:
-    """Families of every point.
+    """Build the families of all points of a sheet.
 
     Args:
-        sheet: The sheet; on a lattice and deep inside a grid, points share one stencil.
+        sheet: The sheet; points of a lattice, and deep points of a grid, share one stencil.
         horizon: Horizon in spacings of the sheet [-].
         influence: Name of an influence function, or a function of r = |X| / horizon.
-        depth: On a lattice, points up to this many spacings from an edge have separate rows, more than the families
-            alone would need (corrected weights differ that far inside). On a grid with gaps, any depth above zero keeps
-            rows apart that corrected weights change.
-        intersections: Whether the law needs intersections of families; without them no masks are made, and
-            the horizon may be as small as one spacing.
+        depth: On a lattice, points up to this many spacings from an edge have separate rows, because corrected weights
+            differ that far inside. On a grid with gaps, any depth greater than zero gives separate rows to all points
+            whose corrected weights differ.
+        intersections: Whether the law needs intersections of families. Without them no masks are built, and the horizon
+            may be as small as one spacing.
 
     Raises:
-        InputError: for a horizon too small for any intersection to contain two directions, one larger than the sheet
-            or than 16 spacings, or a point without neighbours.
+        InputError: if the horizon is too small for deformation gradients, larger than the sheet or than 16 spacings, or
+            a point has no neighbours.
     """
     checked = checked_horizon(sheet, horizon)
     function = influence_function(influence)

@@ -17,7 +17,7 @@ def cloud_families(sheet: Sheet, horizon: Horizon, function: InfluenceFunction, 
     """Families of a cloud; arguments as for `build_families`.
 
     Raises:
-        InputError: for a point without neighbours.
+        InputError: if a point has no neighbours.
     """
     neighbours, reverses, incomplete = find_neighbours(sheet, np.arange(sheet.size), horizon)
     refuse_lone_points(sheet, np.arange(sheet.size), neighbours, horizon)
@@ -34,14 +34,14 @@ def point_rows(
     function: InfluenceFunction,
     intersections: bool,
 ) -> Families:
-    """Rows of the families of some points, each its own.
+    """Family rows of the given points, one row per point.
 
     Args:
         sheet: The sheet.
         owners: The points, shape (R,).
         neighbours: Their members, -1 where there is none, shape (R, n).
         reverses: Member indices of the reverse bonds, shape (R, n).
-        incomplete: Which families lost members to a cut, shape (R,).
+        incomplete: Mask of families that lost members to a cut, shape (R,).
         horizon: The horizon.
         function: Influence function.
         intersections: As for `build_families`.
@@ -91,7 +91,7 @@ def whole_frames(frames: np.ndarray) -> np.ndarray:
 
 
 def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray, horizon: Horizon) -> None:
-    """Raise InputError for a point without neighbours; members never precede a gap, so the first tells."""
+    """Raise InputError if a point has no neighbours, i.e. its first member does not exist."""
     lone = owners[neighbours[:, 0] < 0] if neighbours.shape[1] else owners
     if len(lone):
         raise InputError(
@@ -101,11 +101,11 @@ def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray,
 
 
 def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: Horizon) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bonds among some points, shape (P,), ascending.
+    """Find the bonds among the given points, ascending indices of shape (P,).
 
     Returns:
-        Their neighbours in ascending order, -1 where there is none, and reverse members, (P, n); which lost bonds to a
-        cut, (P,).
+        Neighbours in ascending order (-1 for none) and reverse members, both (P, n); mask of points that lost bonds to
+        a cut, (P,).
     """
     if sheet.spacings is None and nothing_severed(sheet):
         near, reverses = near_by_row(sheet.points[among], horizon.length * (1.0 + TOLERANCE))
@@ -118,7 +118,7 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: Horizon) -> tuple[
 def _neighbours_of_pairs(
     sheet: Sheet, among: np.ndarray, horizon: Horizon
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same where horizons differ, or some pairs within the horizon share no bond."""
+    """As `find_neighbours`, for varying horizons, or if some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
@@ -145,7 +145,7 @@ def _neighbours_of_pairs(
 
 
 def _graded_pairs(points: np.ndarray, horizons: np.ndarray) -> np.ndarray:
-    """Pairs of points no further apart than the mean of their horizons [m], the lower index first, shape (B, 2)."""
+    """Pairs of points within the mean of their horizons [m], lower index first, shape (B, 2)."""
     from scipy.spatial import cKDTree
 
     found = cKDTree(points).query_ball_point(points, horizons * (1.0 + TOLERANCE))

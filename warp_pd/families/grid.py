@@ -26,19 +26,19 @@ def grid_families(
     """Families of a grid with gaps; arguments as for `build_families`.
 
     Points are deep, and share row 0, if their family and those of all members are complete: every point of the stencil
-    exists and stands for one cell, and nothing else is near. The member of a deep point then has the number that the
-    stencil gives it, and so has the reverse bond.
+    exists and represents one cell, and no other points are near. Members and reverse bonds of a deep point then have
+    the indices of the stencil.
 
     Args:
         sheet: The sheet.
         horizon: The horizon.
         function: Influence function.
-        corrected: Whether corrected weights, which change the families around unbalanced points too, need their rows:
-            the members of deep points must then be deep in the above sense.
+        corrected: Whether rows are needed for corrected weights, which also differ around unbalanced points; the
+            members of deep points must then also be deep in the above sense.
         intersections: As for `build_families`.
 
     Raises:
-        InputError: for a point without neighbours, or a grid whose points are out of order.
+        InputError: if a point has no neighbours, or the points of the grid are not in order.
     """
     stencil = Stencil.within(horizon, sheet.spacing)
     image = _Image.of(sheet, stencil)
@@ -59,7 +59,7 @@ def grid_families(
 
 @dataclass(frozen=True)
 class Stencil:
-    """Steps to the members of a complete family, row by row, shape (n, 2), and the largest of them."""
+    """Steps to the members of a complete family, row by row, shape (n, 2), and the largest step."""
 
     steps: np.ndarray
     reach: int
@@ -74,7 +74,7 @@ class Stencil:
         return Stencil(np.column_stack([x[inside], y[inside]]), reach)
 
     def number(self, steps: np.ndarray) -> np.ndarray:
-        """Member numbers of steps, shape (..., 2), that all belong to the stencil."""
+        """Member indices of steps of the stencil, shape (..., 2)."""
         numbers = np.zeros((2 * self.reach + 1, 2 * self.reach + 1), np.int32)
         numbers[tuple((self.steps + self.reach).T)] = np.arange(len(self.steps))
         return np.asarray(numbers[steps[..., 0] + self.reach, steps[..., 1] + self.reach])
@@ -82,12 +82,12 @@ class Stencil:
 
 @dataclass(frozen=True)
 class _Image:
-    """The grid as an image: the index of the point at each place, -1 where there is none, with a margin of `reach`.
+    """The grid as an image with the point index at each place (-1 for none) and a margin of `reach`.
 
     Attributes:
         index: int32, shape (rows + 2 reach, columns + 2 reach).
-        grid: Column and row in the image of the point nearest to each place, shape (N, 2); of points off the grid too.
-        on: Which points are on the grid, shape (N,).
+        grid: Column and row in the image of each point, shape (N, 2); of the nearest place for points off the grid.
+        on: Mask of points on the grid, shape (N,).
         reach: The margin.
     """
 
@@ -111,13 +111,13 @@ class _Image:
         grid = np.rint(np.clip(places, low - reach, high + reach)).astype(np.int64) - low + reach
         columns, rows = high - low + 1 + 2 * reach
         if (np.diff(grid[on, 1] * columns + grid[on, 0]) <= 0).any():
-            raise InputError("sheet.grid: expected points on the grid in order, row by row, each at a place of its own")
+            raise InputError("sheet.grid: expected points on the grid in order, row by row, each at a different place")
         index = np.full((rows, columns), -1, np.int32)
         index[grid[on, 1], grid[on, 0]] = np.flatnonzero(on)
         return _Image(index, grid, on, reach)
 
     def at_points(self, image: np.ndarray) -> np.ndarray:
-        """Values of an image of this shape at each point, shape (N,); those off the grid have that of their cell."""
+        """Values of an image at each point, shape (N,); points off the grid get the value of their cell."""
         return np.asarray(image[self.grid[:, 1], self.grid[:, 0]])
 
     def marked(self, points: np.ndarray) -> np.ndarray:
@@ -132,7 +132,7 @@ class _Image:
         return image[r + y : rows - r + y, r + x : columns - r + x]
 
     def around(self, points: np.ndarray) -> np.ndarray:
-        """Ascending indices of the points up to the reach of a family from those of a mask, and of all off the grid."""
+        """Ascending indices of the points within family reach of a mask, and of all points off the grid."""
         near = dilated(self.marked(np.flatnonzero(points)), self.reach)
         return np.flatnonzero(self.at_points(near) | ~self.on)
 
@@ -166,7 +166,7 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
 
 
 def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """The places of a mask from which all steps lead to its places."""
+    """Erode a mask: keep the places from which all steps stay in the mask."""
     kept = np.zeros_like(inside)
     found = image.step(inside, 0, 0).copy()
     for x, y in steps:
@@ -176,7 +176,7 @@ def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 
 def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
-    """The places whose members in one line have consecutive indices."""
+    """Mask of the places whose members in each grid line have consecutive indices."""
     straight = np.zeros(image.index.shape, bool)
     found = np.ones_like(image.step(straight, 0, 0))
     for x, y in steps:
@@ -186,7 +186,7 @@ def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
 
 
 def dilated(mask: np.ndarray, distance: int) -> np.ndarray:
-    """A mask with all places up to a distance along x and y from its own."""
+    """Dilate a mask by a distance along x and y."""
     from scipy.ndimage import maximum_filter1d
 
     for axis in range(2):
@@ -195,7 +195,7 @@ def dilated(mask: np.ndarray, distance: int) -> np.ndarray:
 
 
 def _widened(table: np.ndarray, members: int, value: int) -> np.ndarray:
-    """A table with at least, or exactly, so many columns: what it loses is empty."""
+    """Pad a table with `value`, or cut off empty columns, to have `members` columns."""
     table = table[:, :members]
     return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)
 
@@ -209,7 +209,7 @@ def _with_stencil(
     stencil: Stencil,
     function: InfluenceFunction,
 ) -> Families:
-    """The rows of a grid: that of its deep points before those of all others."""
+    """The rows of a grid: the row of its deep points, followed by those of all others."""
     steps, n, wide = stencil.steps, len(stencil.steps), rows.members
     bonds = np.zeros((wide, 2))
     bonds[:n] = steps * sheet.spacing / rows.horizon
@@ -251,5 +251,5 @@ def _with_stencil(
 
 
 def _below(first: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """A row on top of others."""
+    """Stack a row on top of others."""
     return np.concatenate([first[None], others])

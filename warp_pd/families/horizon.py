@@ -1,4 +1,4 @@
-"""The horizon of a sheet: users give it in spacings, families use it in meters."""
+"""The horizon of a sheet, converted from spacings to meters."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MAX_HORIZON = 16.0
 
 @dataclass(frozen=True)
 class Horizon:
-    """Largest length of a bond; on a graded sheet that of a pair whose spacings are the mean one.
+    """Maximum length of a bond; on a graded sheet for a pair with the mean spacing.
 
     Attributes:
-        ratio: In spacings of the sheet [-].
-        length: [m].
+        ratio: Horizon in spacings of the sheet [-].
+        length: Horizon [m].
     """
 
     ratio: float
@@ -28,19 +28,19 @@ class Horizon:
 
     @staticmethod
     def of(sheet: Sheet, ratio: float) -> Horizon:
-        """The horizon from its length in spacings of a sheet."""
+        """Create the horizon from its length in spacings of a sheet."""
         return Horizon(ratio, ratio * sheet.spacing)
 
     def reach(self, step: float) -> int:
-        """How many steps [m] of a lattice it reaches along one of its axes."""
+        """Number of lattice steps of length `step` [m] within the horizon along an axis."""
         return int(self.length / step + 1e-6)
 
 
 def checked_horizon(sheet: Sheet, horizon: float) -> Horizon:
-    """The horizon of a sheet from its length in spacings, if it fits.
+    """Check the horizon in spacings of a sheet and create it.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is too small or too large.
     """
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
@@ -50,7 +50,7 @@ def checked_horizon(sheet: Sheet, horizon: float) -> Horizon:
         raise InputError(
             f"horizon = {horizon!r}: expected at most {min(across, MAX_HORIZON):.4g} spacings, "
             + (
-                f"as the sheet is {across:.4g} spacings long"
+                f"because the sheet is {across:.4g} spacings long"
                 if across < MAX_HORIZON
                 else "as families become too large beyond"
             )
@@ -62,7 +62,7 @@ def require_diagonals(sheet: Sheet, horizon: float) -> None:
     """Check that the families of a lattice determine deformation gradients.
 
     Raises:
-        InputError: for a horizon in spacings that excludes the diagonal neighbours.
+        InputError: if the horizon excludes the diagonal neighbours.
     """
     if sheet.lattice is None:
         return

@@ -1,4 +1,4 @@
-"""Intersections of families that have a row for each point, by kernels on all cores of the host."""
+"""Intersections of families with one row per point, computed by kernels on all cores of the host."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horiz
 
     Args:
         bonds: X / horizon, shape (R, n, 2) or (R, n, 3).
-        exists: Which members exist, the first ones of each row, shape (R, n).
+        exists: Mask of existing members, which come first in each row, shape (R, n).
         tolerance: Relative tolerance of the horizon.
-        horizons: Of the members over the horizon, shape (R, n), on graded sheets.
+        horizons: Horizons of the members divided by the horizon, shape (R, n), on graded sheets; otherwise None.
     """
     (rows, n), dimension = exists.shape, bonds.shape[2]
     common = np.zeros((rows, n, -(-n // WORD)), np.uint32)
@@ -36,13 +36,13 @@ def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horiz
 def shapes_by_row(
     bonds: np.ndarray, influence: np.ndarray, areas: np.ndarray, exists: np.ndarray, common: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse shape tensors, shape (R, n, 3), and sizes, shape (R, n), as of `Families.inverse_shapes`.
+    """Inverse shape tensors, shape (R, n, 3), and sizes, shape (R, n), as for `Families.inverse_shapes`.
 
     Args:
         bonds: X / horizon, shape (R, n, 2).
         influence: w, shape (R, n).
         areas: Areas of the members, shape (R, n).
-        exists: Which members exist, the first ones of each row, shape (R, n).
+        exists: Mask of existing members, which come first in each row, shape (R, n).
         common: Masks of the intersections, shape (R, n, words).
     """
     rows, n = exists.shape

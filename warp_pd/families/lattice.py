@@ -1,4 +1,4 @@
-"""Families of a lattice: one stencil, and one row per family class, that is points with the same neighbourhood."""
+"""Families of a lattice: one stencil, and one row per family class (points with equal neighbourhoods)."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def lattice_families(
 
 
 def _edge_code(length: int, reach: int) -> np.ndarray:
-    """0 .. reach - 1 from one end, reach inside, reach + 1 .. from the other end; all distinct if short."""
+    """Codes of places along an axis: 0 .. reach - 1 from one end, reach inside, reach + 1 .. to the other end."""
     index = np.arange(length)
     if length <= 2 * reach + 1:
         return index
@@ -84,7 +84,7 @@ def _edge_code(length: int, reach: int) -> np.ndarray:
 
 
 def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First point of each pair of codes, and the number of the pair at each point, without a table of all codes."""
+    """First point of each pair of codes, and the index of the pair at each point."""
     _, first_x, of_x = np.unique(near_x, return_index=True, return_inverse=True)
     _, first_y, of_y = np.unique(near_y, return_index=True, return_inverse=True)
     first = (len(near_x) * first_y[:, None] + first_x).ravel()
@@ -93,12 +93,12 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First point and class where some points lost members: those that lost the same have classes of their own.
+    """First points and classes if some points lost members; points with equal losses share a class.
 
     Args:
         family_class: Class of each point, int32; changed.
-        touched: The points, rising.
-        lost: Which members they lost.
+        touched: The points that lost members, ascending.
+        lost: Mask of the lost members.
     """
     patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
     number, wide = int(family_class.max()) + 1, len(patterns) + 1
@@ -119,7 +119,7 @@ def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) 
 
 
 def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Points near a cut, rising, and which of their members lie across it; None without cuts."""
+    """Points near a cut, ascending, and a mask of their members across it; None without cuts."""
     lattice, points = sheet.lattice, sheet.points
     if not sheet.cuts or lattice is None:
         return None
@@ -137,7 +137,7 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
 
 
 def near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
-    """Which points lie within `reach` of a cut, shape (N,)."""
+    """Mask of points within `reach` of a cut, shape (N,)."""
     return _near_cuts(sheet.points, sheet.cuts, reach)
 
 

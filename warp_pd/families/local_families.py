@@ -1,4 +1,4 @@
-"""The families of the points of a partition: rows of those of the whole sheet, or of a cloud built alone."""
+"""Families of the points of a partition: selected from the whole sheet's, or built locally for a cloud."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .tables import Families, InfluenceFunction, WholeFamilies, influence_functi
 
 @dataclass(frozen=True, eq=False)
 class LocalRows:
-    """Rows of the whole families that a partition needs.
+    """Rows of the whole sheet's families that a partition needs.
 
-    Families that are not whole here are empty, so that no kernel reads a point that is not here.
+    Families that are incomplete in this process are empty, so that no kernel reads a point of another process.
 
     Attributes:
         families: The families of the points of the partition.
-        rows: Row of the whole families that each row here is, shape (R,).
-        empty: Which rows are empty, shape (R,).
+        rows: Row of the whole sheet's families for each local row, shape (R,).
+        empty: Mask of empty rows, shape (R,).
     """
 
     families: Families
@@ -31,7 +31,7 @@ class LocalRows:
     empty: np.ndarray
 
     def table(self, values: np.ndarray) -> np.ndarray:
-        """Rows here of a table of the whole families, zero where they are empty."""
+        """Select the local rows of a table of the whole sheet's families; empty rows are zero."""
         found = np.asarray(values[self.rows])
         found[self.empty] = 0
         return found
@@ -77,7 +77,7 @@ def local_rows(families: Families, partition: Partition) -> LocalRows:
 
 
 def _kept_rows(families: Families, partition: Partition) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Rows of the whole families that are rows here, which of them are empty, and the row here of each point."""
+    """Rows of the whole sheet's families that are kept, a mask of empty ones, and the local row of each point."""
     if families.family_class is None:
         return partition.points, ~partition.near, None
     # Row 0 of a grid and the commonest one of a lattice keep their places: kernels know them.
@@ -94,7 +94,7 @@ def _kept_rows(families: Families, partition: Partition) -> tuple[np.ndarray, np
 
 
 class _Local:
-    """Indices here of points of the whole sheet, -1 for those that are not here."""
+    """Map from indices in the whole sheet to local indices, -1 for points of other processes."""
 
     def __init__(self, families: Families, partition: Partition) -> None:
         self.partition, self._table = partition, None
@@ -103,7 +103,7 @@ class _Local:
             self._table[partition.points] = np.arange(len(partition.points))
 
     def of(self, points: np.ndarray) -> np.ndarray:
-        """The index here of each, int32."""
+        """Local indices of points, int32."""
         if self._table is not None:
             return np.asarray(self._table[points])
         span = self.partition.span
@@ -119,7 +119,7 @@ def _whole(families: Families) -> WholeFamilies:
 
 
 def builds_alone(sheet: Sheet, partition: Partition | None) -> bool:
-    """Whether a process can build the families of its partition alone: of a cloud whose bonds need no way inside."""
+    """Whether a process can build its families locally: on clouds whose bonds need no visibility check."""
     return partition is not None and sheet.layout == "cloud" and sheet.barriers is None and sheet.frames is None
 
 
@@ -127,17 +127,17 @@ def local_cloud_families(
     sheet: Sheet, partition: Partition, horizon: float, influence: str | InfluenceFunction,
     gathered: Callable[[int], list[int]],
 ) -> Families:  # fmt: skip
-    """Families of the points of a partition; those that are not whole here are empty.
+    """Families of the points of a partition; incomplete ones are empty.
 
     Args:
-        sheet: The sheet, whole.
-        partition: What is here of it.
-        horizon: Over the spacing of the sheet [-].
+        sheet: The whole sheet.
+        partition: The part of the sheet in this process.
+        horizon: Horizon in spacings of the sheet [-].
         influence: As for `build_families`.
-        gathered: What all processes have of a number.
+        gathered: Function that gathers a number from all processes.
 
     Raises:
-        InputError: for a horizon that the sheet does not allow, or a point without neighbours.
+        InputError: if the sheet does not allow the horizon, or a point has no neighbours.
     """
     function, checked = influence_function(influence), checked_horizon(sheet, horizon)
     # Members are in the order of the user's points, on any number of processes.
@@ -163,6 +163,6 @@ def local_cloud_families(
 
 
 def _wide(table: np.ndarray, members: int, value: int) -> np.ndarray:
-    """A table with so many columns; what it loses is empty."""
+    """Pad a table with `value`, or cut off empty columns, to have `members` columns."""
     table = table[:, :members]
     return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)

@@ -8,7 +8,7 @@ from ..kernels.families import WORD
 
 
 def pack(mask: np.ndarray) -> np.ndarray:
-    """Booleans, shape (..., n), as words of 32 bits, uint32, shape (..., words)."""
+    """Pack booleans, shape (..., n), into 32-bit words, uint32, shape (..., words)."""
     n = mask.shape[-1]
     words = -(-n // WORD)
     padded = np.zeros((*mask.shape[:-1], words * WORD), bool)

@@ -1,4 +1,4 @@
-"""Points near each other: lists by a kernel on all cores of the host."""
+"""Neighbour lists, computed by a kernel on all cores of the host."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ CELLS = 4.0
 
 
 def near_by_row(points: np.ndarray, distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points within a distance of each point, and its number among those of each of them.
+    """Neighbours of each point within a distance, and the index of the point in the list of each neighbour.
 
     Args:
-        points: [m], shape (N, 2).
-        distance: [m].
+        points: Positions [m], shape (N, 2).
+        distance: Distance [m].
 
     Returns:
-        Indices in ascending order, -1 where there is none, and numbers, 0 there, both int32, shape (N, n).
+        Neighbours in ascending order (-1 for none), and reverse indices (0 for none), both int32, shape (N, n).
     """
     size, low = len(points), points.min(axis=0)
     extent = np.maximum(np.ptp(points, axis=0), distance)

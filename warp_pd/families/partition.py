@@ -1,4 +1,4 @@
-"""The partition of a sheet among processes: the points that each owns, and the ghost points around them."""
+"""The partition of a sheet among processes: owned points, and ghost points around them."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ HALO = 2
 
 @dataclass(frozen=True, eq=False)
 class Partition:
-    """The points that a process owns, and its ghost points: those around them that it also needs, the halo.
+    """The points that a process owns, and its ghost points: the surrounding points that it also needs (halo).
 
     Attributes:
         rank: Number of the process, from 0.
-        bounds: First point of the blocks of each process in the whole sheet, and the number of its points, shape
-            (processes + 1,). Sums over points go by these blocks.
-        points: Index in the whole sheet of each point that is here, shape (n,); rising, unless points are scattered.
-        owned: The owned points among them; all others are ghost points.
-        near: Points whose families are whole here: the owned ones and one horizon around them, bool, shape (n,). The
-            others have empty families.
-        faces: Index in the whole sheet of each triangle that is here; their lowest corners are owned, shape (F,).
-        inner: Owned points whose families are all owned, the longest run of them.
-        owners: Process that owns each point of the whole sheet, shape (N,), if points are scattered: owned points are
-            then not those of the own blocks, but neighbours in space. None: they are.
+        bounds: First point of the blocks of each process, and the number of points of the whole sheet, shape (processes
+            + 1,). Sums over points are computed by these blocks.
+        points: Index in the whole sheet of each local point, shape (n,); ascending unless points are scattered.
+        owned: Range of the owned points among them; all others are ghost points.
+        near: Mask of points with complete families: owned points and one horizon around them, shape (n,). The others
+            have empty families.
+        faces: Index in the whole sheet of each local triangle (those whose lowest corner is owned), shape (F,).
+        inner: Longest range of owned points whose families are all owned.
+        owners: Owner of each point of the whole sheet, shape (N,), if points are scattered, i.e. assigned by position
+            instead of by block; otherwise None.
     """
 
     rank: int
@@ -52,7 +52,7 @@ class Partition:
 
     @property
     def ghost(self) -> np.ndarray:
-        """Which points here are ghost points, bool, shape (n,)."""
+        """Mask of ghost points among the local points, shape (n,)."""
         found = np.ones(len(self.points), bool)
         found[self.owned] = False
         return found
@@ -79,11 +79,11 @@ class Partition:
 
     @functools.cached_property
     def _order(self) -> np.ndarray:
-        """Points here by their index in the whole sheet."""
+        """Order of the local points by index in the whole sheet."""
         return np.argsort(self.points, kind="stable")
 
     def here(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which of some points of the whole sheet are here, positions in `points`, and their indices here."""
+        """Positions in `points` (indices in the whole sheet) of the local ones, and their local indices."""
         if self.owners is None:
             # They follow each other.
             places = np.asarray(points, np.int64) - self.points[0]
@@ -95,11 +95,11 @@ class Partition:
         return at, found[at].astype(np.int32)
 
     def owner_of(self, points: np.ndarray) -> np.ndarray:
-        """Process that owns each of some points of the whole sheet."""
+        """Owner of each of the given points of the whole sheet."""
         return self.block_owner_of(points) if self.owners is None else np.asarray(self.owners[points])
 
     def block_owner_of(self, points: np.ndarray) -> np.ndarray:
-        """Process whose blocks each of some points of the whole sheet belongs to."""
+        """Process whose blocks contain each of the given points of the whole sheet."""
         return np.asarray(np.searchsorted(self.bounds, points, side="right") - 1)
 
 
@@ -113,14 +113,14 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
     """The partition of a sheet for one of several processes.
 
     Args:
-        sheet: The sheet, whole.
-        horizon: Over the spacing of the sheet [-].
+        sheet: The whole sheet.
+        horizon: Horizon in spacings of the sheet [-].
         rank: Number of the process.
         processes: Number of processes.
-        layers: Of points around the halo that are here, too, from neighbour to neighbour of the triangles.
+        layers: Number of additional point layers (neighbours in triangles) around the halo.
 
     Raises:
-        InputError: for more processes than the sheet has blocks of points.
+        InputError: if there are more processes than blocks of points.
     """
     bounds = bounds_of(sheet.size, processes)
     if not (np.diff(bounds) > 0).all():
@@ -143,15 +143,15 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
 
 
 def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
-    """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
+    """Triangles of a lattice whose lowest corner is one of the points begin to end - 1."""
     lowest = sheet.triangles.min(axis=1)
     return np.flatnonzero((lowest >= begin) & (lowest < end))
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, layers: int) -> Partition:
-    """The partition of a cloud or a grid with holes: points that are near each other, whatever their order.
+    """The partition of a cloud or a grid with holes, by position instead of by index.
 
-    Owned points come first here. Of a cloud the inner ones come before those near the border, and whole families before
+    Owned points come first. On a cloud, inner points come before those near the border, and complete families before
     empty ones.
     """
     cloud, processes = sheet.layout == "cloud", len(bounds) - 1
@@ -183,7 +183,7 @@ def _longest_run(flags: np.ndarray) -> slice:
 def row_bands(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
     """Part to which each point belongs, shape (N,): bands along x that divide no row of a grid.
 
-    Kernels know of the points of a row that they follow each other.
+    Kernels rely on the points of a row being consecutive.
     """
     height = points[:, 1]
     order = np.argsort(height, kind="stable")
@@ -196,7 +196,7 @@ def row_bands(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
 
 
 def bisection(points: np.ndarray, parts: int) -> np.ndarray:
-    """Part to which each point belongs, shape (N,): recursive bisection across the longest side of what is left."""
+    """Part to which each point belongs, shape (N,), by recursive bisection across the longest side."""
     found = np.zeros(len(points), np.uint16)
     pieces = [(np.arange(len(points)), 0, parts)]
     while pieces:
@@ -215,7 +215,7 @@ def bisection(points: np.ndarray, parts: int) -> np.ndarray:
 
 
 def _apart(sheet: Sheet, horizon: float, own: np.ndarray, halo: np.ndarray) -> np.ndarray:
-    """Which of some points have no point of a halo within the horizon."""
+    """Mask of the points `own` that have no point of `halo` within the horizon."""
     from scipy.spatial import cKDTree
 
     if not len(halo):
@@ -235,7 +235,7 @@ def _lattice_reach(sheet: Sheet, horizon: float) -> int:
 
 
 def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which points of a sheet are within one horizon of some, or are corners, and which within two, bool, (N,)."""
+    """Masks of the points within one horizon of `own` (or in `corners`), and within two horizons, (N,)."""
     from scipy.spatial import cKDTree
 
     distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
@@ -249,9 +249,9 @@ def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) 
 
 
 def sheet_on_partition(sheet: Sheet, partition: Partition) -> Sheet:
-    """The points of a partition as a sheet. Its lattice is the whole one; edges, cuts and outlines are left out.
+    """The points of a partition as a sheet, with the whole lattice but without edges, cuts and outlines.
 
-    It carries what parts and laws ask of points. Families are built of the whole sheet.
+    It has the point data that parts and laws need. Families are built from the whole sheet.
     """
 
     def of(values: np.ndarray | None) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""The deformation gradient of every whole family as sparse matrices, on a flat sheet."""
+"""The deformation gradient of every complete family of a flat sheet as sparse matrices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .tables import Families, inverse_shape
 
 
 def point_gradient(families: Families) -> tuple[Any, Any]:
-    """Matrices (B1, B2) [1/m], shape (N, N): F e_a = e_a + B_a u, with F of the whole family of each point.
+    """Matrices (B1, B2) [1/m], shape (N, N): F e_a = e_a + B_a u, with F of the complete family of each point.
 
     Rows of families that determine no F are zero.
     """
@@ -38,9 +38,9 @@ def surface_vector_matrix(gradient: tuple[Any, Any], displacement: np.ndarray, f
     """Derivative of factor_i (F e1 x F e2)_i by the displacement, sparse, shape (3 N, 3 N).
 
     Args:
-        gradient: As `point_gradient` gives it.
-        displacement: [m], shape (N, 3).
-        factors: shape (N,).
+        gradient: Result of `point_gradient`.
+        displacement: Displacement [m], shape (N, 3).
+        factors: Factor of each point, shape (N,).
     """
     from scipy import sparse
 
@@ -54,7 +54,7 @@ def surface_vector_matrix(gradient: tuple[Any, Any], displacement: np.ndarray, f
 
 
 def _crosses(vectors: np.ndarray) -> Any:
-    """Block diagonal matrix of a x, for vectors a of shape (N, 3)."""
+    """Block diagonal matrix of the cross products a x, for vectors a of shape (N, 3)."""
     from scipy import sparse
 
     n = len(vectors)

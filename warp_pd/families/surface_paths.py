@@ -1,4 +1,4 @@
-"""Which points of a curved sheet are near each other in space but not along the sheet, as across a fold or a slit."""
+"""Points of a curved sheet that are close in space but not along the sheet, for example across a fold or slit."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ BLOCK = 4_000_000
 
 
 def apart_along(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), are apart along the sheet; bool, shape (B,).
+    """Mask, shape (B,), of pairs of points, shape (B, 2), that are far apart along the sheet.
 
-    Only pairs near open edges, and near points where the sheet comes close to itself, are looked at.
+    Only pairs near open edges, or where the sheet comes close to itself, are checked.
     """
     reach = float(np.linalg.norm(sheet.points[pairs[:, 1]] - sheet.points[pairs[:, 0]], axis=1).max(initial=0.0))
     looked_at = np.flatnonzero(_near_suspects(sheet, pairs)[pairs].all(axis=1))
@@ -32,7 +32,7 @@ def apart_along(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
 
 
 def _near_suspects(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which points are on an open edge, in a suspicious pair, or in a pair with one of these, shape (N,)."""
+    """Mask of points on an open edge, in a suspicious pair, or in a pair with one of these, shape (N,)."""
     normals = sheet.normals
     chord = sheet.points[pairs[:, 1]] - sheet.points[pairs[:, 0]]
     most = MOST_RISE * np.linalg.norm(chord, axis=1)
@@ -76,5 +76,5 @@ def _paths(sheet: Sheet, pairs: np.ndarray, limit: float) -> np.ndarray:
 
 
 def _ranks(ascending: np.ndarray) -> np.ndarray:
-    """0 for the first value, 1 for the next that differs, and so on."""
+    """Dense ranks of ascending values, from 0."""
     return np.cumsum(np.append(0, np.diff(ascending) != 0))

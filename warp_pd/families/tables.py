@@ -33,29 +33,29 @@ INFLUENCE: dict[str, InfluenceFunction] = {
 
 
 def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
-    """The influence function of r = |X| / horizon, by name or passed through.
+    """The influence function of r = |X| / horizon, given by name or as a function.
 
     Raises:
-        InputError: for an unknown name, or a function that does not give one number for each.
+        InputError: if the name is unknown, or the function does not return one number per value.
     """
     if callable(influence):
         ratios = np.array([0.25, 0.5, 1.0])
         with user_code(lambda error: f"influence: {kind_and_text(error)}; expected a function of an array"):
             values = numbers("influence(array)", influence(ratios))
         if values.shape != ratios.shape:
-            raise InputError(f"influence(array) has shape {values.shape}: expected {ratios.shape}, that of the array")
+            raise InputError(f"influence(array): expected shape {ratios.shape} as the array, got {values.shape}")
         return influence
     return INFLUENCE[one_of("influence", influence, INFLUENCE)]
 
 
 @dataclass(frozen=True)
 class WholeFamilies:
-    """What the families of a part of a sheet still know of those of the whole sheet.
+    """Properties of the whole sheet's families, kept by the families of a part.
 
     Attributes:
         bonds: Number of bonds.
-        commonest_row: Row of most points, see `Families`.
-        has_common: Whether any point has it.
+        commonest_row: Row of the largest number of points, see `Families`.
+        has_common: Whether any point has this row.
     """
 
     bonds: int
@@ -67,23 +67,23 @@ class WholeFamilies:
 class Families:
     """Rows of families: one per point on a cloud, one per family class (points with equal families) on a lattice.
 
-    On a grid with gaps, row 0 is that of all points deep inside, and every other point has a row of its own. There are
-    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+    On a grid with gaps, row 0 is shared by all deep points, and every other point has a separate row. There are R rows
+    of n members; a nonexistent member has `exists` False and zeros elsewhere.
 
     Attributes:
-        horizon: [m].
+        horizon: Horizon [m].
         reference_area: Mean area of a point [m^2].
-        exists: shape (R, n).
+        exists: Mask of existing members, shape (R, n).
         bonds: X / horizon, shape (R, n, 2), or (n, 2) if all rows share a stencil.
-        influence: w, shape (R, n) or (n,).
-        common: Masks of the intersections over all members of the stencil or row, uint32, shape
-            (R, n, words) or (n, words); empty for laws that do not read them.
+        influence: Influence function w, shape (R, n) or (n,).
+        common: Bit masks of the intersections, uint32, shape (R, n, words) or (n, words); empty for laws that do not
+            use them.
         member_areas: Area of each member divided by the reference area, shape (R, n).
         areas: Area of the row's point divided by the reference area, shape (R,).
         family_class: Row of each point, shape (N,); None on a cloud, where point i has row i.
         neighbours: Index of each member, -1 if it does not exist, shape (R, n), on a cloud or grid; -1 throughout row 0
             of a grid.
-        reverses: Member index of the reverse bond, the point in the family of its member, shape (R, n), or (n,) on a
+        reverses: Member index of the reverse bond (the point in the family of its member), shape (R, n), or (n,) on a
             lattice.
         shift: Index offset of each member, shape (n,), on a lattice.
         steps: Lattice steps to each member, shape (n, 2), on a lattice; on a grid those of row 0, which may be fewer
@@ -91,12 +91,12 @@ class Families:
         centres: Index of the grid point straight above or below each point of row 0, one entry for each line of the
             stencil, from below, shape (lines, N), on a grid; meaningless for other points.
         first: A point of each row, shape (R,), on a lattice or grid.
-        severed: Whether the row lost members to a cut, shape (R,).
-        factors: Factor on the energy of the row's point (`Sheet.factors`), shape (R,), or None: 1 everywhere.
+        severed: Mask of rows that lost members to a cut, shape (R,).
+        factors: Factor on the energy of the row's point (`Sheet.factors`), shape (R,), or None for 1 everywhere.
         frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
-            then the projections on the tangent plane, in these.
+            then projections on the tangent plane, in this frame.
         chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
-        whole: Number of bonds and commonest row of the whole sheet, if these are the families of a part of it.
+        whole: Properties of the whole sheet's families, if these are the families of a part of it.
     """
 
     horizon: float
@@ -149,24 +149,24 @@ class Families:
 
     @property
     def member_coefficients(self) -> np.ndarray:
-        """c_k = w a_k of each member divided by the reference area, shape (R, n); zero where there is none."""
+        """c_k = w a_k of each member divided by the reference area, shape (R, n); zero for missing members."""
         return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
 
     def points_of_rows(self) -> np.ndarray:
-        """Number of points of each row, shape (R,), on a lattice or grid."""
+        """Number of points that use each row, shape (R,), on a lattice or grid."""
         assert self.family_class is not None
         return np.bincount(self.family_class, minlength=len(self.exists))
 
     @property
     def commonest_row(self) -> int:
-        """The row of most points of the whole sheet, on a lattice or grid; on a grid that of the points deep inside."""
+        """The row used by most points of the whole sheet, on a lattice or grid; on a grid the row of deep points."""
         if self.whole is not None:
             return self.whole.commonest_row
         return 0 if self.layout == "grid" else int(self.points_of_rows().argmax())
 
     @property
     def has_common(self) -> bool:
-        """Whether any point of the whole sheet has the commonest row."""
+        """Whether any point of the whole sheet uses the commonest row."""
         return self.whole.has_common if self.whole else bool(np.any(self.family_class == self.commonest_row))
 
     @property
@@ -178,11 +178,11 @@ class Families:
         return int(sizes.sum() if self.family_class is None else (sizes * self.points_of_rows()).sum())
 
     def rows_of_points(self, values: np.ndarray) -> np.ndarray:
-        """Values by row, shape (R, ...), as values by point, shape (N, ...)."""
+        """Expand values by row, shape (R, ...), to values by point, shape (N, ...)."""
         return values if self.family_class is None else values[self.family_class]
 
     def heads(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
-        """Point indices of members of points, with shapes that broadcast; meaningless for bonds that do not exist."""
+        """Point indices of members of points (broadcast); meaningless for bonds that do not exist."""
         if self.shift is not None:
             return np.asarray(np.asarray(points, dtype=np.int64) + self.shift[members])
         assert self.neighbours is not None
@@ -194,7 +194,7 @@ class Families:
         return np.asarray(np.where(self.family_class[points] > 0, found, self.centres[line, points] + step[..., 0]))
 
     def reverse_members(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
-        """Member indices of the reverse bonds, with shapes that broadcast."""
+        """Member indices of the reverse bonds (broadcast)."""
         if self.reverses.ndim == 1:
             return np.asarray(self.reverses[members])
         return np.asarray(self.reverses[self._rows(points), members])
@@ -218,7 +218,7 @@ class Families:
         return reach
 
     def members_of(self, points: np.ndarray) -> np.ndarray:
-        """Point indices of the members of some undamaged families.
+        """Point indices of the members of the given points' undamaged families.
 
         Args:
             points: Point indices, shape (P,).
@@ -314,7 +314,7 @@ def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of what is left of intersections, shape (..., 3), zero where unusable; mask of the others, shape (...).
+    """Inverse shape tensors of damaged intersections, shape (..., 3), zero where unusable; mask of usable ones.
 
     Args:
         shape: Shape tensors (11, 12, 22) of the intact members, shape (..., 3).
@@ -329,7 +329,7 @@ def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndar
 
 
 def in_blocks(rows: int, entries: int, work: Callable[[slice], None]) -> None:
-    """Call `work` on slices of the rows, each of `entries` entries, on all cores."""
+    """Call `work` on slices of the rows, each row with `entries` entries, on all cores."""
     step = max(1, BLOCK // entries)
     for _ in cores().map(work, [slice(begin, min(begin + step, rows)) for begin in range(0, rows, step)]):
         pass

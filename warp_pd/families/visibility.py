@@ -1,4 +1,4 @@
-"""Which bonds stay in the sheet."""
+"""Visibility: pairs of points that share no bond because the path between them leaves the sheet."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ BLOCK = 200_000
 
 
 def nothing_severed(sheet: Sheet) -> bool:
-    """Whether all points within the horizon of each other share a bond, so that nobody needs to look."""
+    """Whether all points within the horizon of each other share a bond, so that no check is needed."""
     parts = (sheet.barriers, sheet.bodies, sheet.frames, sheet.pieces)
     return not sheet.cuts and all(part is None for part in parts)
 
 
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
+    """Mask, shape (B,), of nearby pairs of points, shape (B, 2), that share no bond.
 
-    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a
-    bond if the way around is hardly longer.
+    They are on opposite sides of a cut, fold or slit, or the path between them leaves the sheet. A chord across a hole
+    is kept as a bond if the path around is hardly longer.
     """
     if sheet.frames is not None:
         return np.asarray(apart_along(sheet, pairs) | _in_two_pieces(sheet, pairs))
@@ -41,14 +41,14 @@ def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
 
 
 def _in_two_pieces(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), belong to two pieces; bool, shape (B,)."""
+    """Mask, shape (B,), of pairs of points, shape (B, 2), in different pieces."""
     if sheet.pieces is None:
         return np.zeros(len(pairs), bool)
     return np.asarray(sheet.pieces[pairs[:, 0]] != sheet.pieces[pairs[:, 1]])
 
 
 def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), lie on two sides of a cut; bool, shape (B,)."""
+    """Mask, shape (B,), of pairs of points, shape (B, 2), on opposite sides of a cut."""
     lost = np.zeros(len(pairs), bool)
     for segment in sheet.cuts:
         lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
@@ -56,7 +56,7 @@ def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
 
 
 def _outside(sheet: Sheet, pairs: np.ndarray, lost: np.ndarray) -> np.ndarray:
-    """Which pairs are joined by no way inside, or by a detour; those that are lost already do not count."""
+    """Mask of pairs connected inside the sheet only by a detour or not at all; pairs already lost are skipped."""
     points, barriers = sheet.points, sheet.barriers
     broken = np.zeros(len(pairs), bool)
     if barriers is None or not len(pairs):
@@ -77,13 +77,13 @@ def _outside(sheet: Sheet, pairs: np.ndarray, lost: np.ndarray) -> np.ndarray:
 
 
 def _is_convex(points: np.ndarray, barriers: np.ndarray, sectors: Sectors) -> bool:
-    """Whether no bond can leave the sheet: it turns left everywhere, by one full turn."""
+    """Whether the boundary is convex, so that no bond can leave the sheet."""
     turns = (np.pi - sectors.width[barriers[:, 0]]).sum()
     return bool((sectors.width < np.pi + STRAIGHT).all() and turns < 2.0 * np.pi + 1e-3)
 
 
 def _near(points: np.ndarray, barriers: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs are so near the edge of the sheet that they may cross it, shape (B,)."""
+    """Mask of pairs close enough to the edge of the sheet to cross it, shape (B,)."""
     from scipy.spatial import cKDTree
 
     longest = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1).max()
@@ -95,7 +95,7 @@ def _near(points: np.ndarray, barriers: np.ndarray, pairs: np.ndarray) -> np.nda
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """The directions in which the sheet lies, seen from points on its edge.
+    """Angular sectors of the sheet at the points on its edge.
 
     Attributes:
         begin: Direction of the edge that leaves the point [rad], shape (N,).
@@ -132,7 +132,7 @@ def _sectors(points: np.ndarray, barriers: np.ndarray) -> Sectors:
 
 
 def _crossing(points: np.ndarray, barriers: np.ndarray, sectors: Sectors, pairs: np.ndarray) -> np.ndarray:
-    """Which bonds cross an edge of the sheet, or leave it through a point of the edge, shape (P,)."""
+    """Mask of bonds that cross an edge of the sheet, or leave it through a point of the edge, shape (P,)."""
     from scipy.spatial import cKDTree
 
     tail, head = points[pairs[:, 0]], points[pairs[:, 1]]
@@ -164,7 +164,7 @@ def _crossing(points: np.ndarray, barriers: np.ndarray, sectors: Sectors, pairs:
 
 
 def _between_faces(points: np.ndarray, sectors: Sectors, pairs: np.ndarray) -> np.ndarray:
-    """Which bonds run along a crack from one of its faces to the other, shape (P,)."""
+    """Mask of bonds that run along a crack from one face to the other, shape (P,)."""
     along = points[pairs[:, 1]] - points[pairs[:, 0]]
     kinds = []
     for at, direction in ((pairs[:, 0], along), (pairs[:, 1], -along)):
@@ -177,7 +177,7 @@ def _between_faces(points: np.ndarray, sectors: Sectors, pairs: np.ndarray) -> n
 
 
 def _has_way(points: np.ndarray, pairs: np.ndarray, lost: np.ndarray, tried: np.ndarray) -> np.ndarray:
-    """Which of the tried pairs have a common neighbour on a way that is hardly longer than straight, shape (P,)."""
+    """Mask of the tried pairs with a common neighbour on a path hardly longer than the straight line, shape (P,)."""
     from scipy import sparse
 
     size = len(points)

@@ -1,4 +1,4 @@
-"""Constants of a material from tests, through the simulation. See docs/fitting.md."""
+"""Identification of material constants from tests by simulation. See docs/fitting.md."""
 
 from .columns import read_tests
 from .data import Curve, FieldData, read_table

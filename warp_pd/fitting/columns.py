@@ -1,4 +1,4 @@
-"""Which columns of a data file are what, for a scene."""
+"""Interpretation of the columns of a data file for a scene."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ CONTROLS = ("time", "load_factor")
 def read_tests(
     path: str | Path, build: Callable[..., Simulation], measure: str | None, settings: Mapping[str, Any] | None = None
 ) -> tuple[list[Test], list[str]]:
-    """The tests in a file for a scene, and notes on what was left out, one line each.
+    """Read the tests in a file for a scene, and notes on skipped rows, one line each.
 
-    A file with columns x, y (and z), u, v (and w) is a field of displacements; one of its columns may be an argument
-    of the scene, one field for each of its values. Any other file is a curve: one column is an argument of the scene,
-    "time" or "load_factor"; another one is what was measured: it is called `measure`, or is the only other one.
+    A file with columns x, y (and z), u, v (and w) is a displacement field; another column may be an argument of the
+    scene, which gives one field per value. Any other file is a curve: one column is the control, i.e. an argument of
+    the scene, "time" or "load_factor"; the measured column is named `measure`, or is the only other column.
 
     Raises:
-        InputError: for columns that do not fit the scene, in name or in unit.
+        InputError: if the names or units of columns do not fit the scene.
     """
     table = read_table(path)
     arguments = tuple(inspect.signature(build).parameters)
@@ -38,7 +38,7 @@ def read_tests(
         return list(_fields(table, control)), table.notes
     if control is None:
         raise InputError(
-            f"{table.path.name}: columns {', '.join(table.columns)}: expected one that is an argument of the scene, "
+            f"{table.path.name}: columns {', '.join(table.columns)}: expected one named as an argument of the scene, "
             "'time' or 'load_factor'"
         )
     name, column = _measured(table, control, measure, scene)
@@ -77,10 +77,10 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
 
 
 def _check_dimensions(table: Table, control: str, column: str, wanted: str | None) -> None:
-    """Compare the dimensions of the columns with those of the scene.
+    """Check the dimensions of the columns against those of the scene.
 
     Raises:
-        InputError: for another one; the message says if the two look reversed.
+        InputError: if they differ; the message tells if the columns seem to be reversed.
     """
     expected = {control: DIMENSIONS.get(control), column: wanted}
     for name, other in ((control, column), (column, control)):

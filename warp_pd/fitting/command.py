@@ -1,4 +1,4 @@
-"""What the command warp-pd fit does."""
+"""The command warp-pd fit."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class FitOptions:
     """Options of the command.
 
     Attributes:
-        vary: Names of the constants, with commas between them.
-        measure: The measure of the scene that was measured; None: the column's name.
-        bounds: Texts NAME=LOW:HIGH.
+        vary: Comma-separated names of the constants.
+        measure: The measure of the scene to compare with the data; None for the column's name.
+        bounds: Texts of the form NAME=LOW:HIGH.
         loss: One of LOSSES.
-        device: "cpu", "cuda:0", ...; None: CUDA where there is one.
-        precision: 32 or 64; None: the solver's.
-        out: Folder for the results; None: runs/SCENE-fit, or the first free one of runs/SCENE-fit-2, ...
+        device: "cpu", "cuda:0", ...; None for CUDA if available.
+        precision: 32 or 64; None for the solver's.
+        out: Folder for the results; None for runs/SCENE-fit, or the first free of runs/SCENE-fit-2, ...
     """
 
     vary: str
@@ -43,16 +43,16 @@ class FitOptions:
 
 
 def fit_scene(scene: str, data: Sequence[Path], given: Mapping[str, Any], options: FitOptions) -> Iterator[str]:
-    """Fit constants of a scene to tests, and save the result; gives the lines that the command prints.
+    """Fit constants of a scene to tests, save the result, and return the lines to print.
 
     Args:
         scene: Name or file.
         data: CSV files of the tests.
-        given: Arguments of the scene, and start values of constants, as text or numbers.
-        options: Of the command.
+        given: Arguments of the scene and initial values of constants, as text or numbers.
+        options: Options of the command.
 
     Raises:
-        InputError: for files, names or values that do not fit.
+        InputError: if files, names or values are invalid.
     """
     one_of("--loss", options.loss, LOSSES)
     bounds = _bounds(options.bounds)

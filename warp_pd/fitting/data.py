@@ -1,4 +1,4 @@
-"""Data of tests: CSV files with units in the header, curves, and fields of displacements."""
+"""Test data: CSV files with units in the header, curves, and displacement fields."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ DIMENSIONS = {
 
 
 def factor_and_dimension(column: str, unit: str) -> tuple[float, str]:
-    """Factor to SI, and dimension.
+    """Conversion factor to SI, and dimension.
 
     Raises:
-        InputError: for a unit that is not known.
+        InputError: if the unit is unknown.
     """
     if unit not in UNITS:
         raise InputError(f"column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}")
@@ -60,16 +60,16 @@ def dimension_of(unit: str) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One measure against what was controlled.
+    """Measured values against a control.
 
     Attributes:
         control: Argument of the scene, such as "pressure" or "stretch"; or "time", or "load_factor".
         at: Its values in SI units, shape (n,).
         measure: Measure of the scene.
-        values: What was measured, in SI units, shape (n,).
-        sigma: Standard deviation of the noise, in SI units, or None: the same part of the largest value in every test.
+        values: Measured values in SI units, shape (n,).
+        sigma: Standard deviation of the noise in SI units; None to scale every test by its largest value.
         name: Name of the test, for reports.
-        rows: Lines of its file, shape (n,), or None.
+        rows: Line numbers in its file, shape (n,), or None.
     """
 
     control: str
@@ -84,34 +84,34 @@ class Curve:
         """Check the shapes.
 
         Raises:
-            InputError: for arrays of different lengths, without entries, or with numbers that are not finite.
+            InputError: if arrays differ in length, are empty, or contain numbers that are not finite.
         """
         at, values = np.asarray(self.at, dtype=float), np.asarray(self.values, dtype=float)
         object.__setattr__(self, "at", at)
         object.__setattr__(self, "values", values)
         if at.ndim != 1 or at.shape != values.shape or len(at) == 0:
             raise InputError(
-                f"Curve: at has shape {at.shape}, values {values.shape}: expected as many of both, at least 1"
+                f"Curve: at has shape {at.shape}, values {values.shape}: expected equal lengths, at least 1"
             )
         if not (np.isfinite(at).all() and np.isfinite(values).all()):
             raise InputError("Curve: expected finite numbers; leave gaps out")
         if self.sigma is not None and not self.sigma > 0.0:
-            raise InputError(f"Curve.sigma = {self.sigma!r}: expected a number above 0")
+            raise InputError(f"Curve.sigma = {self.sigma!r}: expected a number greater than 0")
 
     @property
     def scale(self) -> float:
-        """What residuals are divided by."""
+        """Divisor of the residuals."""
         return self.sigma or float(np.abs(self.values).max()) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class FieldData:
-    """Displacements at places of the undeformed sheet, as of digital image correlation.
+    """Displacements at positions on the undeformed sheet, as from digital image correlation.
 
     Attributes:
-        places: [m], shape (M, 2) or (M, 3).
-        displacements: [m], shape (M, 3); NaN for components that were not measured.
-        control: As for Curve; "" for the scene as it is.
+        places: Positions [m], shape (M, 2) or (M, 3).
+        displacements: Displacements [m], shape (M, 3); NaN for components that were not measured.
+        control: As for Curve; "" if nothing is varied.
         at: Value of the control.
         sigma: As for Curve.
         name: As for Curve.
@@ -130,7 +130,7 @@ class FieldData:
         """Check the shapes.
 
         Raises:
-            InputError: for others, or no measured displacement.
+            InputError: if the shapes differ, or no displacement was measured.
         """
         if self.displacements.shape != (len(self.places), 3) or not np.isfinite(self.displacements).any():
             raise InputError(
@@ -140,7 +140,7 @@ class FieldData:
 
     @property
     def scale(self) -> float:
-        """What residuals are divided by."""
+        """Divisor of the residuals."""
         return self.sigma or float(np.nanmax(np.abs(self.displacements))) or 1.0
 
 
@@ -155,8 +155,8 @@ class Table:
         path: The file.
         columns: Values by name, NaN where a cell is empty, each of shape (n,).
         dimensions: Dimension by name.
-        rows: Line of the file of each row, shape (n,).
-        notes: What was left out, one line each.
+        rows: Line number in the file of each row, shape (n,).
+        notes: Notes on skipped rows, one line each.
     """
 
     path: Path
@@ -166,7 +166,7 @@ class Table:
     notes: list[str] = field(default_factory=list)
 
     def without_gaps(self, names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Columns and lines of the rows that have all of some columns; the others are noted."""
+        """Columns and line numbers of the rows without gaps in the named columns; other rows are noted."""
         whole = np.ones(len(self.rows), bool)
         for name in names:
             missing = np.isnan(self.columns[name])
@@ -179,12 +179,11 @@ class Table:
 def read_table(path: str | Path) -> Table:
     """Read a CSV file whose header names each column and its unit, as in "pressure [kPa], deflection [mm]".
 
-    Empty cells are gaps. Lines that begin with # are left out. Commas, semicolons or tabs part the columns; with
-    semicolons, a comma may be the decimal point.
+    Empty cells are gaps. Lines that begin with # are skipped. Columns are separated by commas, semicolons or tabs; with
+    semicolons, a comma may be the decimal separator.
 
     Raises:
-        InputError: for a file that cannot be read, a column without a unit or with an unknown one, or a cell that is
-            no number.
+        InputError: if the file cannot be read, a column has no unit or an unknown one, or a cell is not a number.
     """
     path = Path(path)
     try:
@@ -221,7 +220,7 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], l
             )
         name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
         if name in names:
-            raise InputError(f"{path.name}: column {name!r} is there twice: expected different names")
+            raise InputError(f"{path.name}: column {name!r} appears twice: expected different names")
         factor, dimension = factor_and_dimension(name, match.group(2).strip() or "1")
         names.append(name)
         factors.append(factor)

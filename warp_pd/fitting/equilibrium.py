@@ -1,4 +1,4 @@
-"""A scene in static equilibrium: states along its load path, and linear solves with the tangent of Newton's method."""
+"""Static equilibrium of a scene: states along its load path, and linear solves with the tangent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAX_HALVINGS = 6
 
 @dataclass
 class Silent:
-    """A sink of frames that keeps nothing."""
+    """A frame sink that discards everything."""
 
     frame_index: int = 0
     time: float = 0.0
@@ -35,13 +35,13 @@ class Silent:
     solve: dict[str, Any] | None = None
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
-        """Nothing is recorded."""
+        """Record nothing."""
 
     def row(self, now: float, dt: float) -> None:
-        """Nothing is recorded."""
+        """Record nothing."""
 
     def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
-        """Nothing is reported."""
+        """Report nothing."""
 
     def keep_going(self) -> None:
         """Never stop the search early."""
@@ -52,15 +52,15 @@ class NoEquilibriumError(Exception):
 
 
 def has_equilibrium(scene: Simulation) -> bool:
-    """Whether the solver of a scene searches for static equilibrium by Newton's method."""
+    """Whether the scene's solver is Newton."""
     return not scene.solver.dynamic and hasattr(scene.solver, "load_steps") and hasattr(scene.solver, "most_cuts")
 
 
 def require_newton(scene: Simulation) -> None:
-    """Check that a scene has derivatives at equilibrium.
+    """Check that derivatives at equilibrium are available for a scene.
 
     Raises:
-        InputError: for another solver than Newton, or a scene in which bonds may break.
+        InputError: if the solver is not Newton, or bonds can break.
     """
     if not has_equilibrium(scene):
         raise InputError(
@@ -68,7 +68,7 @@ def require_newton(scene: Simulation) -> None:
             "take differences over runs"
         )
     if scene.damage is not None:
-        raise InputError("damage: expected None for derivatives at equilibrium, as broken bonds make jumps")
+        raise InputError("damage: expected None for derivatives at equilibrium, because breaking bonds cause jumps")
 
 
 class Equilibrium:
@@ -76,15 +76,15 @@ class Equilibrium:
 
     Attributes:
         built: The simulation on a device.
-        factor: Load factor of the present state.
-        accuracy: Fraction of the right side at which linear solves end.
+        factor: Load factor of the current state.
+        accuracy: Relative residual at which linear solves end.
     """
 
     def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:
-        """Build the scene; kernels that are compiled already are used again.
+        """Build the scene, reusing compiled kernels.
 
         Raises:
-            InputError: for a scene without derivatives at equilibrium.
+            InputError: if derivatives at equilibrium are not available for the scene.
         """
         require_newton(scene)
         self.built: Built = scene.build(device, precision)
@@ -107,7 +107,7 @@ class Equilibrium:
 
     @property
     def displacement(self) -> np.ndarray:
-        """Displacement of the present state from the state without stress [m], shape (N, 3)."""
+        """Displacement of the current state from the stress-free state [m], shape (N, 3)."""
         return np.asarray(self.level.displacement.numpy().astype(np.float64))
 
     def held_at(self, factor: float) -> np.ndarray:
@@ -119,7 +119,7 @@ class Equilibrium:
 
         Args:
             factor: The load factor.
-            guess: Displacement to start from [m], shape (N, 3), or None for the present state.
+            guess: Initial displacement [m], shape (N, 3), or None for the current state.
 
         Raises:
             NoEquilibriumError: if the solver finds none.
@@ -145,23 +145,23 @@ class Equilibrium:
                 raise NoEquilibriumError(f"no equilibrium at {100.0 * factor:.4g} % of the load")
 
     def set(self, displacement: np.ndarray, factor: float) -> None:
-        """Set a state that need not be in equilibrium, with held components where they belong, and evaluate forces."""
+        """Set a state, not necessarily in equilibrium, with prescribed held components, and evaluate forces."""
         self.factor = factor
         self.search.set_loads(factor)
         assign(self.level.displacement, np.where(self.free, displacement, self.held_at(factor)))
         self.level.run("evaluate")
 
     def residual(self) -> np.ndarray:
-        """Unbalanced force of the free components as of the last evaluation [N], shape (N, 3)."""
+        """Unbalanced force on free components at the last evaluation [N], shape (N, 3)."""
         return np.asarray(self.level.residual.numpy().astype(np.float64))
 
     def frame(self) -> Frame:
-        """The present state as measures see it."""
+        """The current state as a frame for measures."""
         self.built.context.run("frame")
         return FramePoints(self.built).frame(1, self.factor * self.duration).in_double()
 
     def bare_frame(self) -> Frame:
-        """The displacement of the present state alone, for probes."""
+        """A frame with only the displacement of the current state, for probes."""
         placement = self.built.context.placement
         shown = self.displacement if placement is None else self.displacement - placement
         return Frame(1, self.factor * self.duration, shown, np.zeros_like(shown))
@@ -169,10 +169,10 @@ class Equilibrium:
     # Linear solves -------------------------------------------------------------------------------------
 
     def linearise(self) -> None:
-        """Take the tangent at the present state; what preconditions it stays that of Newton's last step, if any.
+        """Compute the tangent at the current state; the preconditioner of Newton's last step, if any, is kept.
 
         Raises:
-            NoEquilibriumError: if it is singular.
+            NoEquilibriumError: if the tangent is singular.
         """
         self._skew = None
         if self.linear.prepared:
@@ -202,7 +202,7 @@ class Equilibrium:
         if not self.linear.solve_closely(side, accuracy, added):
             self._renew()
             if not self.linear.solve_closely(side, accuracy, added):
-                raise NoEquilibriumError("the tangent is too near to a singular one for derivatives")
+                raise NoEquilibriumError("the tangent is too close to singular for derivatives")
         return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
 
     @property
@@ -212,7 +212,7 @@ class Equilibrium:
         return all(load.symmetric or load.tangent_matrix(here) is not None for load in self.level.following)
 
     def internal_product(self, direction: np.ndarray) -> np.ndarray:
-        """Stiffness of the force law alone times a displacement [m]: force [N] on free components, shape (N, 3)."""
+        """Stiffness of the force law (without loads) times a displacement [m]: force [N], shape (N, 3)."""
         context, level = self.built.context, self.level
         if not self._internal_stage:
             level.add_product(context.stage("internal product", "derivatives"), level.vector, level.image, False)
@@ -235,6 +235,6 @@ class Equilibrium:
 
 
 def for_differences(scene: Simulation) -> Simulation:
-    """The scene with the least work to build, for differences of its forces."""
+    """The scene with options that make building cheap, for differences of its forces."""
     solver: Any = scene.solver
     return replace(scene, solver=replace(solver, preconditioner="jacobi"))

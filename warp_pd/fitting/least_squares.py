@@ -40,26 +40,26 @@ def fit(
     device: str | None = None,
     precision: int | None = None,
 ) -> Fit:
-    """Fit constants to tests, all tests at once.
+    """Fit constants to one or more tests simultaneously.
 
-    A constant that several experiments know is one constant. Residuals are divided by the `sigma` of a test or,
-    without, by its largest value; so curves of any unit weigh alike.
+    Experiments that share the name of a constant share the constant. Residuals are divided by the `sigma` of a test or,
+    without `sigma`, by its largest value, so that curves of any unit have equal weight.
 
     Args:
-        experiments: What was measured, and what simulates it: `SceneTests`, `UniformTests`, or a list of them.
+        experiments: Tests and their simulation: `SceneTests`, `UniformTests`, or a list of them.
         vary: Names of the constants.
-        start: Start values; by default those of the scenes.
-        bounds: (lowest, highest) by name; a constant without has none but those of its material.
-        loss: "linear", or "soft_l1" for data with outliers: residuals beyond two standard deviations count by their
-            size, not its square.
-        tolerance: Relative change of the constants at which the search ends; it converges so fast that they are then
-            nearer than that by far.
-        max_evaluations: Evaluations after which it ends all the same.
+        start: Initial values; by default those of the scenes.
+        bounds: (lowest, highest) by name; other constants are only limited by the material.
+        loss: "linear", or "soft_l1" for data with outliers: residuals beyond two standard deviations then count
+            linearly instead of quadratically.
+        tolerance: Relative change of the constants at which the search ends; the actual error is then usually much
+            smaller.
+        max_evaluations: Maximum number of evaluations.
         device: As for `Simulation.run`.
         precision: As for `Simulation.run`.
 
     Raises:
-        InputError: for names, bounds or tests that do not fit, or start values without equilibrium.
+        InputError: if names, bounds or tests are invalid, or there is no equilibrium at the initial values.
     """
     from scipy.optimize import least_squares
 
@@ -228,7 +228,7 @@ class Problem:
         return notes
 
     def shaped(self, residuals: np.ndarray) -> list[np.ndarray]:
-        """Residuals over the scale by test, NaN where nothing was measured."""
+        """Scaled residuals by test, NaN where nothing was measured."""
         out, begin = [], 0
         for usable in self._usable:
             values = np.full(usable.shape, np.nan)

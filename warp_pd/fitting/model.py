@@ -1,4 +1,4 @@
-"""What tests would show, and its derivatives by constants: scenes in static equilibrium."""
+"""Simulated test results and their derivatives by constants, for scenes in static equilibrium."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ TOLERANCE = 1e-6
 
 
 class Model(Protocol):
-    """What some tests would show for any values of the constants."""
+    """Simulated results of tests as a function of the constants (interface)."""
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
-        """One array for each test, shaped like its data.
+        """Simulated results, one array per test, shaped like its data.
 
         Raises:
             NoEquilibriumError: if the solver finds no equilibrium.
-            InputError: for values that the scene refuses.
+            InputError: if the scene refuses the values.
         """
         ...
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
-        """Derivatives by the constants, one array for each test, with a last axis for the constants."""
+        """Derivatives by the constants, one array per test, with the constants on the last axis."""
         ...
 
 
 class Experiment(Protocol):
-    """Tests, and what simulates them."""
+    """Tests and their simulation (interface)."""
 
     @property
     def tests(self) -> Sequence[Test]:
@@ -49,36 +49,38 @@ class Experiment(Protocol):
         ...
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
-        """What the tests would show."""
+        """Create the model of the tests."""
         ...
 
     def start(self, name: str) -> float | None:
-        """Start value of a constant, or None if it has none."""
+        """Initial value of a constant, or None if it has none."""
         ...
 
 
 def require_arguments(made_by: Callable[..., Any], given: Collection[str]) -> None:
-    """Check that a scene or a material gets all constants that it has no default for.
+    """Check that a scene or material gets all arguments without a default.
 
     Raises:
-        InputError: for the first that is missing.
+        InputError: for the first missing one.
     """
     for name, parameter in inspect.signature(made_by).parameters.items():
         optional = parameter.default is not parameter.empty or parameter.kind in (
             parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD,
         )  # fmt: skip
         if not optional and name not in given:
-            raise InputError(f"{name} has no default: expected a value in settings (--set {name}=VALUE), or it in vary")
+            raise InputError(
+                f"{name} has no default: expected a value in settings (--set {name}=VALUE) or its name in vary"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class SceneTests:
-    """Tests that one scene simulates.
+    """Tests simulated by one scene.
 
     Attributes:
-        build: Function that makes the scene, such as `warp_pd.scenes.bulge_test.build`.
+        build: Function that builds the scene, such as `warp_pd.scenes.bulge_test.build`.
         tests: The tests.
-        settings: Arguments of `build` that stay as they are, besides those that tests control.
+        settings: Fixed arguments of `build`, other than those controlled by tests.
     """
 
     build: Build
@@ -92,7 +94,7 @@ class SceneTests:
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
-        """By static equilibrium if the solver is Newton, otherwise by whole runs."""
+        """Create the model: by static equilibrium if the solver is Newton, otherwise by complete runs."""
         known = inspect.signature(self.build).parameters
         for name in vary:
             if name not in known and name not in self.settings:
@@ -115,9 +117,9 @@ class Place:
     """A state of the scene at which something was measured.
 
     Attributes:
-        settings: Arguments besides the constants.
+        settings: Arguments other than the constants.
         factor: Load factor.
-        values: Test, its rows (None: all), and function of each number measured there.
+        values: Test, its rows (None for all), and function for each number measured in this state.
     """
 
     settings: dict[str, Any]
@@ -128,7 +130,7 @@ class Place:
 class EquilibriumModel:
     """Tests of a scene in static equilibrium.
 
-    A fit changes the constants and follows: every state starts from where du/dp of the one before sends it.
+    When the constants change, each state starts from a prediction by du/dp of the previous one.
 
     Attributes:
         places: All states, by settings, then load factor.
@@ -176,7 +178,7 @@ class EquilibriumModel:
         return [{control: float(value)} for value in values], np.ones(len(values))
 
     def _is_proportional(self, control: str, largest: float, rest: float) -> bool:
-        """Whether the scene at a load factor is that of a smaller control: the same forces in any one state."""
+        """Whether reducing the load factor is equivalent to a smaller control, i.e. gives the same forces."""
         middle = rest + TRIAL_FACTOR * (largest - rest)
         sides = []
         for value, factor in ((largest, TRIAL_FACTOR), (middle, 1.0)):
@@ -194,7 +196,7 @@ class EquilibriumModel:
     # The model -----------------------------------------------------------------------------------------
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
-        """Bring every state to equilibrium; keeps displacements and their derivatives for the next values."""
+        """Bring every state to equilibrium, and keep displacements and derivatives for the next values."""
         outputs = [np.full(_shape(test), np.nan) for test in self.tests]
         slopes = [np.full((*_shape(test), len(self.vary)), np.nan) for test in self.tests]
         states, along = [], []
@@ -246,14 +248,14 @@ class EquilibriumModel:
         return derivatives.displacements()
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
-        """Derivatives as of the last evaluation, which is repeated for other values."""
+        """Derivatives at the last evaluation, which is repeated if the values differ."""
         if self._at is None or not np.array_equal(values, self._at):
             self.evaluate(values)
         return self._jacobian
 
 
 def _loosened(build: Build) -> Build:
-    """The same scene with the tolerance of a fit, where it leaves that to the solver."""
+    """The same scene with the tolerance of a fit, if it uses the solver's default."""
 
     def made(**settings: Any) -> Simulation:
         scene = build(**settings)
@@ -269,7 +271,10 @@ def _value(scene: Simulation, index: int, row: int, test: Test) -> tuple[int, in
     field_of = PointField.at(scene.sheet, test.places)
     if not field_of.inside.all():
         outside = int((~field_of.inside).sum())
-        raise InputError(f"{test.name}: {outside} of {len(test.places)} places are not on the sheet: leave them out")
+        raise InputError(
+            f"{test.name}: {outside} of {len(test.places)} places are not on the sheet; expected only places on the "
+            "sheet"
+        )
     return index, None, lambda built, frame: field_of.values(frame)
 
 

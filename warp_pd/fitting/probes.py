@@ -1,6 +1,6 @@
-"""Measures that know their derivative by the displacement, so that one adjoint solve gives all their derivatives.
+"""Measures with a known derivative by the displacement, for which one adjoint solve gives all derivatives.
 
-Each is a function of the built simulation and a frame, as `Measure.value` wants it, with a method `gradient`.
+Each is a function of the built simulation and a frame, as for `Measure.value`, with a method `gradient`.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ class Probe(Protocol):
     """A measure with a derivative."""
 
     def __call__(self, built: Built, frame: Frame) -> float:
-        """Its value; of the frame it reads displacement and time alone."""
+        """The value; only displacement and time of the frame are used."""
         ...
 
     def gradient(self, state: Equilibrium) -> np.ndarray:
-        """Its derivative by the displacement of free components, shape (N, 3); other components are ignored."""
+        """Derivative by the displacement of free components, shape (N, 3); other components are ignored."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Deflection:
-    """Mean displacement of some points along an axis [m].
+    """Mean displacement of points along an axis [m].
 
     Attributes:
-        points: Point index, or indices.
+        points: Point index or indices.
         axis: "x", "y" or "z".
     """
 
@@ -52,7 +52,7 @@ class Deflection:
         return float(frame.displacement[self._indices(len(frame.displacement)), AXES.index(self.axis)].mean())
 
     def gradient(self, state: Equilibrium) -> np.ndarray:
-        """One over the number of points at each of them."""
+        """The gradient: one over the number of points at each of them."""
         out = np.zeros(state.free.shape)
         points = self._indices(len(out))
         out[points, AXES.index(self.axis)] = 1.0 / len(points)
@@ -64,10 +64,10 @@ class Deflection:
 
 @dataclass(frozen=True, eq=False)
 class SupportForce:
-    """Force of a support on the points that it holds, along an axis [N].
+    """Force of a support on its points, along an axis [N].
 
     Attributes:
-        points: Indices of points that are held along the axis.
+        points: Indices of points held along the axis.
         axis: "x", "y" or "z".
     """
 
@@ -78,12 +78,12 @@ class SupportForce:
         one_of("SupportForce.axis", self.axis, AXES)
 
     def __call__(self, built: Built, frame: Frame) -> float:
-        """The force [N], as of the last evaluation of the forces."""
+        """The force [N] at the last evaluation of the forces."""
         points = point_indices("SupportForce.points", self.points, built.context.sheet.size)
         return float(-built.to_numpy(built.state.force)[points, AXES.index(self.axis)].sum())
 
     def gradient(self, state: Equilibrium) -> np.ndarray:
-        """The rows of the stiffness at these points, as the internal force has a symmetric tangent."""
+        """The gradient: rows of the (symmetric) stiffness at these points."""
         unit = np.zeros(state.free.shape)
         points = point_indices("SupportForce.points", self.points, len(unit))
         unit[points, AXES.index(self.axis)] = 1.0
@@ -94,11 +94,11 @@ class SupportForce:
 
 @dataclass(frozen=True, eq=False)
 class PointField:
-    """Displacements at places of the undeformed sheet, linear in its triangles, as a camera measures them.
+    """Displacements at positions on the undeformed sheet, linear on its triangles, for camera measurements.
 
     Attributes:
-        weights: Sparse matrix, shape (M, N), of the fractions of the points.
-        inside: Which of the places asked for lie on the sheet, shape (asked,).
+        weights: Sparse interpolation matrix, shape (M, N).
+        inside: Mask of the requested places that are on the sheet.
     """
 
     weights: Any
@@ -106,15 +106,15 @@ class PointField:
 
     @staticmethod
     def at(sheet: Sheet, places: np.ndarray, tolerance: float = 0.02) -> PointField:
-        """The displacements at places [m], shape (M, 2) or (M, 3).
+        """Create the probe for places [m], shape (M, 2) or (M, 3).
 
         Args:
-            sheet: The sheet; places are those of its points as it is clamped.
-            places: Places; what lies further outside than `tolerance` spacings is left out.
-            tolerance: [-].
+            sheet: The sheet; places refer to its clamped, undeformed position.
+            places: Positions; those more than `tolerance` spacings outside the sheet are dropped.
+            tolerance: Distance in spacings [-].
 
         Raises:
-            InputError: for a sheet without triangles, or if no place is on it.
+            InputError: if the sheet has no triangles, or no place is on it.
         """
         from scipy import sparse
         from scipy.spatial import cKDTree

@@ -29,13 +29,13 @@ MOST_OUTLIERS = 10
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """How sure the constants are.
+    """Uncertainty of the constants.
 
     Attributes:
-        deviation: Standard deviation of the residuals over their scale [-].
-        errors: Standard errors, shape (P,); infinite for constants that the data do not tell.
-        correlations: shape (P, P).
-        words: What the data cannot tell, one line each.
+        deviation: Standard deviation of the scaled residuals [-].
+        errors: Standard errors, shape (P,); infinite for constants that the data do not determine.
+        correlations: Correlation matrix, shape (P, P).
+        words: Notes on poorly determined constants, one line each.
     """
 
     deviation: float
@@ -48,7 +48,7 @@ class Judgement:
         vary: Sequence[str], values: np.ndarray, sizes: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray,
         weights: np.ndarray,
     ) -> Judgement:  # fmt: skip
-        """From residuals, shape (M,), and their derivatives by the constants, shape (M, P), at the best values."""
+        """Compute from residuals, (M,), and their derivatives by the constants, (M, P), at the best values."""
         freedom = max(float(weights.sum()) - len(vary), 1.0)
         deviation = math.sqrt(float((weights * residuals**2).sum()) / freedom)
         relative = np.maximum(np.abs(values), 1e-12 * sizes)
@@ -98,16 +98,16 @@ class Fit:
     Attributes:
         names: Names of the constants.
         values: Their values in SI units, shape (P,).
-        start: Start values, shape (P,).
-        judgement: How sure they are.
-        experiments: What was fitted.
+        start: Initial values, shape (P,).
+        judgement: Their uncertainty.
+        experiments: The fitted experiments.
         tests: The tests of all experiments.
         residuals: (model - data) / scale of every test, shaped like its data.
-        model: What the fitted model shows for every test, in SI units.
-        notes: What the fit noticed, one line each.
+        model: Results of the fitted model for every test, in SI units.
+        notes: Notes of the fit, one line each.
         evaluations: Number of evaluations of the model.
-        seconds: Time it took.
-        converged: Whether the search ended by its tolerance.
+        seconds: Wall time [s].
+        converged: Whether the search reached its tolerance.
     """
 
     names: tuple[str, ...]
@@ -140,7 +140,7 @@ class Fit:
             **changed: Other arguments of the scene.
 
         Raises:
-            InputError: without a scene.
+            InputError: if the fit has no scene.
         """
         for experiment in self.experiments:
             if isinstance(experiment, SceneTests):
@@ -148,7 +148,7 @@ class Fit:
         raise InputError("simulation: expected a fit with a scene")
 
     def outliers(self) -> list[str]:
-        """Measured numbers far from the fit, one line each."""
+        """Notes on measured values far from the fit, one line each."""
         lines = []
         everything = np.concatenate([r[np.isfinite(r)].ravel() for r in self.residuals])
         spread = MAD * float(np.median(np.abs(everything)))
@@ -166,7 +166,7 @@ class Fit:
         return lines
 
     def table(self) -> str:
-        """The constants, their errors and correlations, and what the fit noticed."""
+        """The constants, their errors and correlations, and the notes of the fit, as text."""
         lines = [f"{'constant':14s} {'estimate':>13s} {'standard error':>15s} {'':>9s} {'start':>12s}"]
         for name, value, error, start in zip(self.names, self.values, self.judgement.errors, self.start, strict=True):
             fraction = f"{100.0 * error / abs(value):8.3g} %" if value and math.isfinite(error) else ""
@@ -196,7 +196,7 @@ class Fit:
         fitted(Path(path), panels)
 
     def save(self, folder: str | Path, command: str = "") -> Path:
-        """Write fit.json, fit.png and a table of every test into a folder; returns it."""
+        """Write fit.json, fit.png and a table of every test into a folder, and return the folder."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         summary = {

@@ -1,8 +1,8 @@
-"""Tests that whole runs simulate, in dynamics or relaxation; derivatives are central differences over runs.
+"""Tests simulated by complete runs (dynamics or relaxation); derivatives are central differences over runs.
 
-Runs repeat their bits, so differences have no noise of their own; but a step that the program chooses, a contact or a
-bond that breaks makes a result jump or kink. The step is a hundredth of a constant: errors of a smooth result are then
-about 1e-4 of it. See docs/fitting.md for where this ends.
+Runs are bitwise reproducible, so differences have no noise. But results may jump or kink due to adaptive time steps,
+contact or breaking bonds. The difference step is a hundredth of a constant, which gives errors of about 1e-4 for smooth
+results. See docs/fitting.md for the limits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STEP = 1e-2
 
 
 class RunsModel:
-    """Tests of a scene that runs in time."""
+    """Tests of a scene simulated by complete runs."""
 
     def __init__(
         self, build: Build, tests: Sequence[Test], vary: Sequence[str], settings: Mapping[str, Any],
@@ -35,7 +35,7 @@ class RunsModel:
             self.tests.append(test)
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
-        """Run the scene once, or once for every value of an argument that a test controls."""
+        """Run the scene once, or once per value of an argument that a test controls."""
         return [self._curve(test, dict(zip(self.vary, values.tolist(), strict=True))) for test in self.tests]
 
     def _curve(self, test: Curve, constants: Mapping[str, float]) -> np.ndarray:

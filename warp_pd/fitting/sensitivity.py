@@ -1,12 +1,12 @@
-"""Derivatives of measures at static equilibrium, by the tangent of Newton's method.
+"""Derivatives of measures at static equilibrium, using the tangent of Newton's method.
 
 With R(u, p) the unbalanced force and K = -dR/du, equilibrium R = 0 gives K du/dp = dR/dp. A measure m(u, p) then has
 
-    dm/dp = dm/dp at fixed u + dm/du . du/dp           direct: a solve for every constant, any measure
-          = dm/dp at fixed u + l . dR/dp, K^T l = dm/du     adjoint: a solve for every measure
+    dm/dp = dm/dp at fixed u + dm/du . du/dp           direct: one solve per constant, any measure
+          = dm/dp at fixed u + l . dR/dp, K^T l = dm/du     adjoint: one solve per measure
 
 dR/dp is the central difference of the unbalanced force between two scenes whose argument differs by 6e-6 of its size,
-at one displacement; held points go where each of the two wants them. It is exact to 1e-10 or so in float64. So any
+at the same displacement except for held points, which each scene prescribes. It is exact to about 1e-10 in float64. Any
 argument of a scene may be varied: constants, thickness, pressure, prestretch.
 """
 
@@ -33,12 +33,12 @@ METHODS = ("auto", "adjoint", "direct")
 
 
 def step_of(value: float, size: float, bits: int) -> float:
-    """Step of central differences: the cube root of round-off, times the size of the argument."""
+    """Step of central differences: the cube root of round-off times the size of the argument."""
     return float(np.finfo(np.float64 if bits == 64 else np.float32).eps ** (1 / 3)) * max(abs(value), abs(size))
 
 
 def value_of(scene: Simulation, name: str) -> Value:
-    """The function of a measure of a scene, or of a column that a part adds to the history.
+    """The function of a measure of a scene, or of a history column of a part.
 
     Raises:
         InputError: if there is no such measure.
@@ -58,10 +58,10 @@ def value_of(scene: Simulation, name: str) -> Value:
 
 
 class Pair:
-    """Two scenes whose argument differs by a step up and down, to be evaluated at any state of the one between.
+    """Two scenes with an argument increased and decreased by a step, evaluated at states of the original scene.
 
     Attributes:
-        step: Half of the difference.
+        step: Half of the difference of the argument.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Pair:
         return np.asarray(sum(w * side.held_at(factor) for w, side in zip(self._weights, self.sides, strict=True)))
 
     def change(self, value: Value, displacement: np.ndarray, factor: float, along: np.ndarray | None) -> np.ndarray:
-        """Derivative of a measure, with free components that move by `along` per unit of the argument."""
+        """Derivative of a measure if free components move by `along` per unit of the argument."""
         total: Any = 0.0
         for weight, side, sign in zip(self._weights, self.sides, (1.0, -1.0), strict=True):
             moved = displacement if along is None else displacement + sign * self.step * along
@@ -107,11 +107,11 @@ class Pair:
 
 
 class Derivatives:
-    """Derivatives of one scene by some of its arguments, at any of its states.
+    """Derivatives of a scene by some of its arguments, at any of its states.
 
     Attributes:
         state: The scene.
-        pairs: One for each argument.
+        pairs: One pair per argument.
     """
 
     def __init__(
@@ -125,14 +125,14 @@ class Derivatives:
         self.pairs = [Pair(build, settings, name, size, device, bits) for name, size in zip(vary, sizes, strict=True)]
 
     def displacements(self) -> np.ndarray:
-        """du/dp of the present state [m per unit], shape (P, N, 3): a solve for every argument."""
+        """du/dp at the current state [m per unit], shape (P, N, 3), with one solve per argument."""
         state = self.state
         state.linearise()
         here, factor = state.displacement, state.factor
         return np.array([state.solve(pair.force(here, factor)) + pair.held(factor) for pair in self.pairs])
 
     def direct(self, values: Sequence[Value], along: np.ndarray | None = None) -> list[np.ndarray]:
-        """Derivatives of measures, one array (..., P) each, with du/dp if it is known already."""
+        """Derivatives of measures, one array (..., P) each; `along` is du/dp if already known."""
         here, factor = self.state.displacement, self.state.factor
         along = self.displacements() if along is None else along
         return [
@@ -141,7 +141,7 @@ class Derivatives:
         ]
 
     def adjoint(self, probes: Sequence[Probe]) -> np.ndarray:
-        """Derivatives of probes, shape (M, P): a solve for every probe."""
+        """Derivatives of probes, shape (M, P), with one solve per probe."""
         state = self.state
         state.linearise()
         here, factor = state.displacement, state.factor
@@ -156,12 +156,12 @@ class Sensitivity:
     """Values and derivatives of measures at equilibrium.
 
     Attributes:
-        measures: Names, M of them.
-        vary: Names of the arguments, P of them.
-        values: shape (M,).
-        jacobian: Derivatives, shape (M, P), each in the unit of its measure over that of its argument.
+        measures: Names of the M measures.
+        vary: Names of the P arguments.
+        values: Values of the measures, shape (M,).
+        jacobian: Derivatives, shape (M, P), in the unit of the measure divided by that of the argument.
         method: "adjoint" or "direct".
-        seconds: Time of the derivatives, without that of the equilibrium and of building the scenes.
+        seconds: Wall time of the derivatives [s], without equilibrium and building of scenes.
     """
 
     measures: tuple[str, ...]
@@ -186,18 +186,18 @@ def sensitivity(
     """Derivatives of measures of a scene by its arguments, in static equilibrium.
 
     Args:
-        build: Function that makes the scene; its solver is Newton.
-        vary: Names of arguments of `build`, numbers.
+        build: Function that builds the scene, whose solver must be Newton.
+        vary: Names of numerical arguments of `build`.
         measures: Names of measures of the scene, or of columns of its history.
-        settings: Arguments of `build`; those that vary default to the function's own.
+        settings: Arguments of `build`; others have their defaults.
         factor: Load factor, 0 to 1.
-        method: "adjoint" (a solve for every measure, which must be a Deflection or SupportForce), "direct" (a solve for
-            every argument), or "auto": the adjoint where it is possible and takes fewer solves.
+        method: "adjoint" (one solve per measure, which must be a Deflection or SupportForce), "direct" (one solve per
+            argument), or "auto" (the adjoint if possible and with fewer solves).
         device: As for `Simulation.run`.
         precision: As for `Simulation.run`.
 
     Raises:
-        InputError: for names that do not exist, another solver, or an adjoint of a measure that has none.
+        InputError: if a name does not exist, the solver is not Newton, or a measure has no adjoint.
     """
     one_of("method", method, METHODS)
     given = with_defaults(build, vary, settings or {})
@@ -219,10 +219,10 @@ def sensitivity(
 
 
 def with_defaults(build: Build, vary: Sequence[str], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings with the start values of the arguments that vary, from the defaults of `build`.
+    """Settings with the values of the varied arguments, by default those of `build`.
 
     Raises:
-        InputError: for an argument that does not exist, is no number, or varies twice.
+        InputError: if an argument does not exist, is not a number, or is given twice.
     """
     parameters = inspect.signature(build).parameters
     out = dict(settings)

@@ -1,7 +1,8 @@
 """Tearing energy from the load at which a pre-cut strip tears, through scenes such as `pure_shear_tear`.
 
-The energy release rate of a strip in pure shear depends on how far it is stretched, not on what it takes to tear it. So
-one run tells it at any load, and the load at which a test tears then tells the tearing energy; another run checks it.
+The energy release rate of a strip in pure shear depends on its stretch, not on its tearing energy. So one run gives the
+energy release rate at any load, and its value at the load at which a test tears is the tearing energy; another run
+checks it.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ MOST_RUNS = 5
 
 @dataclass(frozen=True)
 class TearingFit:
-    """A tearing energy, and the run that checks it.
+    """A fitted tearing energy, and the result of the run that checks it.
 
     Attributes:
         energy: Tearing energy of the last run [J/m^2].
         load: The measured load at tearing [N].
-        check: Load [N] at which the scene tears with that energy.
+        check: Load [N] at which the scene tears with this energy.
         released: Energy release rate at the measured load [J/m^2]: the tearing energy of a continuum.
         runs: Number of runs.
     """
@@ -49,18 +50,18 @@ def tearing_energy(
     build: Build, load: float, settings: Mapping[str, Any] | None = None, *, tolerance: float = 0.02,
     device: str | None = None,
 ) -> TearingFit:  # fmt: skip
-    """Tearing energy of a test that tore at a load.
+    """Find the tearing energy of a test that tore at a given load.
 
     Args:
         build: A scene with the argument `tearing_energy`, the measures "load" and "release_ratio" (energy release rate
             over the tearing energy), and the outcome "onset_ratio", its value when the tear begins.
         load: Load at which the tear begins [N].
         settings: Arguments of `build`; `tearing_energy` is the first guess.
-        tolerance: Relative difference of the load of the last run from the measured one at which the search ends.
+        tolerance: Relative difference between simulated and measured load at which the search ends.
         device: As for `Simulation.run`.
 
     Raises:
-        InputError: for a scene without these, or a strip that does not tear.
+        InputError: if the scene lacks these, or the strip does not tear.
     """
     positive("load", load)
     given = dict(settings or {})
@@ -96,7 +97,7 @@ def _run(build: Build, settings: Mapping[str, Any], device: str | None) -> tuple
 
 
 def _until(history: History, onset: float) -> list[tuple[float, float]]:
-    """Loads that only rise [N], and release ratios, up to the beginning of the tear."""
+    """Monotonically increasing loads [N] and release ratios until the tear begins."""
     rows, largest = [], -np.inf
     for row in history:
         largest = max(largest, row["load"])

@@ -1,4 +1,4 @@
-"""Tests in a uniform state, without a simulation: uniaxial, equibiaxial and planar curves of a data sheet."""
+"""Uniform tests, without a simulation: uniaxial, equibiaxial and planar curves."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ NEWTON_STEPS, WIDTH_STEP = 60, 1e-3
 def nominal_stress(material: Material, loading: str, stretch: np.ndarray) -> np.ndarray:
     """First Piola stress along the pull in a uniform state [Pa], shape of `stretch`.
 
-    It is the derivative of the energy density by the stretch, by differences of fourth order; the width of a uniaxial
-    strip is that of least energy.
+    It is the derivative of the energy density by the stretch, from fourth-order differences; the width of a uniaxial
+    strip minimises the energy.
 
     Args:
         material: Any hyperelastic material of continua.
         loading: "uniaxial", "equibiaxial" (half of the derivative: two directions are pulled) or "planar".
-        stretch: [-].
+        stretch: Stretch [-].
 
     Raises:
-        InputError: for another loading.
+        InputError: for any other loading.
     """
     one_of("loading", loading, LOADINGS)
     stretch = np.asarray(stretch, dtype=np.float64)
@@ -46,7 +46,7 @@ def nominal_stress(material: Material, loading: str, stretch: np.ndarray) -> np.
 
 
 def _width(material: Material, stretch: np.ndarray) -> np.ndarray:
-    """Width stretch of least energy, by Newton's method from that of incompressible rubber."""
+    """Transverse stretch that minimises the energy, by Newton's method, starting from that of incompressible rubber."""
     width = stretch**-0.5
     for _ in range(NEWTON_STEPS):
         h = WIDTH_STEP * width
@@ -66,10 +66,10 @@ class UniformTests:
     """Uniform tests of one material.
 
     Attributes:
-        material: Function of the constants that makes the material, such as the class `Yeoh` or `Ogden.of`.
+        material: Function from constants to a material, such as the class `Yeoh` or `Ogden.of`.
         tests: Curves of nominal stress [Pa] against stretch, whose `control` is the loading: "uniaxial",
             "equibiaxial" or "planar".
-        settings: Constants that stay as they are.
+        settings: Fixed constants.
     """
 
     material: Callable[..., Material]
@@ -77,7 +77,7 @@ class UniformTests:
     settings: Mapping[str, float] = field(default_factory=dict)
 
     def start(self, name: str) -> float | None:
-        """The value in `settings`, if it is there."""
+        """The value in `settings`, or None."""
         return self.settings.get(name)
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
@@ -101,7 +101,7 @@ class UniformTests:
 
 @dataclass(eq=False)
 class UniformModel:
-    """Uniform tests for any values of the constants."""
+    """Model of uniform tests."""
 
     material: Callable[..., Material]
     tests: list[Curve]
@@ -114,7 +114,7 @@ class UniformModel:
         return [nominal_stress(material, test.control, test.at) for test in self.tests]
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
-        """Differences of fourth order by the constants."""
+        """Fourth-order differences by the constants."""
         columns = []
         for k, value in enumerate(values):
             step = CONSTANT_STEP * (abs(value) or 1.0)

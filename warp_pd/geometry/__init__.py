@@ -1,1 +1,1 @@
-"""Sheets of any shape: points, areas, triangles, thickness and density; cuts, holes, inclusions; their pictures."""
+"""Sheets of any shape: points, areas, triangles, thickness, density, cuts, holes, inclusions, and pictures of them."""

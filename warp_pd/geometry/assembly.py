@@ -1,4 +1,4 @@
-"""From points, triangles and curves to a shape: cracks opened, areas, names of parts."""
+"""Assembly of a shape from points, triangles and curves: opens cracks, computes areas, names parts."""
 
 from __future__ import annotations
 
@@ -77,17 +77,17 @@ def _add(parts: dict[str, np.ndarray], more: dict[str, np.ndarray]) -> None:
     """Add named points.
 
     Raises:
-        InputError: for a name that is taken.
+        InputError: if a name is already used.
     """
     for name in more:
         if name in parts or name in RESERVED:
             taken = ", ".join(repr(one) for one in (*RESERVED, *parts))
-            raise InputError(f"two parts have the name {name!r}: expected one that is not among {taken}")
+            raise InputError(f"two parts have the name {name!r}; expected a name not among {taken}")
     parts.update(more)
 
 
 def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
-    """The whole ring, and the sides of a polygon, with both ends."""
+    """Points of the whole ring and of each side of a polygon, including both ends."""
     parts = {ring.name: np.sort(ring.points)}
     sides = int(ring.side.max()) + 1
     for number in range(sides if sides > 1 else 0):
@@ -98,7 +98,7 @@ def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
 
 
 def _opened(shape: Shape, crack: Part, edge: np.ndarray) -> tuple[Shape, dict[str, np.ndarray]]:
-    """The shape with a crack open, and names of its faces; tips belong to both."""
+    """The shape with a crack opened, and its named faces; tips belong to both faces."""
     mouths = (bool(np.isin(crack.points[0], edge)), bool(np.isin(crack.points[-1], edge)))
     split = split_along(shape.points, shape.triangles, crack.points, mouths)
     copies = shape.size + np.arange(len(split.doubled))
@@ -129,7 +129,7 @@ def _inside(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
 
 
 def _areas(shape: Shape, body: np.ndarray, of_triangle: np.ndarray) -> np.ndarray:
-    """Voronoi cells in the sheet; the whole area of a rigid inclusion is divided among its points."""
+    """Areas of the points: Voronoi cells; the area of a rigid inclusion is divided equally among its points."""
     areas = voronoi_areas(shape.points, shape.triangles[of_triangle == 0])
     for number in range(1, int(body.max(initial=0)) + 1):
         inner = body == number

@@ -1,4 +1,4 @@
-"""Shapes from bare points."""
+"""Shapes from point clouds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def cloud(
     spacing = None if spacing is None else positive("spacing", spacing)
     refuse_coincident(points)
     if outline is not None and triangles is not None:
-        raise InputError("outline and triangles: expected one of them")
+        raise InputError("outline and triangles: expected only one of them")
     if outline is not None:
         triangles = _triangles_inside(points, outline, spacing)
     elif triangles is None:
@@ -49,17 +49,17 @@ def cloud(
 
 
 def _is_convex(points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether the triangles fill the convex hull of the points: no bond can leave them."""
+    """Whether the triangles fill the convex hull of the points, so that no bond can leave them."""
     from scipy.spatial import ConvexHull
 
     return bool(np.isclose(np.abs(signed_areas(points, triangles)).sum(), ConvexHull(points).volume, rtol=1e-9))
 
 
 def _triangles_inside(points: np.ndarray, outline: Any, spacing: float | None) -> np.ndarray:
-    """Delaunay's triangles inside an outline.
+    """Delaunay triangles inside an outline.
 
     Raises:
-        InputError: for points of no triangle.
+        InputError: if a point belongs to no triangle.
     """
     import shapely
 

@@ -1,4 +1,4 @@
-"""Couplings of neighbouring points: the gradient of a field that is linear on every triangle of a sheet."""
+"""Couplings of neighbouring points (cotangent Laplacian) for a field that is linear on every triangle."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from .triangulation import Lattice
 def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Neighbours of every point and their couplings w_ik, with sum_ik w_ik (d_i - d_k)^2 / 2 = integral of |grad d|^2.
 
-    w_ik is half the sum of the cotangents of the angles that face an edge. Where the angles are wide it would be
-    negative, and is zero. A cut of the sheet couples no points, but those of a lattice or grid all the same.
+    w_ik is half the sum of the cotangents of the angles opposite an edge; negative values, from obtuse angles, are set
+    to zero. Points on opposite sides of a cut are not coupled, except on a lattice or grid.
 
     Args:
         shape: Points and triangles, flat or curved.
-        of: The points whose couplings are wanted, shape (N,); None: all.
+        of: Points whose couplings to compute, shape (N,); None for all.
 
     Returns:
-        Neighbours, int32, shape (K, N), each point itself where it has fewer; couplings [-], shape (K, N), there zero.
+        Neighbours, int32, shape (K, N), and couplings [-], shape (K, N). Missing neighbours are the point itself with
+        zero coupling.
     """
     of = np.arange(shape.size, dtype=np.int32) if of is None else of
     if shape.whole_lattice is not None:
@@ -43,7 +44,7 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
 
 
 def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of some points of a lattice: the angles that face a diagonal are right ones."""
+    """Couplings of points of a lattice, without diagonals, whose opposite angles are right angles."""
     columns, rows = lattice.columns, lattice.rows
     row, column = np.divmod(of, columns)
     across, along = lattice.dy / lattice.dx * _width(row, rows), lattice.dx / lattice.dy * _width(column, columns)
@@ -56,12 +57,12 @@ def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _width(place: np.ndarray, places: int) -> np.ndarray:
-    """Width of the row of each point over the spacing: half for the first and the last of several, else one."""
+    """Width of the row of each point in spacings: 0.5 for the first and last of several rows, otherwise 1."""
     return np.where((places > 1) & ((place == 0) | (place == places - 1)), 0.5, 1.0)
 
 
 def _table(size: int, start: np.ndarray, end: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One column for each point, of the edges that begin there in the order of their ends."""
+    """Table with one column per start point, with its edges in the order of their ends."""
     order = np.lexsort((end, start))
     start, end, weights = start[order], end[order], weights[order]
     count = np.bincount(start, minlength=size)
@@ -73,7 +74,7 @@ def _table(size: int, start: np.ndarray, end: np.ndarray, weights: np.ndarray) -
 
 
 def crack_segments(shape: Shape) -> np.ndarray:
-    """Ends of the cuts of a shape, and of the edges whose two faces lie on each other [m], shape (S, 2, dimensions)."""
+    """Ends of the cuts of a shape and of coincident edge pairs (cracks) [m], shape (S, 2, dimensions)."""
     points = shape.points
     dimensions = points.shape[1]
     found = [np.asarray(shape.cuts, float).reshape(-1, 2, dimensions)] if shape.cuts else []
@@ -86,7 +87,7 @@ def crack_segments(shape: Shape) -> np.ndarray:
 
 
 def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: float) -> np.ndarray:
-    """Distance of points from the nearest of some segments [m], shape (N,); infinite beyond `within`."""
+    """Distance of points from the nearest segment [m], shape (N,); infinite beyond `within`."""
     nearest = np.full(len(points), np.inf)
     for start, end in segments:
         low, high = np.minimum(start, end) - within, np.maximum(start, end) + within
@@ -99,7 +100,7 @@ def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: flo
 
 
 def loose_ends(segments: np.ndarray) -> np.ndarray:
-    """Ends that belong to one segment alone [m], shape (E, dimensions), for segments of shape (S, 2, dimensions)."""
+    """Ends that belong to only one segment [m], shape (E, dimensions), for segments of shape (S, 2, dimensions)."""
     ends = segments.reshape(-1, segments.shape[-1])
     _, first, count = np.unique(np.round(ends, 12), axis=0, return_index=True, return_counts=True)
     return np.asarray(ends[first[count == 1]])

@@ -1,4 +1,4 @@
-"""Cracks as lines of points: clipped by the sheet, with a point of its edge where they begin at it."""
+"""Cracks as lines of points, clipped to the sheet and connected to its edge where they start there."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ TAKEN = 0.3
 def crack_lines(
     given: Sequence[tuple[str, Any]], sheet: Any, rings: Sequence[Line], rigid: Sequence[Line], at: Spacing
 ) -> tuple[list[Line], list[Line]]:
-    """Points of cracks.
+    """Compute the points of cracks.
 
     Args:
-        given: Names and corners, as a user may give them.
+        given: Names and corners of the cracks, as given by the user.
         sheet: The sheet, a shapely polygon close to the true curves.
         rings: The outline and the holes.
         rigid: The inclusions.
@@ -37,7 +37,7 @@ def crack_lines(
         The cracks; the rings, with points where cracks end on them.
 
     Raises:
-        InputError: for cracks outside the sheet, that cross, or are too short.
+        InputError: if a crack is outside the sheet, crosses another line, or is too short.
     """
     import shapely
 
@@ -78,12 +78,12 @@ def _corners(name: str, path: Any) -> np.ndarray:
     if not line.is_simple:
         raise InputError(f"{name} crosses itself: expected a line that does not")
     if line.is_closed:
-        raise InputError(f"{name} ends where it begins: expected an open line; a closed one is a hole")
+        raise InputError(f"{name} ends where it begins: expected an open line; use a hole for a closed curve")
     return corners
 
 
 def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[np.ndarray, tuple[bool, bool]]:
-    """The part of a crack in the sheet, and whether it begins, and ends, at the edge."""
+    """The part of a crack inside the sheet, and whether it starts and ends at the edge."""
     import shapely
 
     line, edge = shapely.LineString(corners), sheet.boundary
@@ -114,12 +114,14 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
     middle = 0.5 * (clipped[1:] + clipped[:-1])
     touching = shapely.distance(shapely.points(np.vstack([middle, clipped[1:-1]])), edge)
     if (touching <= ON_EDGE * at(np.vstack([middle, clipped[1:-1]]))).any():
-        raise InputError(f"{name} = {said(corners.tolist())}: expected it inside the sheet, only its ends on the edge")
+        raise InputError(
+            f"{name} = {said(corners.tolist())}: expected it inside the sheet, with only its ends on the edge"
+        )
     return clipped, (mouths[0], mouths[1])
 
 
 def _put_on_ring(rings: list[Line], tip: np.ndarray, at: Spacing) -> None:
-    """Move the nearest point of the nearest ring to the mouth of a crack, or add one; corners stay."""
+    """Move the nearest ring point that is not a corner to the mouth of a crack, or add a point."""
     import shapely
 
     place = shapely.Point(tip)

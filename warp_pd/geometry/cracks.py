@@ -1,4 +1,4 @@
-"""Cracks in a triangulation: each point of a crack becomes two, one for each side; a tip stays one."""
+"""Cracks in a triangulation: every point of a crack except its tips is doubled, one copy per side."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class SplitPoints:
-    """A triangulation that was opened along a crack.
+    """A triangulation opened along a crack.
 
     Attributes:
-        triangles: Corners, of which those on the right side name the new points, shape (F, 3).
+        triangles: Triangles, those on the right side of the crack with the new points, shape (F, 3).
         doubled: Points that have a copy, in order along the crack; the copies come after all other points.
     """
 
@@ -24,10 +24,10 @@ def split_along(points: np.ndarray, triangles: np.ndarray, crack: np.ndarray, mo
     """Open a triangulation along a crack.
 
     Args:
-        points: [m], shape (N, 2).
+        points: Positions [m], shape (N, 2).
         triangles: Counter-clockwise, shape (F, 3); the crack runs along their edges.
         crack: Points along the crack, shape (L,).
-        mouths: Whether the crack begins, and ends, at the edge of the sheet: that point too becomes two.
+        mouths: Whether the crack starts and ends at the edge of the sheet, where its end point is doubled, too.
     """
     first, last = (0 if mouths[0] else 1), (len(crack) if mouths[1] else len(crack) - 1)
     doubled = crack[first:last]

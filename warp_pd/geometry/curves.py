@@ -1,4 +1,4 @@
-"""Closed curves: the outlines of sheets, holes and inclusions."""
+"""Closed curves, for the outlines of sheets, holes and inclusions."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MAX_PIECES = 10_000_000
 
 
 class Curve(Protocol):
-    """A closed curve."""
+    """A closed curve (interface)."""
 
     def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the curve, in order, about a spacing apart.
+        """Sample points along the curve, about one spacing apart.
 
         Returns:
-            Points [m], shape (M, 2), and the number of the side that begins at or contains each, shape (M,).
+            Points [m], shape (M, 2), and the index of the side that begins at or contains each point, shape (M,).
         """
         ...
 
@@ -35,7 +35,7 @@ class Polygon:
     """A polygon; every corner becomes a point.
 
     Attributes:
-        corners: [m], shape (C, 2), C of 3 or more, in either orientation; the last is joined to the first.
+        corners: Corners [m], shape (C, 2) with C >= 3, in either orientation; the last is connected to the first.
     """
 
     corners: Any
@@ -63,8 +63,8 @@ class Circle:
     """A circle.
 
     Attributes:
-        centre: [m].
-        radius: [m].
+        centre: Centre [m].
+        radius: Radius [m].
     """
 
     centre: tuple[float, float]
@@ -75,7 +75,7 @@ class Circle:
         positive("radius", self.radius)
 
     def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the circle, a multiple of four of them at an even spacing, see `Curve`."""
+        """Evenly spaced points on the circle, a multiple of four, see `Curve`."""
 
         def at(t: np.ndarray) -> np.ndarray:
             angle = 2.0 * np.pi * t
@@ -86,10 +86,10 @@ class Circle:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A smooth closed curve through points, a periodic cubic spline over their distances.
+    """A smooth closed curve through points: a periodic cubic spline parametrised by chord length.
 
     Attributes:
-        through: [m], shape (C, 2), C of 3 or more.
+        through: Points [m], shape (C, 2) with C >= 3.
     """
 
     through: Any
@@ -113,7 +113,7 @@ class ParametricCurve:
     """A smooth closed curve given by a function.
 
     Attributes:
-        function: From t, shape (T,), 0 to 1, to points [m], shape (T, 2); t = 0 and t = 1 are the same point.
+        function: Function from t in [0, 1], shape (T,), to points [m], shape (T, 2), equal at t = 0 and t = 1.
     """
 
     function: Callable[[np.ndarray], np.ndarray]
@@ -122,12 +122,14 @@ class ParametricCurve:
         """Points on the curve, see `Curve`.
 
         Raises:
-            InputError: for a function that gives no points, or whose ends differ.
+            InputError: if the function does not return points, or its ends differ.
         """
         t = np.linspace(0.0, 1.0, 5)
         points = np.asarray(self.function(t), np.float64)
         if points.shape != (5, 2) or not np.isfinite(points).all():
-            raise InputError(f"boundary function gives shape {points.shape} of 5 numbers: expected finite (5, 2)")
+            raise InputError(
+                f"boundary function returned shape {points.shape} for 5 numbers; expected finite values of shape (5, 2)"
+            )
         if np.linalg.norm(points[-1] - points[0]) > 1e-9 * np.ptp(points, axis=0).max():
             raise InputError(
                 f"boundary function begins at {points[0].tolist()} and ends at {points[-1].tolist()}: "
@@ -137,7 +139,7 @@ class ParametricCurve:
 
 
 def as_curve(name: str, given: Any) -> Curve:
-    """A curve from what a user may give: a curve, a function of t, or corners.
+    """Convert a user's argument (a curve, a function of t, or corners) to a curve.
 
     Raises:
         InputError: for anything else.
@@ -164,7 +166,7 @@ def spread_on_segment(start: np.ndarray, end: np.ndarray, spacing: Spacing) -> n
 def spread_on_curve(
     at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, multiple: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a smooth closed curve, and zeros: it has one side."""
+    """Points of a smooth closed curve, and zeros, the index of its single side."""
     t = spread_evenly(at, spacing, multiple)[:-1]
     if len(t) < 4:
         raise InputError(f"it has {len(t)} points at this spacing: expected 4 or more; take a finer spacing")
@@ -172,7 +174,7 @@ def spread_on_curve(
 
 
 def spread_evenly(at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, multiple: int) -> np.ndarray:
-    """Parameters 0 .. 1 whose points are about a spacing apart, a multiple of `multiple` pieces."""
+    """Parameters in [0, 1] of points about a spacing apart, with a multiple of `multiple` intervals."""
     dense = np.linspace(0.0, 1.0, DENSE + 1)
     points = at(dense)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)

@@ -26,7 +26,7 @@ def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
 
 
 def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts are no edges."""
+    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts do not count."""
     outer = known if shape.frames is not None else [name for name in known if name.startswith("outline")] or SIDES
     chosen = np.zeros(shape.size, bool)
     for name in {*outer, *(name for name in known if name.startswith("hole "))}:
@@ -35,7 +35,7 @@ def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:
-    """Points within a quarter of a spacing of the sides of the bounding box; of a lattice those on them."""
+    """Points within a quarter of a spacing of the sides of the bounding box; on a lattice exactly on the sides."""
     lattice = shape.whole_lattice
     if lattice is not None:
         column, row = np.arange(lattice.columns), lattice.columns * np.arange(lattice.rows)

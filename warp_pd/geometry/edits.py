@@ -1,4 +1,4 @@
-"""Shapes that are cut, punched and turned."""
+"""Edits of shapes: cutting, punching holes, rotating."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ AnyShape = TypeVar("AnyShape", bound=Shape)
 
 
 def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
-    """A copy with a cut and without the triangles that it crosses.
+    """Copy a shape with a cut, without the triangles that it crosses.
 
     Raises:
-        InputError: for a segment of no length, or one that crosses no triangle; it calls the cut `name`.
+        InputError: if the segment has no length or crosses no triangle; the message names the cut `name`.
     """
     if segment[0] == segment[1]:
-        raise InputError(f"{name}: expected a segment of some length")
+        raise InputError(f"{name}: expected a segment of nonzero length")
     near = triangles_near(shape.points, shape.triangles, segment)
     gone = near[crossed_triangles(shape.points, shape.triangles[near], segment)]
     if not len(gone):
@@ -36,7 +36,7 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
-    """A copy that is turned about its middle and forgets its lattice or grid; the rotation, shape (2, 2)."""
+    """Copy a shape rotated about its centre, without lattice or grid; also return the rotation, shape (2, 2)."""
     angle = np.deg2rad(degrees)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
@@ -49,19 +49,19 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
 
 
 def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
-    """A copy without the points of a mask, shape (N,); which points it kept, shape (N,).
+    """Copy a shape without the points of a mask, shape (N,); also return the mask of kept points, shape (N,).
 
     Raises:
-        InputError: if none is inside or none is left; it calls the hole `name`.
+        InputError: if no point is inside or none is left; the message names the hole `name`.
     """
     if not inside.any():
-        raise InputError(f"{name} holds no point: expected a larger one")
+        raise InputError(f"{name} contains no points: expected a larger one")
     triangles, areas = triangulation_without(inside, shape)
     grid = shape.grid if shape.lattice is None else square_grid(shape.lattice)
     kept = np.zeros(shape.size, bool)
     kept[triangles] = True
     if not kept.any():
-        raise InputError(f"{name} leaves no sheet: expected a smaller one")
+        raise InputError(f"{name} removes the whole sheet: expected a smaller one")
     renumber = np.cumsum(kept) - 1
 
     def left(points: np.ndarray) -> np.ndarray:

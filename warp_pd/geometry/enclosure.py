@@ -1,4 +1,4 @@
-"""Surfaces that enclose a volume: their edges, the caps that close them, and the triangles of every point."""
+"""Surfaces that enclose a volume: edge rings, caps that close them, and triangles at each point."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ SKEW = 1e-6
 
 
 def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
-    """Closed rings of the edges that belong to one triangle only, each in the direction of its triangles.
+    """Closed rings of boundary edges (edges of only one triangle), in the direction of the triangles.
 
     Raises:
-        InputError: for an edge of more than two triangles, neighbours of opposite orientation, or rings that touch.
+        InputError: if an edge has more than two triangles, neighbours have opposite orientation, or rings touch.
     """
     if len(twice := edges_run_twice(triangles)):
         a, b = twice[0]
@@ -32,17 +32,18 @@ def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
 
 
 def cap_of(ring: np.ndarray) -> np.ndarray:
-    """Triangles that close a ring, all at its first point, int32, shape (R - 2, 3); flat if the ring is."""
+    """Triangle fan that closes a ring, int32, shape (R - 2, 3); flat if the ring is."""
     return np.column_stack([np.full(len(ring) - 2, ring[0]), ring[2:], ring[1:-1]]).astype(np.int32)
 
 
 def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangulation with every rectangle, two triangles with a common hypotenuse, cut along its other diagonal.
+    """The triangulation with the other diagonal in every rectangle (two triangles with a common hypotenuse).
 
-    A rectangle presses more on the ends of its diagonal than on its other corners; the mean of both cuts is even.
+    Pressure on a rectangle loads the ends of its diagonal more than the other corners; the mean of both triangulations
+    is even.
 
     Args:
-        positions: [m], shape (N, 3).
+        positions: Positions [m], shape (N, 3).
         triangles: shape (F, 3).
 
     Returns:
@@ -70,10 +71,10 @@ def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def volume_of(positions: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume in a closed surface [m^3], positive if its triangles are counter-clockwise seen from outside.
+    """Volume enclosed by a surface [m^3], positive if its triangles are counter-clockwise seen from outside.
 
     Args:
-        positions: [m], shape (N, 3).
+        positions: Positions [m], shape (N, 3).
         triangles: shape (F, 3).
     """
     a, b, c = (positions[triangles[:, k]] for k in range(3))

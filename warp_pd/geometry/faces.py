@@ -1,4 +1,4 @@
-"""Triangles of faces with any number of corners."""
+"""Triangulation of polygonal faces."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from .file_checks import listed
 def triangulate(
     where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of faces, in their order.
+    """Triangulate faces, keeping their order.
 
-    A quadrilateral is divided along the shorter diagonal of those that lie inside, a face with more corners by cutting
-    off its ears.
+    A quadrilateral is divided along its shorter interior diagonal, a face with more corners by ear clipping.
 
     Args:
-        where: Beginning of a message.
+        where: Prefix of error messages.
         points: Positions, shape (V, 3).
         counts: Corners of each face, 3 or more, shape (P,).
         corners: Point indices of all faces, one after the other.
 
     Returns:
-        Triangles, shape (F, 3), and the face that each is from, shape (F,).
+        Triangles, shape (F, 3), and the face of each, shape (F,).
 
     Raises:
-        InputError: for faces that cross themselves.
+        InputError: if a face intersects itself.
     """
     start = np.concatenate([[0], np.cumsum(counts)[:-1]])
     threes, fours = np.flatnonzero(counts == 3), np.flatnonzero(counts == 4)
@@ -54,7 +53,7 @@ def _refuse_crossed(where: str, faces: np.ndarray) -> None:
 
 
 def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both triangles of each quadrilateral, shape (Q, 2, 3), and which have no diagonal inside, shape (Q,)."""
+    """Both triangles of each quadrilateral, shape (Q, 2, 3), and a mask of those without an interior diagonal, (Q,)."""
     divided = np.array([[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
     inside, lengths = [], []
     for (first, second), (a, b) in zip(divided, ((0, 2), (1, 3)), strict=True):
@@ -70,7 +69,7 @@ def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _ears(loop: np.ndarray) -> np.ndarray | None:
-    """Triangles of one polygon, shape (n - 2, 3); None if it crosses itself.
+    """Triangles of one polygon, shape (n - 2, 3); None if it intersects itself.
 
     Args:
         loop: Its corners, shape (n, 3); they are projected onto their mean plane.
@@ -92,7 +91,7 @@ def _ears(loop: np.ndarray) -> np.ndarray | None:
 
 
 def _is_ear(flat: np.ndarray, left: list[int], k: int) -> bool:
-    """Whether the corner `left[k]` is convex and no other corner lies in its triangle."""
+    """Whether the corner `left[k]` is convex and its triangle contains no other corner."""
     i, j, l = left[k - 1], left[k], left[(k + 1) % len(left)]
     if not _turn(flat[i], flat[j], flat[l]) > 0.0:
         return False

@@ -1,4 +1,4 @@
-"""What readers of files share: paths, units, and lists of indices in messages."""
+"""Helpers for file readers: paths, units, and lists of indices in messages."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of met
 
 
 def existing_file(path: Any) -> Path:
-    """`path` as a Path.
+    """Convert to a Path and check that the file exists.
 
     Raises:
-        InputError: unless it is the path of a file that exists.
+        InputError: if `path` is not a path or the file does not exist.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a file")
@@ -33,10 +33,10 @@ def existing_file(path: Any) -> Path:
 
 
 def meters(unit: Any) -> float:
-    """The length of a unit [m]: a name, or a number of meters.
+    """Length of a unit [m], given by name or as a number of meters.
 
     Raises:
-        InputError: for anything else.
+        InputError: for any other value.
     """
     if unit is None:
         raise InputError(f"unit = None: {UNITS}; the file does not say its unit")
@@ -50,7 +50,7 @@ def listed(indices: np.ndarray, noun: str) -> str:
 
     Args:
         indices: Shape (K,), or (K, 2) for pairs.
-        noun: In the singular.
+        noun: Noun in the singular.
     """
     rows = [f"({', '.join(map(str, row))})" if np.ndim(row) else str(row) for row in indices[:MAX_SHOWN].tolist()]
     more = f", ... ({len(indices)} in all)" if len(indices) > MAX_SHOWN else ""
@@ -59,10 +59,10 @@ def listed(indices: np.ndarray, noun: str) -> str:
 
 @contextlib.contextmanager
 def library_reads(path: Path) -> Iterator[None]:
-    """Context in which a library reads a file. What it prints is in the message if it fails, on stderr otherwise.
+    """Context in which a library reads a file; its output goes to the error message on failure, otherwise to stderr.
 
     Raises:
-        InputError: in place of any error.
+        InputError: instead of any other error.
     """
     printed = io.StringIO()
     try:

@@ -29,12 +29,12 @@ FLAT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangulated surface without anything that a sheet cannot have.
+    """A checked triangulated surface that a sheet can use.
 
     Attributes:
-        vertices: Positions [m], float64, shape (V, 3); each is the corner of a triangle.
-        triangles: All of one orientation, int32, shape (F, 3).
-        parts: Vertex indices by name: the named groups of points and lines of the file.
+        vertices: Positions [m], float64, shape (V, 3); every vertex belongs to a triangle.
+        triangles: Consistently oriented triangles, int32, shape (F, 3).
+        parts: Vertex indices of the file's named groups of points and lines, by name.
     """
 
     vertices: np.ndarray
@@ -43,7 +43,7 @@ class Mesh:
 
     @property
     def flat(self) -> bool:
-        """Whether all vertices have one z."""
+        """Whether all vertices have the same z."""
         extent = np.ptp(self.vertices, axis=0)
         return bool(extent[2] <= FLAT * extent.max())
 
@@ -60,23 +60,24 @@ def read_mesh(
     part: str | None = None,
     closed: bool = False,
 ) -> Mesh:
-    """The triangulated surface of a file.
+    """Read the triangulated surface from a file.
 
-    Quadrilaterals and polygons are divided into triangles. Elements of second order are those of their corners. Points
-    of no triangle are left out; so are lines and single points, but their named groups become `parts`.
-    STL files store the corners of each triangle; equal ones are one vertex.
+    Quadrilaterals and polygons are divided into triangles. Second-order elements are reduced to their corners. Points
+    without a triangle are dropped, as are line and point elements, but their named groups become `parts`. Coincident
+    corners in STL files are merged.
 
     Args:
-        path: A USD file (.usd, .usda, .usdc), or any that meshio reads: .msh, .stl, .obj, .ply, .vtu, .vtk, .off, ...
-        unit: Of the coordinates: "m", "mm", "cm", "in", or a number of meters. It is never guessed; None for USD files
-            that say their own (metersPerUnit).
-        part: Name of the mesh in a USD file with several, or of the group of faces to take from another file.
+        path: A USD file (.usd, .usda, .usdc), or any file that meshio reads: .msh, .stl, .obj, .ply, .vtu, .vtk, .off,
+            ...
+        unit: Unit of the coordinates: "m", "mm", "cm", "in", or a number of meters. None is only allowed for USD files
+            that specify it (metersPerUnit).
+        part: Name of the mesh in a USD file with several, or of the group of faces in another file.
         closed: Whether the surface must have no boundary.
 
     Raises:
-        InputError: for a file that is missing or cannot be read, a missing unit, and, with the indices: no triangles,
-            missing points, coordinates that are not finite, triangles without area, points at one place, edges with
-            more than two triangles, flipped or folded triangles, volume elements.
+        InputError: if the file is missing or unreadable, or the unit is missing. Also, naming the indices: for no
+            triangles, missing points, coordinates that are not finite, triangles without area, coincident points, edges
+            with more than two triangles, flipped or folded triangles, or volume elements.
     """
     file = existing_file(path)
     one_of("closed", closed, (True, False))
@@ -109,7 +110,7 @@ def read_mesh(
 
 
 def flat_shape(mesh: Mesh) -> Shape:
-    """The shape of a flat mesh on its own vertices, with its boundary as barriers and names for its rings."""
+    """The shape of a flat mesh on its vertices, with its boundary as barriers and named rings."""
     points = mesh.vertices[:, :2]
     triangles = counter_clockwise(points, mesh.triangles)
     edges = boundary_edges(triangles)
@@ -144,12 +145,12 @@ def _read_meshio(path: Path, part: str | None) -> Faces:
 
 
 class _Ending(io.BufferedReader):
-    """A file that ends: meshio's reader of Ansys files looks for a closing bracket beyond the end for ever."""
+    """A file wrapper that raises at the end: meshio's reader of Ansys files would search for a bracket forever."""
 
     beyond = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """The next bytes.
+        """Read the next bytes.
 
         Raises:
             EOFError: at the hundredth read beyond the end of the file.
@@ -162,7 +163,7 @@ class _Ending(io.BufferedReader):
 
 
 def _read_msh(path: Path) -> Any:
-    """A file of one of the two kinds of .msh: Gmsh's begin with a dollar sign, those of Ansys with a bracket."""
+    """Read a .msh file of Gmsh (begins with a dollar sign) or Ansys (begins with a bracket)."""
     from meshio._helpers import reader_map
 
     with _Ending(io.FileIO(path)) as file:
@@ -172,7 +173,7 @@ def _read_msh(path: Path) -> Any:
 
 
 def _faces(path: Path, mesh: Any, part: str | None) -> Faces:
-    """The faces of a mesh of meshio."""
+    """The faces of a meshio mesh."""
     counts, corners = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     chosen = _group(path, mesh, part) if part is not None else None
     for index, block in enumerate(mesh.cells):
@@ -199,7 +200,7 @@ def _faces(path: Path, mesh: Any, part: str | None) -> Faces:
 
 
 def _groups(mesh: Any) -> dict[str, tuple[int, list[np.ndarray]]]:
-    """Named groups of cells: their dimension, and the cells of each block that are in them."""
+    """Named groups of cells: their dimension, and their cells in each block."""
     physical = mesh.cell_data.get("gmsh:physical")
     if physical is None:
         return {}

@@ -1,4 +1,4 @@
-"""Points inside an outline: a square grid wherever it fits, relaxed points between it and the curves."""
+"""Points inside an outline: a square grid where it fits, and relaxed points between it and the curves."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Filling:
     """Points inside an outline.
 
     Attributes:
-        points: [m], shape (M, 2).
-        grid: Column and row of those on the square grid, -1 for the others, int32, shape (M, 2).
+        points: Positions [m], shape (M, 2).
+        grid: Column and row of the points on the square grid, -1 for the others, int32, shape (M, 2).
         fixed_grid: The same for the points on curves, shape (B, 2).
     """
 
@@ -39,13 +39,13 @@ class Filling:
 
 
 def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> Filling:
-    """Points that fill a region: a square grid, relaxed where it does not fit the curves.
+    """Fill a region with a square grid, and with relaxed points where it does not fit the curves.
 
     Args:
         region: The sheet, a shapely polygon.
         fixed: Points on curves [m], shape (B, 2).
         curves: The curves, a shapely geometry.
-        spacing: [m].
+        spacing: Spacing [m].
     """
     import shapely
     from scipy.spatial import cKDTree
@@ -79,17 +79,17 @@ def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> 
 
 
 def fill_graded(region: Any, fixed: np.ndarray, curves: Any, spacing: Spacing) -> Filling:
-    """Points whose distance follows a function; arguments as for `fill_evenly`."""
+    """Fill a region with points of variable spacing; arguments as for `fill_evenly`."""
     seeds = _seeds(region, curves, spacing)
     points = _relaxed(np.vstack([seeds, fixed]), len(seeds), region, spacing, GRADED_ROUNDS)
     return Filling(points, np.full(points.shape, -1, np.int32), np.full(fixed.shape, -1, np.int32))
 
 
 def _seeds(region: Any, curves: Any, spacing: Spacing) -> np.ndarray:
-    """As many points as the spacing asks for, spread by it [m], shape (M, 2).
+    """Initial points [m], shape (M, 2), with a density given by the spacing.
 
-    Cells that are narrower than half a spacing follow each other on Morton's curve; wherever their areas add up to
-    one point, there is one. Half a spacing along curves belongs to the points on them.
+    Cells narrower than half a spacing are traversed along a Morton curve; a point is placed whenever their accumulated
+    area reaches that of one point. A strip of half a spacing along curves belongs to the points on them.
     """
     import shapely
 
@@ -107,7 +107,7 @@ def _seeds(region: Any, curves: Any, spacing: Spacing) -> np.ndarray:
 
 
 def _morton(places: np.ndarray, size: float) -> np.ndarray:
-    """Place on Morton's curve of places in a square, uint64, shape (P,)."""
+    """Morton codes of places in a square, uint64, shape (P,)."""
     whole = np.clip(places / size * 2**DIVISIONS, 0, 2**DIVISIONS - 1).astype(np.uint64)
     key = np.zeros(len(whole), np.uint64)
     for bit in range(DIVISIONS):
@@ -120,7 +120,7 @@ def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, 
     """Centres of square cells, shape (P, 2), and their widths [m]: cells wider than half the spacing are divided.
 
     Raises:
-        InputError: for a spacing that asks for too many.
+        InputError: if the spacing needs too many cells.
     """
     centres, found, sizes = low[None] + 0.5 * size, [], []
     # Some divisions at least: a function may be fine in a small place.
@@ -143,10 +143,10 @@ def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, 
 
 
 def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None, rounds: int) -> np.ndarray:
-    """The first `free` points, each moved to the middle of the triangles around it, again and again.
+    """Repeatedly move each of the first `free` points to the centroid of the triangles around it.
 
-    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it. Points are
-    added in wide triangles and taken from narrow ones, too.
+    With a spacing, triangles are weighted with its inverse fourth power, so that their size follows it. Points are also
+    added in large triangles and removed from small ones.
     """
     import shapely
     from scipy.spatial import Delaunay
@@ -174,7 +174,7 @@ def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None
 
 
 def _renewed(points: np.ndarray, free: int, triangles: np.ndarray, spacing: Spacing) -> np.ndarray:
-    """The free points without those that crowd others, and with one more in the middle of each wide triangle."""
+    """Remove free points that are too close to others, and add one in the middle of each large triangle."""
     sides = points[triangles] - points[np.roll(triangles, -1, axis=1)]
     here = spacing(points[triangles].mean(axis=1))
     length = np.linalg.norm(sides, axis=2) / here[:, None]

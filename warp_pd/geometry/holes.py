@@ -1,4 +1,4 @@
-"""Shapes without some of their points."""
+"""Removal of points from a shape."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def square_grid(lattice: Lattice) -> np.ndarray | None:
 
 
 def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
+    """The triangles that remain when the points of a mask, shape (N,), are removed, and the areas of all points.
 
-    A cell of a lattice goes as a whole, and so does one of a grid whose points stand for parts of its cells.
+    Whole cells of a lattice are removed, and of a grid whose points represent parts of its cells.
     """
     if shape.lattice is not None:
         intact_cells = whole_cells(shape.lattice, removed)
@@ -33,7 +33,7 @@ def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray
 
 
 def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of the cells of a grid with all corners left, and a quarter of each such cell around its points."""
+    """Triangles of the grid cells whose corners all remain, and the areas of points, a quarter of each such cell."""
     low, high = grid.min(axis=0), grid.max(axis=0)
     columns, rows = (high - low + 1).tolist()
     box = Lattice(columns, rows, spacing, spacing)

@@ -1,4 +1,4 @@
-"""Points on the curves and cracks of an outline, and what is wrong with them."""
+"""Points on the curves and cracks of an outline, and their checks."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Line:
     """Points on a curve or crack.
 
     Attributes:
-        name: Of the part.
-        points: [m], shape (M, 2).
-        side: Number of the side that begins at or contains each, shape (M,).
+        name: Name of the part.
+        points: Positions [m], shape (M, 2).
+        side: Index of the side that begins at or contains each point, shape (M,).
         closed: Whether the last point is joined to the first.
     """
 
@@ -34,22 +34,22 @@ class Line:
 
     @property
     def corners(self) -> np.ndarray:
-        """Which points begin a side, shape (M,); none on a smooth curve."""
+        """Mask of points at which a side begins, shape (M,); none on a smooth curve."""
         return np.asarray(self.side != np.roll(self.side, 1))
 
     @property
     def ahead(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of the points at both ends of each segment."""
+        """Indices of the points at both ends of each segment."""
         begin = np.arange(len(self.points) - (not self.closed))
         return begin, (begin + 1) % len(self.points)
 
 
 def named(kind: str, given: Any) -> list[tuple[str, Any]]:
-    """Pairs of a name and a curve; without names they are numbered from 1.
+    """Pairs of name and curve; unnamed curves are numbered from 1.
 
     Args:
         kind: "hole", "crack" or "inclusion".
-        given: A mapping or a list, as a user may give it.
+        given: The user's mapping or list.
 
     Raises:
         InputError: for anything else.
@@ -79,7 +79,7 @@ def ring(name: str, curve: Any, at: Spacing) -> Line:
     """Points of a closed curve, counter-clockwise.
 
     Raises:
-        InputError: if it is not a curve, or has fewer than 3 points; the message calls it `name`.
+        InputError: if it is not a curve, or has fewer than 3 points; the message names it `name`.
     """
     try:
         with user_code(lambda error: f"the curve raised {error!r}: expected points of shape (T, 2)"):
@@ -100,10 +100,10 @@ def _doubled_area(points: np.ndarray) -> float:
 
 
 def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:
-    """The sheet as a shapely polygon, inclusions in it.
+    """The sheet, including inclusions, as a shapely polygon.
 
     Raises:
-        InputError: for curves that cross themselves or each other, or holes outside the outline.
+        InputError: if curves cross themselves or each other, or holes are outside the outline.
     """
     import shapely
 
@@ -113,10 +113,10 @@ def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:
     for index, (name, shape) in enumerate(shapes):
         if not shapely.contains_properly(whole, shape):
             spans = tuple(float(f"{bound:.6g}") for bound in shape.bounds)
-            raise InputError(f"{name} spans {spans} m: expected it inside {outer.name}, clear of its edge")
+            raise InputError(f"{name} spans {spans} m: expected it inside {outer.name}, away from its edge")
         met = np.sort(tree.query(shape, predicate="intersects"))
         if len(met) and met[0] < index:
-            raise InputError(f"{name} meets {shapes[met[0]][0]}: expected holes and inclusions apart from each other")
+            raise InputError(f"{name} meets {shapes[met[0]][0]}: expected separate holes and inclusions")
     return shapely.Polygon(outer.points, [line.points for line in inner])
 
 
@@ -131,7 +131,7 @@ def polygon(line: Line) -> Any:
     found = shapely.Polygon(line.points)
     if not found.is_valid or found.area == 0.0:
         reason = shapely.is_valid_reason(found)
-        raise InputError(f"{line.name}: {reason}; expected a curve with an inside that does not cross itself")
+        raise InputError(f"{line.name}: {reason}; expected a closed curve that does not cross itself")
     return found
 
 
@@ -139,13 +139,14 @@ def require_apart(lines: Sequence[Line], number: np.ndarray, at: Spacing) -> Non
     """Check that curves and cracks leave room for triangles between them.
 
     Args:
-        lines: All of them.
-        number: Number of each of their points, in this order; ends of cracks have that of a point of a ring.
+        lines: All curves and cracks.
+        number: Index of each of their points, in this order; ends of cracks on a ring have the index of the ring's
+            point.
         at: Spacing [m].
 
     Raises:
-        InputError: for points nearer to each other, or to an edge of a curve, than `APART` spacings. Sides of a polygon
-            that meet in an acute corner may be nearer.
+        InputError: if points are closer to each other, or to an edge of a curve, than `APART` spacings. Sides of a
+            polygon that meet in an acute corner may be closer.
     """
     import shapely
 
@@ -185,7 +186,7 @@ def _refuse_near(one: str, other: str, apart: float, place: np.ndarray) -> None:
 
 
 def line_edges(lines: Iterable[Line], number: np.ndarray) -> np.ndarray:
-    """Pairs of points that follow each other on lines, shape (E, 2); `number` as for `require_apart`."""
+    """Pairs of consecutive points on lines, shape (E, 2); `number` as for `require_apart`."""
     pairs, start = [np.zeros((0, 2), np.int64)], 0
     for line in lines:
         begin, end = line.ahead

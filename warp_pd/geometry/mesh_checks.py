@@ -1,4 +1,4 @@
-"""Checks of meshes from files: each raises one line with the indices of what is wrong, counted from 0."""
+"""Checks of meshes from files; each error message is one line with the offending indices, counted from 0."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ LARGEST = 1e70
 
 
 def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
-    """Check what a file says of its faces, before anything is computed from it.
+    """Check the faces of a file before they are used.
 
     Args:
-        where: Beginning of the message.
+        where: Prefix of the message.
         points: Positions, shape (V, 3).
         counts: Corners of each face, shape (P,).
         corners: Point indices of all faces, one after the other, shape (sum of counts,).
 
     Raises:
-        InputError: for no faces, fewer than three corners, missing points, or coordinates that are not finite.
+        InputError: if there are no faces, fewer than three corners, missing points, or coordinates that are not finite.
     """
     if len(counts) == 0:
         raise InputError(f"{where}: no triangles or quadrilaterals: expected at least one")
@@ -42,24 +42,24 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
     """Check a triangulated surface.
 
     Args:
-        where: Beginning of the message.
+        where: Prefix of the message.
         points: Positions, shape (V, 3).
         triangles: Shape (F, 3).
-        face_of: Face of the file that each triangle is from, shape (F,).
+        face_of: Face in the file of each triangle, shape (F,).
 
     Raises:
-        InputError: for degenerate triangles, points that coincide, edges with more than two triangles, or triangles
-            that face the other side than their neighbours.
+        InputError: for degenerate triangles, coincident points, edges with more than two triangles, or triangles with
+            flipped orientation.
     """
     areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
     _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
-    _refuse(where, "pair", _coincident(points, triangles), "of points at one place: expected distinct points")
+    _refuse(where, "pair", _coincident(points, triangles), "of coincident points: expected distinct points")
     crowded = crowded_edges(triangles)
     _refuse(where, "edge", crowded, "with more than two triangles: expected one or two")
     turned = flipped(triangles)
     if turned is None:
-        raise InputError(f"{where}: the surface has one side, as Moebius' strip: expected two sides")
+        raise InputError(f"{where}: the surface is not orientable (a Moebius strip): expected an orientable surface")
     _refuse(where, "face", np.unique(face_of[turned]), "flipped against the neighbours: expected one orientation")
 
 
@@ -67,7 +67,7 @@ def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face
     """Check that no piece of a flat mesh is folded over itself; points have shape (V, 2 or more).
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     sign = np.sign(signed_areas(points, triangles))
     piece = pieces(triangles)
@@ -80,7 +80,7 @@ def require_closed(where: str, triangles: np.ndarray) -> None:
     """Check that a surface has no boundary.
 
     Raises:
-        InputError: otherwise.
+        InputError: if it is not.
     """
     _refuse(where, "edge", boundary_edges(triangles), "with one triangle: expected a closed surface")
 

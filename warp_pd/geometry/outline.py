@@ -1,4 +1,4 @@
-"""Shapes from an outline: holes, cracks and inclusions where they were asked for, points exactly on them."""
+"""Shapes from an outline, with points exactly on holes, cracks and inclusions."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _require_size(sheet: Any, at: Spacing, least: float) -> None:
     """Check that a sheet has a sensible number of points.
 
     Raises:
-        InputError: for a spacing larger than half the sheet, or too small.
+        InputError: if the spacing is larger than half the sheet, or too small.
     """
     low, high = np.reshape(sheet.bounds, (2, 2))
     longest, space = float((high - low).max()), least or float(at(np.array([[*sheet.centroid.coords[0]]]))[0])
@@ -71,12 +71,12 @@ def _require_size(sheet: Any, at: Spacing, least: float) -> None:
         raise InputError(f"spacing is {space:.4g} m in a sheet {longest:.4g} m long: expected at most half of that")
     if least and sheet.area > MAX_POINTS * least**2:
         raise InputError(
-            f"spacing = {least:g}: expected {np.sqrt(sheet.area / MAX_POINTS):.3g} m or more, {MAX_POINTS} points"
+            f"spacing = {least:g}: expected {np.sqrt(sheet.area / MAX_POINTS):.3g} m or more ({MAX_POINTS} points)"
         )
 
 
 def _spacing(spacing: Any) -> tuple[Spacing, float]:
-    """Spacing as a function of points, and the number, or a guess of the least one that is corrected later."""
+    """Spacing as a function of points, and its minimum (for a function a guess that is corrected later)."""
     if not callable(spacing):
         number = positive("spacing", spacing)
         return lambda points: np.full(len(points), number), number
@@ -95,7 +95,7 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
 
 
 def _merged(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct points [m], and the number of each given one: ends of cracks are points of rings."""
+    """Distinct points [m], and the index of each given point; ends of cracks may be points of rings."""
     distinct, inverse = np.unique(points, axis=0, return_inverse=True)
     return distinct, inverse.ravel()
 
@@ -111,15 +111,15 @@ def _fill(sheet: Any, fixed: np.ndarray, edges: np.ndarray, spacing: Any, at: Sp
 
 
 def _order(grid: np.ndarray) -> np.ndarray:
-    """Points on the grid first, row by row; then the others."""
+    """Order of points: those on the grid first, row by row, then the others."""
     return np.lexsort([grid[:, 0], grid[:, 1], grid[:, 0] < 0])
 
 
 def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -> np.ndarray:
-    """Two triangles for each cell of the grid far from others, Delaunay's triangles between.
+    """Two triangles per grid cell away from other points, and Delaunay triangles between.
 
     Raises:
-        InputError: where the triangles do not follow the curves.
+        InputError: if the triangles do not follow the curves.
     """
     import shapely
     from scipy.spatial import Delaunay, cKDTree
@@ -150,7 +150,7 @@ def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -
 
 
 def _grid_cells(points: np.ndarray, grid: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of cells that are clear of points off the grid; which points have such cells all around."""
+    """Triangles of grid cells away from other points, and a mask of the points surrounded by such cells."""
     from scipy.spatial import cKDTree
 
     on = grid[:, 0] >= 0
@@ -177,7 +177,7 @@ def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray)
     """Check that curves and cracks are edges of triangles.
 
     Raises:
-        InputError: otherwise.
+        InputError: if they are not.
     """
     on = np.zeros(len(points), bool)
     on[edges] = True

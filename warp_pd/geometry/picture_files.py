@@ -1,4 +1,4 @@
-"""Figures and the files that they go to. Matplotlib is imported when the first figure is made."""
+"""Figures and picture files. Matplotlib is imported when the first figure is made."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MOST_VECTORS = 20_000
 
 @dataclass(frozen=True)
 class Drawing:
-    """What the pictures of a run have in common.
+    """Settings common to the pictures of a run.
 
     Attributes:
-        title: First line of each, or "".
-        formats: Suffixes of the files, of FORMATS; empty for the suffix of each path.
+        title: Title of each picture, or "".
+        formats: Suffixes of the files, from FORMATS; empty to use the suffix of each path.
         load_duration: Load time of the full load of a static run [s], or None.
     """
 
@@ -40,13 +40,13 @@ _drawing: ContextVar[Drawing | None] = ContextVar("_drawing", default=None)
 
 
 def current() -> Drawing:
-    """What the pictures that are drawn now have in common."""
+    """The current settings."""
     return _drawing.get() or Drawing()
 
 
 @contextlib.contextmanager
 def drawing(common: Drawing) -> Iterator[None]:
-    """Context in which pictures are those of one run."""
+    """Context that sets the settings for the pictures of one run."""
     token = _drawing.set(common)
     try:
         yield
@@ -60,7 +60,7 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A figure that is drawn into files and notebooks: pyplot, and the backend that a user chose, play no part."""
+    """A figure for files and notebooks, independent of pyplot and the user's backend."""
     figure = _figure_class()(figsize=(width, height), layout="constrained")
     if current().title:
         figure.suptitle(current().title, fontsize=10)
@@ -72,7 +72,7 @@ def _figure_class() -> Any:
     from matplotlib.figure import Figure
 
     class Picture(Figure):
-        """A figure that a notebook shows as it is."""
+        """A figure that a notebook displays."""
 
         def _repr_png_(self) -> bytes:
             stream = io.BytesIO()
@@ -83,7 +83,7 @@ def _figure_class() -> Any:
 
 
 def save(figure: Any, path: Path, **options: Any) -> None:
-    """Write a picture, complete or not at all, in the format of its suffix, or in those that a run asks for.
+    """Write a picture atomically, in the format of its suffix or in the formats of the current settings.
 
     Raises:
         OutputError: if it cannot be written.

@@ -1,4 +1,4 @@
-"""Several shapes as the pieces of one."""
+"""Shapes that consist of several pieces."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ GAP = 4.0
 
 @dataclass(frozen=True)
 class Place:
-    """Where a piece is at the start: turned about its own origin, then moved.
+    """Initial placement of a piece: rotated about its origin, then shifted.
 
     Attributes:
-        offset: [m].
+        offset: Shift [m].
         axis: Axis of the rotation [-].
         degrees: Angle of the rotation, counter-clockwise about the axis.
 
     Raises:
-        InputError: for vectors that are not three finite numbers, or an axis of no length.
+        InputError: if a vector does not have three finite components, or the axis is zero.
     """
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -35,7 +35,7 @@ class Place:
         """Check the vectors."""
         vector("Place.offset", self.offset, 3)
         if not np.linalg.norm(vector("Place.axis", self.axis, 3)) > 0.0:
-            raise InputError(f"Place.axis = {self.axis!r}: expected a vector of some length")
+            raise InputError(f"Place.axis = {self.axis!r}: expected a nonzero vector")
 
     def of(self, positions: np.ndarray) -> np.ndarray:
         """Positions [m], shape (N, 3), after the rotation and the offset."""
@@ -47,22 +47,23 @@ class Place:
 
 
 def side_by_side(shapes: Sequence[Shape]) -> Shape:
-    """One shape whose pieces lie side by side along x.
+    """Join shapes as pieces side by side along x.
 
-    Names of parts get the piece in front: "sheet 1 outline"; "sheet 1" holds all of its points.
+    Names of parts are prefixed with the piece, such as "sheet 1 outline"; "sheet 1" is the set of all its points.
 
     Raises:
-        InputError: for fewer than two shapes, flat and curved ones, bars, or shapes with pieces.
+        InputError: for fewer than two shapes, a mixture of flat and curved ones, bars, or shapes that already have
+            pieces.
     """
     if len(shapes) < 2:
-        raise InputError(f"sheets holds {len(shapes)} sheets: expected two or more")
+        raise InputError(f"sheets: expected two or more sheets, got {len(shapes)}")
     curved = shapes[0].frames is not None
     for index, shape in enumerate(shapes):
         if (shape.frames is not None) != curved:
             kind, expected = ("flat", "curved") if curved else ("curved", "flat")
             raise InputError(f"sheets[{index}] is {kind}: expected {expected}, like sheets[0]")
         if shape.pieces is not None or len(shape.triangles) == 0:
-            raise InputError(f"sheets[{index}]: expected a sheet of one piece with triangles")
+            raise InputError(f"sheets[{index}]: expected a sheet with one piece and with triangles")
     widest = max(shape.spacing for shape in shapes)
     moves = np.zeros((len(shapes), shapes[0].points.shape[1]))
     for k in range(1, len(shapes)):
@@ -119,7 +120,7 @@ def _moved(cut: tuple[tuple[float, ...], ...], move: np.ndarray) -> tuple[tuple[
 
 
 def _bodies(shapes: Sequence[Shape]) -> np.ndarray | None:
-    """Numbers of rigid inclusions, counted through all shapes."""
+    """Indices of rigid inclusions, numbered across all shapes."""
     if all(shape.bodies is None for shape in shapes):
         return None
     found, last = [], 0

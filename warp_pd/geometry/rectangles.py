@@ -1,4 +1,4 @@
-"""Rectangles and bars: regular grids, turned and jittered ones."""
+"""Rectangles and bars with regular, rotated or jittered grids."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def filled(
     count("seed", seed, 0)
     square = rectangle(width, height, points, origin, layers, False)
     if not 0.0 <= finite("jitter", jitter) < 0.5:
-        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing from 0 up to below 0.5")
+        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
     if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
         return square
     assert square.lattice is not None

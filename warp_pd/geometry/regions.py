@@ -1,4 +1,4 @@
-"""Point indices that know which points they were taken from."""
+"""Point indices that remember the points they were selected from."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ JOINING = frozenset(
 
 
 class Region(np.ndarray):
-    """Point indices, int32, and the points that they were taken from: of another sheet they would name other points.
+    """Point indices, int32, with the points they were selected from, to detect use with another sheet.
 
-    It survives slicing and joining with other regions of the same points. A plain array of the same numbers, such as
+    Slicing, and joining with other regions of the same points, preserve the region. A plain array, such as
     `np.array(region)`, is never checked.
 
     Attributes:
-        of: Positions of those points [m], shape (N, 2); or None.
+        of: Positions of these points [m], shape (N, 2), or None.
     """
 
     of: Any
 
     def __array_finalize__(self, obj: Any) -> None:
-        """A view or a copy is of the same points."""
+        """Copy `of` to views and copies."""
         self.of = getattr(obj, "of", None)
 
     def __array_function__(
         self, func: Callable[..., Any], types: Iterable[type], args: Iterable[Any], kwargs: Any
     ) -> Any:
-        """A function of NumPy gives a plain array, but where it joins regions of the same points."""
+        """Return a plain array from NumPy functions, except when joining regions of the same points."""
         result = super().__array_function__(func, types, args, kwargs)
         if func not in JOINING or type(result) not in (np.ndarray, Region):
             return result
@@ -41,12 +41,12 @@ class Region(np.ndarray):
         return region_of(result, given[0].of) if given and same and given[0].of is not None else np.asarray(result)
 
     def fits(self, points: Any) -> bool:
-        """Whether it was taken from these points, shape (N, 2), or from the same ones."""
+        """Whether it was selected from these points, shape (N, 2), or from equal ones."""
         return self.of is None or self.of is points or bool(np.array_equal(self.of, points))
 
 
 def region_of(indices: np.ndarray, points: Any) -> Region:
-    """Indices as a region of points, shape (N, 2)."""
+    """Make a region from indices of points, shape (N, 2)."""
     region = np.asarray(indices, np.int32).view(Region)
     region.of = points
     return region

@@ -1,4 +1,4 @@
-"""A flat sheet that is not quite flat, so that it can buckle."""
+"""Small out-of-plane imperfections of a flat sheet, so that it can buckle."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ def rough_surface(sheet: Sheet, roughness: float, seed: int, flat: np.ndarray | 
 
     Args:
         sheet: The sheet.
-        roughness: Maximum height of the bumps over the spacing [-].
-        seed: Of the random numbers.
+        roughness: Maximum height of the bumps in spacings [-].
+        seed: Seed of the random numbers.
         flat: Points without bumps, such as those in grips.
 
     Returns:
-        [m], shape (N, 3).
+        Displacement [m], shape (N, 3).
 
     Raises:
-        InputError: for a negative roughness.
+        InputError: if the roughness is negative.
     """
     bumps = np.zeros((sheet.size, 3))
     height = not_negative("roughness", roughness) * (sheet.spacing if sheet.spacings is None else sheet.spacings)

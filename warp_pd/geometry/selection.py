@@ -1,4 +1,4 @@
-"""Points of a shape, picked by where they are."""
+"""Selection of points of a shape by position."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .shape import Shape
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SelectableShape(Shape):
-    """A shape whose points can be picked by where they are."""
+    """A shape whose points can be selected by position."""
 
     def __repr__(self) -> str:
         """One line."""
@@ -25,7 +25,7 @@ class SelectableShape(Shape):
         return f"{type(self).__name__}({extent} m, {self.size} points, spacing {self.spacing:.4g} m)"
 
     def as_cloud(self) -> Self:
-        """The same shape, its lattice or grid forgotten: bonds are then stored in a table."""
+        """Copy of the shape without its lattice or grid; bonds are then stored in a table."""
         return replace(self, lattice=None, grid=None)
 
     def _require_flat(self, what: str) -> None:
@@ -35,11 +35,11 @@ class SelectableShape(Shape):
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on named edges; "all" is the outline and all holes.
 
-        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
-        cloud, a side holds the points within a quarter of a spacing of it.
+        Names are those in `parts` and, on a flat sheet, the sides of the bounding box: left, right, bottom, top. On a
+        cloud, the points of a side are those within a quarter of a spacing.
 
         Raises:
-            InputError: for another name.
+            InputError: for any other name.
         """
         return region_of(edge_points(self, names), self.points)
 
@@ -47,7 +47,7 @@ class SelectableShape(Shape):
         """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
 
         Raises:
-            InputError: for a z on a flat sheet, or none on a curved one.
+            InputError: if z is given on a flat sheet, or missing on a curved one.
         """
         if (z is None) != (self.frames is None):
             expected = "a number on a curved sheet" if z is None else "None on a flat sheet"

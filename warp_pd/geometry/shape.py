@@ -16,25 +16,25 @@ class Shape:
 
     Attributes:
         points: Reference positions [m], float64, shape (N, 2); of a curved sheet (N, 3).
-        areas: Area that each point stands for [m^2], shape (N,).
+        areas: Area represented by each point [m^2], shape (N,).
         triangles: Triangulation, counter-clockwise (of a curved sheet: seen from outside), shape (F, 3), int32.
-        spacing: Distance of neighbouring points [m], the least one of a graded sheet; the horizon is a multiple of it.
-        lattice: The grid, if the points form a complete one.
+        spacing: Distance of neighbouring points [m], the minimum on a graded sheet; the horizon is a multiple of it.
+        lattice: The lattice if the points form a complete rectangular grid, otherwise None.
         cuts: Segments that no bond crosses.
         inclusions: Point indices of each rigid inclusion.
-        grid: Column and row of each point that is on a square grid of pitch `spacing`, int32, shape (N, 2), -1 for the
-            others; or None. Points on it are in order, row by row. It may have gaps.
-        spacings: Local spacing at each point [m], shape (N,), of a graded sheet; or None: one everywhere.
+        grid: Column and row of each point on a square grid of pitch `spacing`, -1 for other points, int32, shape (N,
+            2); or None. Points on the grid are in order, row by row. The grid may have gaps.
+        spacings: Local spacing at each point of a graded sheet [m], shape (N,); None if uniform.
         frames: Orthonormal tangent vectors at each point, columns e1 and e2, shape (N, 3, 2), of a curved sheet; or
             None.
         barriers: Edges of the sheet that no bond crosses, pairs of points with the sheet on the left, int32, shape
-            (B, 2); or None: bonds are as long as the horizon, whatever is between.
-        bodies: Number of the rigid inclusion inside which each point lies, 0 for the sheet and the edges of inclusions,
-            int32, shape (N,); or None. Bonds join points of one number.
+            (B, 2); or None if bonds are only limited by the horizon.
+        bodies: Index (from 1) of the rigid inclusion that contains each point, 0 for the sheet and the edges of
+            inclusions, int32, shape (N,); or None. Bonds join only points with equal indices.
         parts: Point indices of parts of the boundary, by name.
-        pieces: Number of the piece that each point belongs to, from 1, int32, shape (N,); or None: there is one. Bonds
-            join points of one piece.
-        origins: Where the origin of each piece lies [m], shape (pieces, 2); of a curved shape (pieces, 3); or None.
+        pieces: Index (from 1) of the piece of each point, int32, shape (N,); None for a single piece. Bonds join only
+            points of one piece.
+        origins: Position of the origin of each piece [m], shape (pieces, 2); of a curved shape (pieces, 3); or None.
     """
 
     points: np.ndarray
@@ -67,13 +67,13 @@ class Shape:
 
     @property
     def whole_lattice(self) -> Lattice | None:
-        """The grid, if the points are all of it in order; None for a part of a lattice, too."""
+        """The lattice if the points are all of its points in order; None for a part of a lattice."""
         lattice = self.lattice
         return lattice if lattice is not None and self.size == lattice.columns * lattice.rows else None
 
     @property
     def widest_spacing(self) -> float:
-        """The largest distance of neighbouring points [m]."""
+        """The largest distance between neighbouring points [m]."""
         return self.spacing if self.spacings is None else float(self.spacings.max())
 
     @property

@@ -1,4 +1,4 @@
-"""Pictures of a sheet before anything runs: triangles, points, edges, cuts, inclusions, named parts, its thickness."""
+"""Pictures of an undeformed sheet: triangles, points, edges, cuts, inclusions, named parts, thickness."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def draw_shape(
     thickness: float | np.ndarray,
     stiffness: np.ndarray | None,
 ) -> Any:
-    """Draw a sheet of this shape; see `warp_pd.draw_sheet`, which draws a sheet so.
+    """Draw a shape with thickness and stiffness; the public function is `warp_pd.draw_sheet`.
 
     Raises:
-        InputError: for a path that cannot be written.
+        InputError: if the path cannot be written.
     """
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
@@ -56,7 +56,7 @@ def draw_shape(
 
 
 def target(path: Any) -> Path:
-    """The path of a picture.
+    """Check the path of a picture.
 
     Raises:
         InputError: if it cannot be written.
@@ -171,7 +171,7 @@ def _curved(sheet: Shape, parts: Parts, thickness: np.ndarray | None, view: tupl
 
 
 def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **style: Any) -> None:
-    """Points as markers; of very many some, in no regular order, which would show as a pattern."""
+    """Draw points as markers; a random subset if there are too many."""
     if len(chosen) == 0:
         return
     if len(chosen) > MAX_MARKERS:
@@ -193,7 +193,7 @@ def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
 
 
 def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
-    """Label and points of the rigid inclusions; a label that begins with an underscore is not in the legend."""
+    """Labels and points of the rigid inclusions; labels that begin with an underscore are not in the legend."""
     return [
         (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
         for number, points in enumerate(sheet.inclusions, start=1)
@@ -201,7 +201,7 @@ def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
 
 
 def _parts(sheet: Shape, stiffness: np.ndarray | None) -> Parts:
-    """Label and points of stiffened and of named parts, the largest first: smaller ones lie on them."""
+    """Labels and points of stiffened and named parts, largest first, so that smaller ones are drawn on top."""
     stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
     order = sorted([*sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
@@ -215,7 +215,7 @@ def _colour(rank: int) -> str:
 
 
 def _growth(parts: Parts, rank: int) -> float:
-    """Extra size of the markers of a part, so that those on top show the ones below."""
+    """Extra size of the markers of a part, so that parts below remain visible."""
     return 0.6 + 0.5 * min(len(parts) - rank - 1, 5)
 
 
@@ -230,7 +230,7 @@ def _sides(triangles: np.ndarray) -> np.ndarray:
 
 
 def _apart(sheet: Shape) -> np.ndarray:
-    """Where the points of a flat sheet are drawn [m], shape (N, 2)."""
+    """Drawing positions of the points of a flat sheet, with crack faces moved apart [m], shape (N, 2)."""
     where = sheet.points.copy()
     edge = np.unique(boundary_edges(sheet.triangles))
     _, place, times = np.unique(where[edge], axis=0, return_inverse=True, return_counts=True)
@@ -246,7 +246,7 @@ def _apart(sheet: Shape) -> np.ndarray:
 
 
 def _filled(where: np.ndarray, edges: np.ndarray) -> Any:
-    """The area that the boundary encloses, as a path: one shape, however many triangles there are."""
+    """The area enclosed by the boundary, as a single path."""
     from matplotlib.path import Path as Outline
 
     points, codes = [], []
@@ -257,7 +257,7 @@ def _filled(where: np.ndarray, edges: np.ndarray) -> Any:
 
 
 def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Corners of fewer triangles: points of a cell of a cubic grid become one (Rossignac & Borrel 1993)."""
+    """Coarsened triangles: points of a cell of a cubic grid are merged (Rossignac & Borrel 1993)."""
     low = where.min(axis=0)
     a, b, c = (where[triangles[:, k]] for k in range(3))
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
@@ -275,7 +275,7 @@ def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
-    """Points on the side of a closed surface that the eye sees; all of an open one, shape (N,)."""
+    """Mask of points on the visible side of a closed surface; all points of an open one, shape (N,)."""
     if len(boundary_edges(sheet.triangles)):
         return np.ones(sheet.size, bool)
     a, b, c = (sheet.positions[sheet.triangles[:, k]] for k in range(3))

@@ -1,4 +1,4 @@
-"""The sheet: material points with areas, a triangulation for pictures and edges, thickness and density."""
+"""The sheet: points with areas, a triangulation, thickness and density."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ ByPoint = float | np.ndarray | Callable[..., np.ndarray]
 class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
-    Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy. All that
-    make one take thickness and density as a number, an array with one for each point, or a function of x and y, on a
-    curved sheet of x, y and z.
+    Create a sheet with `rectangle`, `outline` or another constructor; `cut`, `hole`, `inclusion`, `stiffened` and
+    `turned` return modified copies. All constructors accept thickness and density as a number, an array with one value
+    per point, or a function of x and y (on a curved sheet of x, y and z).
 
     Attributes:
         thickness: Thickness [m], a number or shape (N,); for a bar, whose `areas` are lengths [m], the cross section
-            [m^2]. Where it varies, the family of a point has the thickness of that point.
+            [m^2]. If it varies, a family has the thickness of its centre point.
         density: Mass per reference volume [kg/m^3], a number or shape (N,).
-        stiffness: Factor on the moduli of the material at each point, shape (N,); None: 1 everywhere.
-        stretch: In-plane deformation gradient from the stress-free sheet to this one, shape (2, 2); None: this sheet
+        stiffness: Factor on the moduli of the material at each point, shape (N,); None for 1 everywhere.
+        stretch: In-plane deformation gradient from the stress-free sheet to this one, shape (2, 2); None if this sheet
             is stress-free.
     """
 
@@ -50,15 +50,15 @@ class Sheet(SelectableShape):
 
     @staticmethod
     def of(shape: Shape, *, thickness: ByPoint, density: ByPoint) -> Sheet:
-        """A sheet of a shape.
+        """Create a sheet from a shape.
 
         Args:
             shape: Points, areas and triangles.
-            thickness: [m].
-            density: [kg/m^3].
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
 
         Raises:
-            InputError: for a thickness or density that is not above zero, or not one for each point.
+            InputError: if thickness or density is not positive, or does not have one value per point.
         """
         arrays = {each.name: vars(shape)[each.name] for each in fields(shape)}
         return Sheet(
@@ -69,12 +69,12 @@ class Sheet(SelectableShape):
 
     @property
     def mean_thickness(self) -> float:
-        """Mean over the points [m]; the number itself if it is one."""
+        """Mean thickness over the points [m]."""
         return float(np.mean(self.thickness)) if np.ndim(self.thickness) else float(self.thickness)
 
     @property
     def factors(self) -> np.ndarray | None:
-        """Factor on the energy of each family, that of the mean thickness and the law's material, (N,); None: 1."""
+        """Factor on the energy of each family due to varying thickness and stiffness, (N,); None for 1."""
         if not np.ndim(self.thickness):
             return self.stiffness
         relative = np.asarray(self.thickness / self.mean_thickness)
@@ -97,20 +97,20 @@ class Sheet(SelectableShape):
         Args:
             width: Length along x [m].
             height: Length along y [m].
-            thickness: [m].
-            density: [kg/m^3].
-            points: Points along x and y, or along x alone: then the spacing along y is as near to that along
-                x as whole points allow.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            points: Number of points along x and y, or only along x; the spacing along y is then as close as possible to
+                that along x.
             origin: Position of the lower left corner [m].
-            layers: Rows of points outside the left and right edges, and outside the bottom and top edges: a clamp
-                as wide as the horizon leaves every family in the rectangle whole there (HE section 4.3). With
-                corrected weights hold the edge itself: families across it see a kink, an error of first order.
-            centred: Whether the points are the centres of equal cells, half a spacing inside the edges, as in most
-                peridynamic papers; the triangles, which join points, then end there too.
+            layers: Number of point layers outside the left and right edges, and outside the bottom and top edges. With
+                a clamp as wide as the horizon, all families in the rectangle are complete there (HE section 4.3). With
+                corrected weights, hold the edge itself instead: families across it see a kink, a first-order error.
+            centred: Whether the points are the centres of equal cells, as in most peridynamic papers; the outer points,
+                and so the triangles, then end half a spacing inside the edges.
 
         Raises:
-            InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
-                below zero.
+            InputError: if a size, thickness or density is not positive, there are fewer than 3 points, or layers are
+                negative.
         """
         return Sheet.of(rectangle(width, height, points, origin, layers, centred), thickness=thickness, density=density)
 
@@ -119,13 +119,13 @@ class Sheet(SelectableShape):
         """A bar along x: one row of points at the centres of equal cells, for one-dimensional laws.
 
         Args:
-            length: [m].
+            length: Length [m].
             section: Area of its cross section [m^2].
-            density: [kg/m^3].
+            density: Density [kg/m^3].
             points: Number of points.
 
         Raises:
-            InputError: for a number that is not above zero, or fewer than 3 points.
+            InputError: if a number is not positive, or there are fewer than 3 points.
         """
         shape = line(length, points)
         return Sheet.of(shape, thickness=by_point("section", section, shape.points), density=density)
@@ -144,25 +144,25 @@ class Sheet(SelectableShape):
         jitter: float = 0.0,
         seed: int = 0,
     ) -> Sheet:
-        """A rectangle whose inside is a grid turned against its edges, or a jittered one: cracks must not see which.
+        """A rectangle with a rotated or jittered grid inside, to test that cracks do not depend on the grid.
 
-        The edges carry the points of `rectangle`, also those that layers continue. With no turn and no jitter it is
-        `rectangle` itself, a lattice; otherwise a cloud.
+        The edges and layers have the same points as `rectangle`. Without rotation and jitter the result is that of
+        `rectangle`, a lattice; otherwise it is a cloud.
 
         Args:
             width: Length along x [m].
             height: Length along y [m].
-            thickness: [m].
-            density: [kg/m^3].
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
             points: As for `rectangle`; they set the spacing.
             origin: Position of the lower left corner [m].
             layers: As for `rectangle`.
-            turn: Angle of the grid about the middle of the rectangle [degrees].
-            jitter: Largest shift of a point along x and along y, in spacings, below one half.
-            seed: Of the generator of the jitter, a whole number of 0 or more.
+            turn: Rotation of the grid about the centre of the rectangle [degrees].
+            jitter: Maximum shift of a point along x and along y in spacings, less than 0.5.
+            seed: Seed of the jitter, a nonnegative integer.
 
         Raises:
-            InputError: as `rectangle`, or for a jitter outside [0, 0.5) or another seed.
+            InputError: as for `rectangle`, or if the jitter is outside [0, 0.5) or the seed is invalid.
         """
         shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed)
         return Sheet.of(shape, thickness=thickness, density=density)
@@ -178,25 +178,27 @@ class Sheet(SelectableShape):
         cracks: Named = (),
         inclusions: Named = (),
     ) -> Sheet:
-        """A sheet of any outline: points lie exactly on its edges, on cracks and around inclusions.
+        """A sheet with any outline, with points exactly on its edges, cracks and inclusion boundaries.
 
-        Inside is a square grid wherever it fits, and relaxed points between it and the curves. A bond exists only where
-        the way between its points stays in the sheet. Weights "corrected" are second order up to every edge.
+        The interior is a square grid where it fits, and relaxed points between the grid and the curves. A bond exists
+        only if the path between its points stays in the sheet. Weights "corrected" are second-order accurate up to
+        every edge.
 
         Args:
             boundary: A `Polygon`, `Circle`, `Spline`, corners of a polygon [m], shape (C, 2), or a function from t in
                 [0, 1] to points.
-            spacing: Distance of points [m], or a function of x and y, both of shape (P,), to distances: the horizon
-                follows it.
-            thickness: [m].
-            density: [kg/m^3].
-            holes: Closed curves, as `boundary`; a mapping names them, otherwise they are "hole 1", "hole 2", ...
+            spacing: Spacing [m], or a function from x and y, both of shape (P,), to local spacings; the horizon is
+                proportional to it.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            holes: Closed curves, as for `boundary`; a mapping gives them names, otherwise they are "hole 1", "hole 2",
+                ...
             cracks: Polylines, shape (L, 2), that end in the sheet or on its edge; names as for holes, "crack 1". Each
-                point of a crack becomes two, one for each face; its tip is one point.
-            inclusions: Closed curves whose inside is rigid; names as for holes, "inclusion 1".
+                point of a crack is doubled, one copy per face, except at its tip.
+            inclusions: Closed curves of rigid regions; names as for holes, "inclusion 1".
 
         Raises:
-            InputError: for curves that cross or leave the sheet, or a spacing too coarse for them.
+            InputError: if curves cross or leave the sheet, or the spacing is too coarse for them.
         """
         return Sheet.of(outline(boundary, holes, cracks, inclusions, spacing), thickness=thickness, density=density)
 
@@ -213,23 +215,23 @@ class Sheet(SelectableShape):
     ) -> Sheet:
         """A sheet on any cloud of points; no bond leaves its triangulation.
 
-        Its boundary is the part "outline" (of several pieces "outline 1", ...), holes are "hole 1", "hole 2", ..., the
+        Its boundary is the part "outline" ("outline 1", ... for several pieces); holes are "hole 1", "hole 2", ...,
         largest first.
 
         Args:
             points: Positions [m], shape (N, 2).
-            thickness: [m].
-            density: [kg/m^3].
-            triangles: Triangulation, shape (F, 3); by default Delaunay's, without triangles whose
-                circumscribed circle is wider than two and a half spacings (notches and holes).
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            triangles: Triangulation, shape (F, 3); by default the Delaunay triangulation without triangles whose
+                circumcircle is wider than 2.5 spacings (notches and holes).
             areas: Area of each point [m^2]; by default a third of each adjacent triangle.
-            spacing: Reference spacing [m]; by default the root of the mean area of the points.
-            outline: A closed curve, as for `Sheet.outline`, or what `read_outline` gives: Delaunay's triangles are then
-                those inside it.
+            spacing: Reference spacing [m]; by default the square root of the mean area of the points.
+            outline: A closed curve, as for `Sheet.outline`, or a result of `read_outline`; the Delaunay triangles
+                inside it are then used.
 
         Raises:
-            InputError: for coincident points, coordinates that are not finite, wrong shapes, or points outside the
-                outline.
+            InputError: for coincident points, coordinates that are not finite, wrong array shapes, or points outside
+                the outline.
         """
         return Sheet.of(cloud(points, triangles, areas, spacing, outline), thickness=thickness, density=density)
 
@@ -245,21 +247,22 @@ class Sheet(SelectableShape):
     ) -> Sheet:
         """A sheet on the vertices of a mesh, such as a .msh, .stl, .obj, .ply, .vtu or .usd file.
 
-        A mesh whose points all have one z is a flat sheet; its z is dropped. No bond crosses its boundary, whose rings
-        are the parts "outline" and "hole 1", "hole 2", ..., the largest first. Named groups of points and lines of a
-        .msh file are parts, too. Any other mesh is a curved sheet, as from `from_surface`.
+        A mesh whose points all have the same z becomes a flat sheet, without z. No bond crosses its boundary, whose
+        rings are the parts "outline" and "hole 1", "hole 2", ..., largest first. Named groups of points and lines of a
+        .msh file are parts, too. Any other mesh becomes a curved sheet, as from `from_surface`.
 
         Args:
-            path: The file, as for `warp_pd.geometry.files.read_mesh`, which says what it refuses.
-            thickness: [m].
-            density: [kg/m^3].
-            unit: Of the coordinates: "m", "mm", "cm", "in", or a number of meters; None for a USD file that says its
-                own.
-            part: Name of the mesh or of the group of faces to take.
+            path: The file, see `warp_pd.geometry.files.read_mesh`.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            unit: Unit of the coordinates: "m", "mm", "cm", "in", or a number of meters; None for a USD file that
+                specifies it.
+            part: Name of the mesh or of the group of faces to use.
             closed: Whether the surface must have no boundary.
 
         Raises:
-            InputError: for a file that cannot be read, a missing unit, or a bad mesh, with the indices of what is bad.
+            InputError: if the file cannot be read, the unit is missing, or the mesh is invalid, naming the offending
+                indices.
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
@@ -276,20 +279,20 @@ class Sheet(SelectableShape):
         density: ByPoint,
         spacing: float | None = None,
     ) -> Sheet:
-        """A curved sheet: a surface of triangles in space, free of stress as it is.
+        """A curved sheet from a triangulated surface, which is its stress-free state.
 
         Its open edges are the part "rim". A third of each triangle belongs to each of its corners.
 
         Args:
             vertices: Positions [m], shape (N, 3).
             triangles: Counter-clockwise seen from outside, shape (F, 3).
-            thickness: [m].
-            density: [kg/m^3].
-            spacing: Reference spacing [m]; by default the root of the mean area of the points.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            spacing: Reference spacing [m]; by default the square root of the mean area of the points.
 
         Raises:
-            InputError: for coincident vertices, or one without a triangle, triangles without area, or of different
-                orientation, or wrong shapes.
+            InputError: for coincident vertices, vertices without a triangle, triangles without area or with
+                inconsistent orientation, or wrong array shapes.
         """
         return Sheet.of(surface(vertices, triangles, spacing), thickness=thickness, density=density)
 
@@ -302,33 +305,34 @@ class Sheet(SelectableShape):
         Args:
             radius: [m].
             length: [m].
-            thickness: [m].
-            density: [kg/m^3].
-            points: Points around, or around and along; by default the spacing along is as near to that around as
-                whole points allow.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            points: Number of points around, or around and along; by default the spacing along the tube is as close as
+                possible to that around.
 
         Raises:
-            InputError: for a size, thickness or density that is not above zero, fewer than 6 points around or 3 along.
+            InputError: if a size, thickness or density is not positive, or there are fewer than 6 points around or 3
+                along.
         """
         return Sheet.of(tube(radius, length, points), thickness=thickness, density=density)
 
     @staticmethod
     def sphere(radius: float, *, thickness: ByPoint, density: ByPoint, points: int = 20) -> Sheet:
-        """A sphere about the origin, a geodesic grid of triangles almost alike; its areas sum to that of the sphere.
+        """A sphere about the origin with a geodesic grid of nearly equal triangles and exact total area.
 
         Args:
             radius: [m].
-            thickness: [m].
-            density: [kg/m^3].
-            points: Points on a quarter of the circumference, about.
+            thickness: Thickness [m].
+            density: Density [kg/m^3].
+            points: Approximate number of points on a quarter of the circumference.
 
         Raises:
-            InputError: for a size, thickness or density that is not above zero, or fewer than 2 points.
+            InputError: if a size, thickness or density is not positive, or there are fewer than 2 points.
         """
         return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
-        """A picture of the sheet, which a notebook shows; see `warp_pd.draw_sheet`."""
+        """Draw the sheet; a notebook displays the picture. See `warp_pd.draw_sheet`."""
         from .shape_plot import draw_shape
 
         return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
@@ -336,23 +340,23 @@ class Sheet(SelectableShape):
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
 
-        The families never hold those bonds, so a cut counts as shape, not as damage. Points on the segment
-        itself belong to its left side. The triangles that it crosses are gone, from pictures too.
+        These bonds are not part of the families, so a cut does not count as damage. Points on the segment belong to its
+        left side. Triangles crossed by the cut are removed, also from pictures.
 
         Raises:
-            InputError: for a segment of no length, one that crosses no triangle of the sheet, or a curved sheet.
+            InputError: if the segment has no length or crosses no triangle, or the sheet is curved.
         """
         self._require_flat("cut")
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
         return slit(self, segment, f"cut from {start!r} to {end!r}")
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
-        """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a grid.
+        """A copy without the points closer than `radius` [m] to `centre`; the other points stay on their grid.
 
-        On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
+        On a grid, cells that lost a corner are also removed, and the areas of the points around them shrink.
 
         Raises:
-            InputError: if the hole holds no point or leaves no sheet, or the sheet is curved.
+            InputError: if the hole contains no points or removes the whole sheet, or the sheet is curved.
         """
         self._require_flat("hole")
         offset = self.points - vector("centre", centre, 2)
@@ -361,7 +365,7 @@ class Sheet(SelectableShape):
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-        """Thickness, density and stiffness, those that are arrays changed: for a copy with other points."""
+        """Thickness, density and stiffness for a copy with other points, with `change` applied to arrays."""
         values = {name: getattr(self, name) for name in ("thickness", "density", "stiffness")}
         return {name: change(value) if np.ndim(value) else value for name, value in values.items()}
 
@@ -369,23 +373,24 @@ class Sheet(SelectableShape):
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
-            InputError: if it holds fewer than three points, or points on one line.
+            InputError: if it contains fewer than three points, or only collinear points.
         """
         members = self.within(centre, radius)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
             inclusion = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
-            raise InputError(f"{inclusion}: expected three or more that are not on one line")
+            raise InputError(f"{inclusion}: expected three or more that are not collinear")
         return replace(self, inclusions=(*self.inclusions, members))
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
-        """A copy whose material is `factor` times as stiff at `points`: all its moduli are.
+        """A copy in which all moduli of the material are multiplied by `factor` at `points`.
 
-        A family deforms as the material of its own point. So a bond between two materials has half its energy from
-        each: W_ij Psi_i(F_ij) + W_ji Psi_j(F_ji) in the bond-associated law, the mean of both ends in bond-based laws.
+        A family has the material of its centre point. A bond between two materials therefore gets half of its energy
+        from each: W_ij Psi_i(F_ij) + W_ji Psi_j(F_ji) in the bond-associated law, the mean of both ends in bond-based
+        laws.
 
         Raises:
-            InputError: for a factor that is not above zero, or an index that does not exist.
+            InputError: if the factor is not positive, or an index does not exist.
         """
         stiffness = np.ones(self.size) if self.stiffness is None else self.stiffness.copy()
         stiffness[point_indices("stiffened: points", points, self.size)] *= positive("stiffened: factor", factor)
@@ -394,16 +399,16 @@ class Sheet(SelectableShape):
     def prestretched(self, first: float, second: float | None = None) -> Sheet:
         """A copy that was stretched before it was clamped, such as the skin of a drum.
 
-        Points, selections and displacements are those of this sheet, as it is clamped. Its state without stress is
-        smaller by the stretches; thickness, density and areas of the mass are those of that state.
+        Points, selections and displacements refer to the clamped sheet. The stress-free sheet is smaller by the
+        stretches; thickness, density and mass refer to the stress-free sheet.
 
         Args:
-            first: Stretch along x [-], more than 1 for tension.
-            second: Stretch along y [-]; by default as along x.
+            first: Stretch along x [-], greater than 1 for tension.
+            second: Stretch along y [-]; by default equal to `first`.
 
         Raises:
-            InputError: for a stretch that is not above zero, a bar, rigid inclusions, or two stretches of a curved
-                sheet.
+            InputError: if a stretch is not positive, for a bar or rigid inclusions, or for different stretches of a
+                curved sheet.
         """
         stretches = positive("first", first), positive("second", first if second is None else second)
         before = np.eye(2) if self.stretch is None else self.stretch
@@ -411,22 +416,22 @@ class Sheet(SelectableShape):
         return stretched
 
     def unstretched(self) -> Sheet:
-        """The sheet before it was stretched, without stress: the reference of strains.
+        """The stress-free sheet before prestretching, the reference for strains.
 
         Raises:
-            InputError: for rigid inclusions, which were made after the sheet was stretched.
+            InputError: if rigid inclusions were added after prestretching.
         """
         return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
 
     def placement(self) -> np.ndarray | None:
-        """Displacement of the points when the sheet was stretched and clamped [m], shape (N, 3), or None."""
+        """Displacement of the points by prestretching [m], shape (N, 3), or None."""
         return None if self.stretch is None else self.positions - self.unstretched().positions
 
     def turned(self, degrees: float) -> Sheet:
-        """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
+        """A copy rotated about the centre of the sheet, as a cloud without a lattice.
 
         Raises:
-            InputError: for an angle that is not a number, or a curved sheet.
+            InputError: if the angle is not a number, or the sheet is curved.
         """
         self._require_flat("turned")
         sheet, rotation = turned(self, finite("degrees", degrees))

@@ -1,4 +1,4 @@
-"""Shapes before a stretch."""
+"""Stress-free shapes of prestretched sheets."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ AnyShape = TypeVar("AnyShape", bound=Shape)
 
 
 def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
-    """The shape that a uniform stretch about its middle takes to this one.
+    """The shape that becomes `shape` by a uniform stretch about its centre.
 
     Args:
         shape: The stretched shape.
-        gradient: Deformation gradient in the plane, shape (2, 2); of a curved shape a multiple of the identity.
+        gradient: Deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
 
     Raises:
-        InputError: for a shape with rigid inclusions, a bar, or a curved shape whose stretches differ.
+        InputError: for a shape with rigid inclusions, a bar, or different stretches of a curved shape.
     """
     even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
     if shape.inclusions:
-        raise InputError("prestretched: the sheet has rigid inclusions, which do not stretch: expected a sheet without")
+        raise InputError(
+            "prestretched: the sheet has rigid inclusions, which do not stretch: expected a sheet without inclusions"
+        )
     if len(shape.triangles) == 0:
         raise InputError("prestretched: the sheet is a bar: expected a sheet with an area; take `initial_displacement`")
     if shape.points.shape[1] == 3 and not even:

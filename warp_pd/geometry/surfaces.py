@@ -1,4 +1,4 @@
-"""Curved surfaces in space: from vertices and triangles, tubes and spheres."""
+"""Curved surfaces: from vertices and triangles, tubes and spheres."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
     areas = _point_sums(np.repeat(sizes[:, None] / 6.0, 3, axis=1), triangles, len(points))
     unused = np.flatnonzero(areas == 0.0)
     if len(unused):
-        raise InputError(f"vertices[{unused[0]}] is the corner of no triangle: expected every vertex in one")
+        raise InputError(f"vertices[{unused[0]}] belongs to no triangle: expected every vertex in a triangle")
     normals = vertex_normals(points, triangles)
     lengths = np.linalg.norm(normals, axis=1)
     if (folded := np.flatnonzero(lengths <= 1e-6 * np.median(lengths))).size:
-        raise InputError(f"vertices[{folded[0]}]: the triangles around it lie back to back: expected a normal there")
+        raise InputError(
+            f"vertices[{folded[0]}]: the triangles around it are folded back to back; expected a unique normal"
+        )
     return Shape(
         points=points,
         areas=areas,
@@ -118,7 +120,7 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _point_sums(corner_values: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
-    """Sums at the points of what each corner of each triangle, shape (F, 3, ...), gives; shape (N, ...)."""
+    """Sum values at the corners of triangles, shape (F, 3, ...), to the points, shape (N, ...)."""
     corners, inner = triangles.ravel(), corner_values.shape[2:]
     columns = corner_values.reshape(len(corners), -1).T
     return np.stack([np.bincount(corners, column, points) for column in columns], axis=-1).reshape(points, *inner)
@@ -128,8 +130,8 @@ def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Points on the open edges of the surface, int32, ascending.
 
     Raises:
-        InputError: for triangles of different orientation, an edge of three triangles, or a closed surface whose
-            triangles are counter-clockwise seen from inside.
+        InputError: if triangles have inconsistent orientation, an edge has three triangles, or the triangles of a
+            closed surface face inwards.
     """
     if len(twice := edges_run_twice(triangles)):
         tail, head = twice[0]
@@ -142,7 +144,7 @@ def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         arm = points - points.mean(axis=0)
         a, b, c = (arm[triangles[:, k]] for k in range(3))
         if (a * np.cross(b, c)).sum() <= 0.0:
-            raise InputError(f"{name}: expected them counter-clockwise seen from outside, got them from inside")
+            raise InputError(f"{name}: expected counter-clockwise seen from outside, got clockwise")
     return np.unique(open_sides).astype(np.int32)
 
 

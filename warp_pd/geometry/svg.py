@@ -25,20 +25,21 @@ CLOSE, CORNER = 1e-9, math.radians(10.0)
 
 @dataclass(frozen=True, eq=False)
 class TracedCurve:
-    """A closed curve from a file: a curve as `Sheet.outline` takes them.
+    """A closed curve from a file, for `Sheet.outline`.
 
-    Only its corners have to become points of a sheet; the points along the smooth sides follow the spacing.
+    Its corners become points of the sheet; points along its smooth sides follow the spacing.
 
     Attributes:
-        points: Points along it, as close as its bends ask for [m], shape (N, 2); the last is joined with the first.
-        corners: Indices of those in which it turns by more than 10 degrees, shape (C,).
+        points: Points along the curve [m], shape (N, 2), dense enough for its curvature; the last is connected to the
+            first.
+        corners: Indices of the points where it turns by more than 10 degrees, shape (C,).
     """
 
     points: np.ndarray
     corners: np.ndarray
 
     def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the curve, see `warp_pd.geometry.curves.Curve`; a side is between two corners."""
+        """Points on the curve, see `warp_pd.geometry.curves.Curve`; sides are between corners."""
         if len(self.corners) == 0:
             return spread_on_curve(_along(np.vstack([self.points, self.points[:1]])), spacing)
         found, side = [], []
@@ -62,8 +63,8 @@ class Rings:
     """The outline of one flat piece.
 
     Attributes:
-        boundary: Counter-clockwise.
-        holes: Clockwise.
+        boundary: Outer boundary, counter-clockwise.
+        holes: Holes, clockwise.
     """
 
     boundary: TracedCurve
@@ -77,22 +78,21 @@ def read_outline(
     unit: str | float | None = None,
     part: str | None = None,
 ) -> Rings:
-    """The outline that the closed paths of an SVG file enclose: one boundary, and the holes in it.
+    """Read an outline from the closed paths of an SVG file: one boundary, and the holes in it.
 
-    Transforms apply. x is to the right, y upwards, and the origin is that of the user units, so that a drawing from
-    y = 0 downwards lies below y = 0. Colours, stroke widths and clip paths have no part in it, and elements that are
-    not displayed are left out.
+    Transforms are applied. x points right and y up, with the origin of the user units, so SVG coordinates with positive
+    y (downwards) become negative y. Colours, stroke widths and clip paths are ignored, and hidden elements are skipped.
 
     Args:
         path: The file.
         tolerance: Largest distance of curves from the polygon's sides [m], such as a twentieth of the spacing.
-        unit: Of a user unit: "m", "mm", "cm", "in", or a number of meters; "document" for a file that says its width
-            and height in physical units. It is never guessed.
-        part: `id` of the element to take; None for all.
+        unit: Length of a user unit: "m", "mm", "cm", "in", or a number of meters; "document" to use the file's physical
+            width and height. Required.
+        part: `id` of the element to use; None for all.
 
     Raises:
-        InputError: for a file that is missing or cannot be read, a missing unit, no closed path, open paths, paths
-            that cross themselves or each other, several boundaries, or an island in a hole.
+        InputError: if the file is missing or unreadable, the unit is missing, there is no closed path, paths are open
+            or cross themselves or each other, there are several boundaries, or a hole contains an island.
     """
     file = existing_file(path)
     tolerance = positive("tolerance", tolerance)
@@ -142,14 +142,14 @@ def _document(where: str, root: Any) -> float:
 
 
 def _to_user_units(root: Any) -> np.ndarray:
-    """From the pixels of the library to user units, those of the viewBox."""
+    """Matrix from the library's pixels to the user units of the viewBox."""
     from svgelements import Matrix
 
     return np.linalg.inv(_array(Matrix(root.viewbox_transform)))
 
 
 def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.ndarray]]:
-    """Name, path and matrix to pixels of every shape that is drawn."""
+    """Name, path and matrix to pixels of every visible shape."""
     from svgelements import Image, Path, Shape, Text
 
     shapes = [e for e in root.elements() if isinstance(e, Shape | Text | Image)]
@@ -166,10 +166,10 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
 
 
 def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float) -> list[TracedCurve]:
-    """The parts of a path [m].
+    """The closed curves of a path [m].
 
     Raises:
-        InputError: for an open one.
+        InputError: if one is open.
     """
     from svgelements import Move
 
@@ -214,7 +214,7 @@ def _angle(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _along(points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Points on a polyline by the fraction of its length, 0 to 1."""
+    """Function from a fraction of the length of a polyline (0 to 1) to a point."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
     def at(t: np.ndarray) -> np.ndarray:
@@ -235,7 +235,7 @@ def _flattened(segment: Any, tolerance: float) -> np.ndarray:
 
 
 def _bend(segment: Any) -> float:
-    """Largest second derivative of a curve by its parameter, 0 to 1: a chord over dt is within bend dt^2 / 8 of it."""
+    """Largest second derivative of a curve by its parameter (0 to 1); a chord over dt is within bend dt^2 / 8."""
     from svgelements import Arc, CubicBezier, QuadraticBezier
 
     if isinstance(segment, Arc):
@@ -251,7 +251,7 @@ def _nested(where: str, curves: list[TracedCurve]) -> Rings:
     """One boundary, and the holes in it.
 
     Raises:
-        InputError: for rings that cross, or are nested in another way.
+        InputError: if rings cross or are nested differently.
     """
     import shapely
 
@@ -265,7 +265,7 @@ def _nested(where: str, curves: list[TracedCurve]) -> Rings:
     if len(meeting):
         shared = lines[one[meeting[0]]].intersection(lines[other[meeting[0]]])
         x, y = min(map(tuple, shapely.get_coordinates(shared)))
-        raise InputError(f"{where}: two paths meet at ({x:.6g}, {y:.6g}) m: expected paths apart from each other")
+        raise InputError(f"{where}: two paths meet at ({x:.6g}, {y:.6g}) m: expected separate paths")
     inner, _ = shapely.STRtree(polygons).query(polygons, predicate="within")
     depth = np.bincount(inner, minlength=len(curves)) - 1
     outer = np.flatnonzero(depth == 0)
@@ -284,7 +284,7 @@ def _nested(where: str, curves: list[TracedCurve]) -> Rings:
 
 
 def _reason(polygon: Any) -> str:
-    """Such as "self-intersection at (0.1, 0.2) m"."""
+    """Why a polygon is invalid, such as "self-intersection at (0.1, 0.2) m"."""
     from shapely import is_valid_reason
 
     text, _, place = is_valid_reason(polygon).rstrip("]").partition("[")

@@ -1,4 +1,4 @@
-"""Sheets of several pieces: one simulation of sheets that touch each other."""
+"""Sheets of several pieces, to simulate sheets in contact."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from .sheet import Sheet
 
 
 def together(*sheets: Sheet) -> Sheet:
-    """One sheet of several pieces, side by side in the reference state; no bond joins them.
+    """Combine sheets into one sheet of several pieces, side by side in the reference state, without bonds between them.
 
-    The points of a piece are the part "sheet 1", "sheet 2", ..., for `edges`; names of its own parts get that in front,
-    as "sheet 1 outline". All pieces have one law; `stiffened` makes a piece stiffer. `placed`
-    brings them to their places, and `SelfContact` keeps them apart.
+    The points of a piece are the part "sheet 1", "sheet 2", ...; names of its parts get this prefix, such as "sheet 1
+    outline". All pieces have the same force law; `stiffened` makes a piece stiffer. `placed` moves the pieces to their
+    positions, and `SelfContact` prevents interpenetration.
 
     Raises:
-        InputError: for fewer than two sheets, flat and curved ones, or sheets that were stretched before they were
-            clamped.
+        InputError: for fewer than two sheets, a mixture of flat and curved sheets, or prestretched sheets.
     """
     shape = side_by_side(sheets)
     for index, sheet in enumerate(sheets):
         if sheet.stretch is not None:
-            raise InputError(f"sheets[{index}] is prestretched: expected a sheet without stress")
+            raise InputError(f"sheets[{index}] is prestretched; expected a stress-free sheet")
     made = Sheet.of(shape, thickness=_joined("thickness", sheets), density=_joined("density", sheets))
     for number, sheet in enumerate(sheets, start=1):
         if sheet.stiffness is not None:
@@ -36,7 +35,7 @@ def together(*sheets: Sheet) -> Sheet:
 
 
 def _joined(name: str, sheets: Sequence[Sheet]) -> float | np.ndarray:
-    """Thickness or density of the pieces: the number that all have, or one for each point."""
+    """Thickness or density of the pieces: a number if all are equal, otherwise one value per point."""
     values = [getattr(sheet, name) for sheet in sheets]
     if all(np.ndim(value) == 0 and value == values[0] for value in values):
         return float(values[0])
@@ -44,24 +43,24 @@ def _joined(name: str, sheets: Sequence[Sheet]) -> float | np.ndarray:
 
 
 def placed(sheet: Sheet, *places: Place) -> np.ndarray:
-    """Displacement that brings the pieces of a sheet from side by side to their places, for `initial_displacement`.
+    """Displacement that moves the pieces of a sheet from side by side to their places, for `initial_displacement`.
 
-    Supports count displacements from the reference state too: a `Motion` begins at this displacement.
+    Displacements of supports are also relative to the reference state, so a `Motion` must begin at this displacement.
 
     Args:
-        sheet: From `together`.
-        places: One per piece, in the coordinates of the sheet that became the piece.
+        sheet: A result of `together`.
+        places: One place per piece, in the coordinates of the original sheet.
 
     Returns:
-        [m], shape (N, 3).
+        Displacement [m], shape (N, 3).
 
     Raises:
-        InputError: for a sheet of one piece, or another number of places.
+        InputError: if the sheet has only one piece, or the number of places differs.
     """
     if sheet.pieces is None or sheet.origins is None:
-        raise InputError("sheet: expected one of several pieces, from `together`")
+        raise InputError("sheet: expected a sheet of several pieces, from `together`")
     if len(places) != len(sheet.origins):
-        raise InputError(f"places holds {len(places)} places: expected {len(sheet.origins)}, one per piece")
+        raise InputError(f"places: expected {len(sheet.origins)}, one per piece, got {len(places)}")
     positions = sheet.positions
     displacement = np.zeros_like(positions)
     for number, (place, origin) in enumerate(zip(places, sheet.origins, strict=True), start=1):

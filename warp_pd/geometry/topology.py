@@ -11,25 +11,25 @@ def directed_edges(triangles: np.ndarray) -> np.ndarray:
 
 
 def undirected(edges: np.ndarray) -> np.ndarray:
-    """Number of each edge, whatever its direction, shape (E,)."""
+    """Index of each edge irrespective of its direction, shape (E,)."""
     low, high = np.sort(edges.astype(np.int64), axis=1).T
     _, number = np.unique(low * (int(high.max(initial=0)) + 1) + high, return_inverse=True)
     return np.asarray(number)
 
 
 def boundary_sides(triangles: np.ndarray) -> np.ndarray:
-    """Which of the `directed_edges` belong to one triangle only, ascending, shape (B,)."""
+    """Indices of the `directed_edges` that belong to only one triangle, ascending, shape (B,)."""
     number = undirected(directed_edges(triangles))
     return np.flatnonzero(np.bincount(number, minlength=1)[number] == 1)
 
 
 def boundary_edges(triangles: np.ndarray) -> np.ndarray:
-    """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
+    """Edges that belong to only one triangle, with it on the left, int32, shape (B, 2)."""
     return np.asarray(directed_edges(triangles)[boundary_sides(triangles)], np.int32)
 
 
 def edges_run_twice(triangles: np.ndarray) -> np.ndarray:
-    """Edges along which two triangles run in one direction, ascending, shape (K, 2)."""
+    """Edges with the same direction in two triangles, ascending, shape (K, 2)."""
     edges, size = directed_edges(triangles).astype(np.int64), int(triangles.max(initial=0)) + 1
     keys, uses = np.unique(edges @ np.array([size, 1]), return_counts=True)
     return np.column_stack(np.divmod(keys[uses > 1], size))
@@ -44,7 +44,7 @@ def crowded_edges(triangles: np.ndarray) -> np.ndarray:
 
 
 def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that share an edge, shape (K, 2), and whether both run along it in one direction: opposite sides.
+    """Pairs of triangles that share an edge, shape (K, 2), and whether their orientations are opposite.
 
     No edge may belong to more than two triangles.
     """
@@ -57,16 +57,16 @@ def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pieces(triangles: np.ndarray) -> np.ndarray:
-    """Number of the connected piece of each triangle, shape (F,); pieces share no edge."""
+    """Index of the connected piece of each triangle, shape (F,); pieces share no edge."""
     pairs, _ = neighbours(triangles)
     return _components(len(triangles), pairs)
 
 
 def flipped(triangles: np.ndarray) -> np.ndarray | None:
-    """Triangles that face the other side than most of their piece; None if a piece has one side, as Moebius' strip.
+    """Triangles with the minority orientation of their piece; None if a piece is not orientable.
 
-    Each triangle is taken twice, as it is and turned around; neighbours are joined where they agree. A piece with two
-    sides falls into two copies, and its triangles as they are lie in one or in the other.
+    Each triangle is used twice, as given and reversed; neighbours with consistent orientation are connected. An
+    orientable piece separates into two copies, and its given triangles are in one or the other.
     """
     count = len(triangles)
     pairs, opposite = neighbours(triangles)
@@ -108,12 +108,12 @@ def boundary_rings(edges: np.ndarray) -> list[np.ndarray]:
 
 
 def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
-    """Points of the rings of a flat sheet's boundary by name: "outline" and "hole 1", "hole 2", ..., the largest first.
+    """Points of the boundary rings of a flat sheet by name: "outline", "hole 1", "hole 2", ..., largest first.
 
     Several pieces have "outline 1", "outline 2", ...
 
     Args:
-        points: [m], shape (N, 2).
+        points: Positions [m], shape (N, 2).
         edges: Boundary edges with the sheet on the left, shape (B, 2).
     """
     rings = boundary_rings(edges)

@@ -40,7 +40,7 @@ class CoarseLattice:
 
     Attributes:
         fine: The lattice.
-        stride: Of columns and rows.
+        stride: Stride of columns and rows.
     """
 
     fine: Lattice
@@ -48,32 +48,32 @@ class CoarseLattice:
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """The columns that it keeps, rising."""
+        """The kept columns, ascending."""
         return np.unique(np.append(np.arange(0, self.fine.columns, self.stride), self.fine.columns - 1))
 
     @functools.cached_property
     def rows(self) -> np.ndarray:
-        """The rows that it keeps, rising."""
+        """The kept rows, ascending."""
         return np.unique(np.append(np.arange(0, self.fine.rows, self.stride), self.fine.rows - 1))
 
     def points(self, begin: int = 0, end: int | None = None) -> np.ndarray:
-        """The points that it keeps, by their index in the lattice, rising; of those from `begin` to `end` - 1."""
+        """Indices in the fine lattice of the kept points from `begin` to `end` - 1, ascending."""
         kept = np.add.outer(self.fine.columns * self.rows, self.columns).ravel()
         return np.asarray(kept[slice(*np.searchsorted(kept, [begin, self.fine.points if end is None else end]))])
 
     def torn(self, triangles: np.ndarray) -> np.ndarray:
-        """Which of its triangles (`lattice_triangles`) lie in a cell that holds any of some triangles, bool.
+        """Mask of coarse triangles (`lattice_triangles`) whose cell contains any of the given fine triangles.
 
         Args:
-            triangles: Of the fine lattice, shape (F, 3).
+            triangles: Triangles of the fine lattice, shape (F, 3).
         """
         return self._triangles_at(*self._cells(triangles))
 
     def cut(self, triangles: np.ndarray) -> np.ndarray:
-        """Which of its triangles lie in a cell that lacks any of the triangles of the fine lattice, bool.
+        """Mask of coarse triangles whose cell lacks any fine triangle.
 
         Args:
-            triangles: Those that are there, shape (F, 3).
+            triangles: Existing triangles of the fine lattice, shape (F, 3).
         """
         columns, number = self.fine.columns - 1, (self.fine.columns - 1) * (self.fine.rows - 1)
         row, column = self._cells(triangles)
@@ -81,20 +81,20 @@ class CoarseLattice:
         return self._triangles_at(*np.divmod(np.flatnonzero(there < 2), columns))
 
     def _cells(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Row and column of the cell of the fine lattice that each of its triangles halves."""
+        """Row and column of the fine cell of each fine triangle."""
         return triangles.min(axis=1) // self.fine.columns, (triangles % self.fine.columns).min(axis=1)
 
     def _triangles_at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Which of its triangles lie in a cell that holds one of some cells of the fine lattice."""
+        """Mask of coarse triangles whose cell contains one of the given fine cells."""
         found = np.zeros((len(self.rows) - 1, len(self.columns) - 1, 2), bool)
         found[np.searchsorted(self.rows, row, "right") - 1, np.searchsorted(self.columns, column, "right") - 1] = True
         return found.ravel()
 
 
 def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
-    """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
+    """Mask, shape (B,), of the bonds from `tail` to `head`, shape (B, 2), that cross the segment.
 
-    A point on the line of the segment counts as left of it, so that every bond has one answer.
+    A point on the line of the segment counts as left of it.
     """
     start, end = np.array(segment[0]), np.array(segment[1])
     along = end - start
@@ -119,8 +119,8 @@ def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: f
     Args:
         corner: The first point [m], shape (2,).
         lattice: The lattice.
-        segment: [m].
-        reach: In spacings of each axis.
+        segment: Ends of the segment [m].
+        reach: Margin in spacings.
     """
     step, number = np.array([lattice.dx, lattice.dy]), np.array([lattice.columns, lattice.rows])
     ends = (np.array(segment) - corner) / step
@@ -131,7 +131,7 @@ def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: f
 
 
 def cell_triangles(whole: np.ndarray) -> np.ndarray:
-    """Triangles of the cells of a lattice that are whole, by a mask of shape (rows - 1, columns - 1)."""
+    """Triangles of the complete cells of a lattice, given a mask of shape (rows - 1, columns - 1)."""
     rows, columns = whole.shape
     return np.asarray(lattice_triangles(columns + 1, rows + 1).reshape(rows, columns, 6)[whole].reshape(-1, 3))
 
@@ -148,13 +148,13 @@ def lattice_triangles(columns: int, rows: int) -> np.ndarray:
 
 
 def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
-    """Which cells of a lattice have no corner among the points `inside`, shape (rows - 1, columns - 1)."""
+    """Mask of lattice cells without a corner among the points `inside`, shape (rows - 1, columns - 1)."""
     kept = ~inside.reshape(lattice.rows, lattice.columns)
     return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
 
 
 def cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
-    """A quarter of each whole cell around a point [m^2]."""
+    """Areas of points, a quarter of each adjacent complete cell [m^2]."""
     padded = np.pad(whole.astype(np.float64), 1)
     corners = padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
     return 0.25 * lattice.dx * lattice.dy * corners.ravel()
@@ -173,13 +173,13 @@ def doubled_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles, all counter-clockwise.
+    """Orient all triangles counter-clockwise.
 
     Raises:
-        InputError: for another shape, or a point that does not exist.
+        InputError: if the array has the wrong shape, or a point does not exist.
     """
     if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
-        raise InputError(f"triangles has shape {triangles.shape}: expected (F, 3) with F of 1 or more")
+        raise InputError(f"triangles: expected shape (F, 3) with F >= 1, got {triangles.shape}")
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise InputError(f"triangles: point {int(triangles.max())}: expected 0 to {len(points) - 1}")
     turned = signed_areas(points, triangles) < 0.0
@@ -198,24 +198,24 @@ def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def triangles_of(points: np.ndarray) -> np.ndarray:
-    """Delaunay's triangles of their convex hull.
+    """Delaunay triangulation of the convex hull of points.
 
     Raises:
-        InputError: for points on one line.
+        InputError: if the points are collinear.
     """
     from scipy.spatial import Delaunay, QhullError
 
     try:
         return np.asarray(Delaunay(points).simplices)
     except QhullError:
-        raise InputError("points lie on one line: expected points that span an area") from None
+        raise InputError("points are collinear: expected points that span an area") from None
 
 
 def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
-    """Delaunay's triangles, without those whose circumscribed circle is wider than two and a half spacings.
+    """Delaunay triangulation without triangles whose circumcircle is wider than 2.5 spacings.
 
     Raises:
-        InputError: for points on one line.
+        InputError: if the points are collinear.
     """
     triangles = triangles_of(points)
     signed = np.abs(signed_areas(points, triangles))
@@ -230,7 +230,7 @@ def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
 
 
 def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
-    """Raise InputError for two points at one place."""
+    """Raise InputError if two points coincide."""
     from scipy.spatial import cKDTree
 
     extent = float(np.ptp(points, axis=0).max())
@@ -241,12 +241,12 @@ def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
 
 
 def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:
-    """Points of a grid about the origin, turned [m], shape (N, 2).
+    """Points of a rotated grid about the origin [m], shape (N, 2).
 
     Args:
-        spacing: Along its two directions [m].
-        half: Where the origin lies in a cell along both, 0 (a point) or 0.5.
-        extent: Least distance that it reaches [m].
+        spacing: Spacings along its two directions [m].
+        half: Position of the origin in a cell along both directions, 0 (at a point) or 0.5.
+        extent: Minimum extent from the origin [m].
         turn: Angle [degrees].
     """
     reach = int(np.ceil(extent / min(spacing))) + 1
@@ -259,7 +259,7 @@ def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, t
 
 
 def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
-    """Which triangles have an edge across the segment, shape (F,)."""
+    """Mask of triangles with an edge that crosses the segment, shape (F,)."""
     gone = np.zeros(len(triangles), bool)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
@@ -267,7 +267,7 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
 
 
 def triangles_near(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
-    """Numbers of the triangles that may meet the bounding box of a segment, rising: no side of it has all corners."""
+    """Ascending indices of the triangles that may intersect the bounding box of a segment."""
     ends = np.array(segment)
     margin = 1e-6 * float(np.ptp(ends, axis=0).max())
     beyond = np.zeros(len(points), np.uint8)
@@ -279,10 +279,10 @@ def triangles_near(points: np.ndarray, triangles: np.ndarray, segment: Segment) 
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Area of the Voronoi cell of each point, cut by the triangulation [m^2], shape (N,).
+    """Area of the Voronoi cell of each point, clipped by the triangulation [m^2], shape (N,).
 
-    In an obtuse triangle, which holds not the whole cells of its corners, the obtuse corner gets half and the others a
-    quarter of it (Meyer, Desbrun, Schroeder & Barr 2003, section 3.3). The areas sum to that of the triangles.
+    Of an obtuse triangle the obtuse corner gets half and the others a quarter of the area (Meyer, Desbrun, Schroeder &
+    Barr 2003, section 3.3). The areas sum to that of the triangles.
     """
     corners = points[triangles]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]

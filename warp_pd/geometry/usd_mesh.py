@@ -14,13 +14,13 @@ from ..device.checks import InputError
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Faces as a file has them.
+    """Faces as stored in a file.
 
     Attributes:
         points: Positions in the file's unit, shape (V, 3).
         counts: Corners of each face, shape (P,).
         corners: Point indices of all faces, one after the other, shape (sum of counts,).
-        meters: The file's unit [m], if it says one.
+        meters: The file's unit [m], or None.
         parts: Point indices by name.
     """
 
@@ -32,16 +32,16 @@ class Faces:
 
 
 def read_usd(path: Path, part: str | None) -> Faces:
-    """The faces of a UsdGeom.Mesh at its first time sample, in world coordinates.
+    """Read the faces of a UsdGeom.Mesh at its first time sample, in world coordinates.
 
-    A mesh with a subdivision scheme gives its control points. Holes (`holeIndices`) are left out.
+    For a mesh with a subdivision scheme these are the control points. Holes (`holeIndices`) are left out.
 
     Args:
         path: The file.
         part: Name or path of the prim; None if the file has only one mesh.
 
     Raises:
-        InputError: for a file without a mesh, or a part that is not one of its meshes.
+        InputError: if the file has no mesh, or `part` is not one of its meshes.
     """
     from pxr import Tf, Usd, UsdGeom
 

@@ -1,9 +1,9 @@
-"""What the parts of a simulation know of each other: protocols, the context of a scene, phases, frames.
+"""Interfaces between the parts of a simulation: protocols, the context of a scene, phases, frames.
 
 Supports, loads, contact, rupture, force laws, solvers and writers implement the protocols.
 
-A scene names parts: small frozen dataclasses. Each is built on a device and then adds its own launches, phase by phase
-(phases.py). To write your own part, inherit from its protocol: optional methods have defaults. See
+A scene lists parts, which are small frozen dataclasses. Each part is built on a device and then adds its launches,
+phase by phase (phases.py). To write your own part, inherit from its protocol; optional methods have defaults. See
 docs/write-your-own-part.md.
 """
 

@@ -1,4 +1,4 @@
-"""A part that is built on a device."""
+"""Parts built on a device."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class BuiltPart(Protocol):
     """A part on a device.
 
     Attributes:
-        label: Its name in messages, such as "contact = RigidBall".
+        label: Name of the part in messages, such as "contact = RigidBall".
     """
 
     label: str = "part"
@@ -39,34 +39,34 @@ class BuiltPart(Protocol):
         return None
 
     def sums(self) -> Mapping[str, Array]:
-        """Arrays of the points, float64 or vec3, to be summed at every frame, by name."""
+        """Point arrays (float64 or vec3) to sum at every frame, by name."""
         return {}
 
     def column_names(self) -> Sequence[str]:
-        """Names of the columns that it adds to the history; measures must have other names."""
+        """Names of its columns in the history, which measures must not use."""
         return ()
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Columns of the history at a frame, under the names of `column_names`.
+        """Values of its columns at a frame, by name; the keys are those of `column_names`.
 
         Args:
-            totals: Sums of the arrays of `sums` of all parts; those of a vec3 array are name_x, name_y, name_z.
+            totals: Sums of the arrays in `sums` of all parts; a vec3 array has the sums name_x, name_y, name_z.
             elapsed: Time since the last frame [s].
         """
         return {}
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Columns of a row of the history between frames, from sums alone: nothing else is read there.
+        """Values of its columns in a history row between frames, computed only from sums.
 
         Args:
-            before: Sums at the row before, or nothing at the first one after a frame.
+            before: Sums at the previous row; empty at the first row after a frame.
             totals: Sums at this row.
             elapsed: Time between the two [s].
         """
         return {}
 
     def column_units(self) -> Mapping[str, str]:
-        """SI units of its columns, as far as they are known."""
+        """SI units of its columns, by name, as far as known."""
         return {}
 
     def end_frame(self) -> None:
@@ -77,10 +77,23 @@ class BuiltPart(Protocol):
         """Maximum step that the part allows, or None."""
         return None
 
-    def added_frequency(self) -> float:
-        """Bound of the frequency that the part alone would give the points [rad/s].
+    def interval(self) -> float | None:
+        """Longest time between two exchanges with another simulation [s], which steps by itself; None without one."""
+        return None
 
-        It is added to that of the stable step, which does not see what the part will do to the sheet later.
+    def before_interval(self, seconds: float) -> None:
+        """Let the other simulation take a step; always of the same number of seconds. The sheet follows."""
+        return None
+
+    def after_interval(self) -> None:
+        """Take from the sheet what the next step of the other simulation needs."""
+        return None
+
+    def added_frequency(self) -> float:
+        """Upper bound of the frequency from the part alone [rad/s].
+
+        It is added to the frequency of the stable step, whose estimate does not include forces that begin later, such
+        as contact.
         """
         return 0.0
 

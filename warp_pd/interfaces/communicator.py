@@ -1,4 +1,4 @@
-"""The communicator of the processes that compute one sheet together; by default one process alone."""
+"""The communicator between the processes of a run; this default is for a single process."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class LostError(RuntimeError):
 
 
 class Communicator:
-    """One process alone, which does everything itself. Several: see run/distributed/communicator.py.
+    """Communicator of a single process; for several processes see run/distributed/communicator.py.
 
     Every process calls the same methods in the same order.
 
     Attributes:
         rank: Number of this process, from 0, the root.
         size: Number of processes.
-        partition: The part of the sheet that this process has; None if there is one process alone.
+        partition: The part of the sheet in this process; None for a single process.
     """
 
     rank: int = 0
@@ -43,15 +43,15 @@ class Communicator:
         return self.rank == 0
 
     def root(self, work: Callable[[], T]) -> T | None:
-        """Do work in the root, which may ask for whole arrays; None in the others. If it fails, it fails in all."""
+        """Run `work` in the root, which may request whole arrays, and raise its errors in all; None in the others."""
         return work()
 
     def barrier(self, work: Callable[[], T]) -> T:
-        """Do work in all processes and wait for all; if it fails in one, it fails in all."""
+        """Run `work` in all processes and wait for all; an error in one process is raised in all."""
         return work()
 
     def root_first(self, work: Callable[[], T]) -> T:
-        """Do work in the root, then in all others."""
+        """Run `work` in the root, then in all others."""
         return work()
 
     def broadcast(self, value: T) -> T:
@@ -59,46 +59,46 @@ class Communicator:
         return value
 
     def gather(self, value: T) -> list[T]:
-        """The values of all processes, by rank; every process gets them."""
+        """The values of all processes, by rank, in every process."""
         return [value]
 
     def any(self, flag: bool) -> bool:
-        """Whether a flag is set in any process."""
+        """Whether `flag` is set in any process."""
         return flag
 
     def minimum(self, value: float) -> float:
-        """The least of the numbers of all processes."""
+        """The minimum of `value` over all processes."""
         return value
 
     def set_partition(self, partition: Partition) -> None:
-        """Take a part of the sheet, and tell the others."""
+        """Set the partition of this process and announce it to the others."""
         self.partition = partition
 
     def register_fields(self, fields: list[Stored]) -> None:
-        """Know the fields that the root may ask for."""
+        """Register the fields that the root may request."""
         return None
 
     def gather_field(
         self, stored: Stored, index: int, partition: Partition, coarse: CoarseLattice | None
     ) -> np.ndarray:
-        """A copy of a field of the whole sheet on the host; within `root` only.
+        """Copy a field of the whole sheet to the host; only allowed within `root`.
 
         Args:
-            stored: The field here.
-            index: Its number among the registered fields.
-            partition: What is here.
-            coarse: The points to copy, of a field of points; None: all.
+            stored: The field in this process.
+            index: Its index among the registered fields.
+            partition: The part of the sheet in this process.
+            coarse: The points of a point field to copy; None for all.
         """
-        raise NotImplementedError("one process alone has all fields")
+        raise NotImplementedError("a single process already has all fields")
 
     def exchange(self, fields: Sequence[Stored], partition: Partition) -> Call:
-        """A call that fills the ghost points of some fields with the values of their owners."""
-        raise NotImplementedError("one process alone has no ghost points")
+        """Return a function that fills the ghost points of the fields with the values of their owners."""
+        raise NotImplementedError("a single process has no ghost points")
 
     def gather_to_blocks(self, pairs: Sequence[tuple[Array, Array]], partition: Partition) -> Call:
-        """A call that fills the second array of each pair (points of own blocks) from the owners of the points."""
-        raise NotImplementedError("one process alone has all blocks")
+        """Return a function that fills the second array of each pair (points of own blocks) from the points' owners."""
+        raise NotImplementedError("a single process already has all blocks")
 
     def gather_blocks(self, mine: Array, everything: Array, partition: Partition) -> Call:
-        """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
-        raise NotImplementedError("one process alone has all blocks")
+        """Return a function that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
+        raise NotImplementedError("a single process already has all blocks")

@@ -1,4 +1,4 @@
-"""The context in which parts are built: device, precision, arrays, stages, and the arrays that parts have in common."""
+"""The context in which parts are built: device, precision, arrays, stages, and the state shared by all parts."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def find_device(name: str | None) -> wp.Device:
 
 @dataclass(frozen=True)
 class Features:
-    """Requirements of the parts of a scene on the kernels that they have in common.
+    """Features of a scene that decide how shared kernels are compiled.
 
     Attributes:
         held: Whether any component of any point is held.
@@ -57,9 +57,9 @@ class Features:
         damped: Whether there is mass damping.
         tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
-        softened: Whether a damage field takes stiffness from families.
+        softened: Whether a damage field reduces the stiffness of families.
         contact: Whether a contact may change velocities.
-        half_steps: Whether the energy balance may take the velocities at half steps.
+        half_steps: Whether the energy balance may use half-step velocities.
         dynamic: Whether the solver steps in time.
     """
 
@@ -76,13 +76,13 @@ class Features:
 
 @dataclass(eq=False)
 class State:
-    """Arrays that parts have in common, [points] unless noted; None if the scene does not need them.
+    """Arrays shared by all parts, [points] unless noted; None if the scene does not need them.
 
     Attributes:
-        displacement: u [m], vec3.
-        velocity: [m/s], vec3, at full steps.
+        displacement: Displacement u [m], vec3.
+        velocity: Velocity at full steps [m/s], vec3.
         force: Internal force [N], vec3.
-        mass: [kg].
+        mass: Mass [kg].
         external: External force [N], vec3.
         held_mask: Bits of held components, uint8: 1, 2, 4 for x, y, z; 8 in a rigid inclusion.
         step: Time step [s], one number.
@@ -105,29 +105,29 @@ class State:
 
 @dataclass(eq=False)
 class Context:
-    """The arrays and launches of the parts.
+    """The arrays and launches of all parts.
 
     Attributes:
-        sheet: The sheet, without stress; the points of this process if it is divided among several.
+        sheet: The stress-free sheet, restricted to the points of this process.
         device: The Warp device.
         types: Types of the precision.
-        features: Requirements of the parts on common kernels.
+        features: Features that decide how shared kernels are compiled.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
-        initial_displacement: From the state without stress [m], shape (N, 3).
+        initial_displacement: Initial displacement from the stress-free state [m], shape (N, 3).
         fields: All arrays.
         clock: Time and schedules.
-        given: The whole sheet as the scene gives it, where it is clamped.
-        placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
-            frames are counted from there; or None.
-        undivided: The whole sheet, without stress, if it is divided among several processes.
-        partition: What is here of the sheet; None if it is all here.
-        communicator: The processes among which it is divided.
-        block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
+        given: The whole sheet as given by the scene, in its clamped position.
+        placement: Displacement that stretched the sheet before it was clamped [m], shape (N, 3), or None. Displacements
+            of supports and frames are relative to it.
+        undivided: The whole stress-free sheet, if it is divided among several processes.
+        partition: The part of the sheet in this process; None for a single process.
+        communicator: The communicator between the processes.
+        block_dim: Threads per block on CUDA, common to most launches because kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
-        prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
-        compact: Name of the influence function of a cloud whose families take few bytes (kernels/families.py);
-            empty on all other sheets.
-        state: Arrays that parts have in common.
+        prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
+        compact: Name of the influence function of a compact cloud (kernels/families.py); "" on other sheets. Set
+            by the force law, which is built before any kernel.
+        state: Arrays shared by all parts.
     """
 
     sheet: Sheet
@@ -152,7 +152,7 @@ class Context:
 
     @property
     def whole(self) -> Sheet:
-        """The whole sheet, without stress, whoever has it."""
+        """The whole stress-free sheet, on any number of processes."""
         return self.sheet if self.undivided is None else self.undivided
 
     @property
@@ -165,15 +165,6 @@ class Context:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
         return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened)
-
-    def use_compact_families(self, influence: str) -> None:
-        """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
-
-        Args:
-            influence: As `compact`.
-        """
-        if influence:
-            self.compact = influence
 
     def array(
         self,
@@ -190,17 +181,17 @@ class Context:
         output: str = "",
         density: bool = False,
     ) -> Array:
-        """Declare a field (see `Field`) and allocate it, filled with `values` or with zeros of `shape`."""
+        """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`."""
         declared = Field(name, owner, per, restart, halo, own_exchange, output, density)
         return self.fields.allocate(declared, dtype, values, shape)
 
     def own(self, array: Array) -> Array:
-        """The own points of an array of points, as a view; all of them if one process has the whole sheet."""
+        """View of the own points of a point array; the whole array for a single process."""
         return array if self.partition is None else array[self.partition.owned]
 
     @property
     def own_blocks(self) -> int:
-        """Number of own blocks of points, by which sums go."""
+        """Number of own blocks of points; sums are computed by block."""
         points = self.sheet.size if self.partition is None else self.partition.block_points
         return -(-points // SUM_BLOCK)
 
@@ -217,13 +208,13 @@ class Context:
         """Add the launch of a kernel that sums over blocks of points.
 
         Args:
-            stage: Where to add it.
+            stage: Stage to which it is added.
             owner: The part that adds it.
             kernel: The kernel.
-            arrays: Its arrays of points, by argument.
-            sums: What it writes for each block, by argument.
-            outputs: Those of `arrays` that it writes.
-            others: Its other arguments.
+            arrays: Its point arrays, by argument.
+            sums: Arrays of block sums that it writes, by argument.
+            outputs: Arguments in `arrays` that it writes.
+            others: Other arguments.
         """
         partition = self.partition
         given: dict[str, Any] = {**sums, **others}
@@ -250,7 +241,7 @@ class Context:
         stage.launch(owner, kernel, self.own_blocks, **{**own, **brought}, **given)
 
     def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
-        """Sums [rows, blocks] of all processes, brought together in a stage; the array itself if there is one."""
+        """Block sums [rows, blocks] gathered from all processes in a stage; the array itself for a single process."""
         if self.partition is None:
             return sums
         shape = (sums.shape[0], -(-self.whole.size // SUM_BLOCK))
@@ -259,7 +250,7 @@ class Context:
         return everything
 
     def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
-        """A copy of a field on the host, of the whole sheet; with several processes within `Communicator.root` only.
+        """Copy a field of the whole sheet to the host; with several processes only allowed within `Communicator.root`.
 
         Args:
             array: The field.
@@ -271,13 +262,13 @@ class Context:
         return self.communicator.gather_field(stored, index, self.partition, coarse)
 
     def total(self, array: Array) -> float:
-        """Sum of an array of points of the whole sheet, in one order on any number of processes."""
+        """Sum of a point array over the whole sheet, in an order that does not depend on the number of processes."""
         found = self.communicator.broadcast(self.communicator.root(lambda: float(self.whole_array(array).sum())))
         assert found is not None
         return found
 
     def values_here(self, stored: Stored, whole: np.ndarray) -> np.ndarray:
-        """What is here of the values of a field of the whole sheet, on the host."""
+        """The part of a whole-sheet field that belongs to this process, on the host."""
         partition, per = self.partition, stored.field.per
         if partition is None or per not in ("point", "bond", "face"):
             return whole
@@ -291,31 +282,31 @@ class Context:
         return found
 
     def here(self, values: np.ndarray) -> np.ndarray:
-        """What is here of an array of points of the whole sheet."""
+        """The part of a whole-sheet point array that belongs to this process."""
         return values if self.partition is None else self.partition.rows(values)
 
     def number(self, point: int) -> int:
-        """Number of a point here in the whole sheet."""
+        """Index in the whole sheet of a point of this process."""
         return point if self.partition is None else int(self.partition.points[point])
 
     def stage(self, name: str, when: str) -> Stage:
-        """A new stage.
+        """Create a stage.
 
         Args:
             name: Its name.
             when: How often it runs, for `plan`.
 
         Raises:
-            ValueError: if it exists.
+            ValueError: if a stage of that name exists.
         """
         name = self.prefix + name
         if name in self.stages:
-            raise ValueError(f"stage {name!r} exists already: expected a new name")
+            raise ValueError(f"stage {name!r} already exists: expected a new name")
         self.stages[name] = Stage(name, when, self.device, self.block_dim, [])
         return self.stages[name]
 
     def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
-        """A context for another sheet of the same simulation, with its own state and stages of another prefix."""
+        """Context for another sheet of the same simulation, with a separate state and prefixed stage names."""
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
@@ -323,7 +314,7 @@ class Context:
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1, begin: int = 0) -> LaunchSequence:
-        """The launches of a stage, ready to run any number of times; made on first use. For `begin` see there."""
+        """The launches of a stage as a repeatable sequence, created on first use; `begin` is the first item."""
         key = name, repeat, begin
         if key not in self._sequences:
             self._sequences[key] = LaunchSequence(self.stages[self.prefix + name], repeat, begin)
@@ -337,7 +328,7 @@ class Context:
             self.sequence(name).run()
 
     def compile(self) -> float:
-        """Build or load every kernel now; returns the seconds it took."""
+        """Compile or load every kernel now, and return the time taken [s]."""
         begin = time.perf_counter()
         launches: Iterable[Launch] = [launch for stage in self.stages.values() for launch in stage.launches()]
         compile_launches(launches, self.device)

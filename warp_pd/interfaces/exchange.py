@@ -1,11 +1,10 @@
-"""Where a sheet on several processes needs its ghost points exchanged; it follows from what launches declare.
+"""Exchanges of ghost points between processes, derived from the declared effects of launches.
 
-Every array of points is right up to some depth outside the own points, in horizons: 2 just after an exchange. A launch
-that reads arrays at its own point gives what is right as deep as these are, one that gathers an array a horizon less.
-What a launch must give follows backwards: own points are depth 0, and what is gathered from must be right a horizon
-deeper. Fields that are declared with `halo` can be exchanged; all others must be computed in the halo, too: so the
-families of the first horizon outside are computed twice, and forces are summed up in the same order on any number of
-processes.
+Every point array is valid up to some depth outside the own points, measured in horizons: 2 just after an exchange. A
+launch that reads arrays at its own point produces results valid to the same depth; one that gathers an array, one
+horizon less. The required depths follow backwards: own points are depth 0, and a gathered array must be valid one
+horizon deeper. Fields declared with `halo` can be exchanged; all others must be computed in the halo. So the families
+of the first horizon outside are computed twice, and forces are summed in the same order on any number of processes.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
 
 @dataclass(frozen=True)
 class Access:
-    """Fields that a launch touches, by their number; `gathers` from other points, `reads` at its own."""
+    """Fields that a launch accesses, by index; `gathers` at other points, `reads` at its own."""
 
     reads: frozenset[int]
     gathers: frozenset[int]
@@ -37,8 +36,8 @@ class Exchanges:
     """Finds the exchanges of all stages.
 
     Attributes:
-        fields: The fields of points and bonds that launches write, by number.
-        need: Depth to which each launch must be right, by its identity.
+        fields: The point and bond fields that launches write, by index.
+        need: Depth to which each launch must be valid, by identity.
     """
 
     def __init__(self, context: Context) -> None:
@@ -57,17 +56,17 @@ class Exchanges:
 
     @property
     def of_points(self) -> frozenset[int]:
-        """Addresses of the arrays that have an entry for each point."""
+        """Addresses of the arrays with one entry per point."""
         return frozenset(begin for begin, _, _ in self._places)
 
     def numbered(self, launch: Launch) -> bool:
-        """Whether the arrays of a launch begin with the first point that is here: none is a view of own points."""
+        """Whether the arrays of a launch begin with the first local point, i.e. none is a view of own points."""
         touched = launch.touched
         inside = (touched.reads | touched.gathers | touched.writes) - self.of_points
         return not self._numbers(inside)
 
     def _numbers(self, addresses: Iterable[int]) -> frozenset[int]:
-        """Fields in which these addresses lie: views of own points begin inside their array."""
+        """Fields that contain these addresses; views of own points begin inside their array."""
         return frozenset(k for p in addresses for begin, end, k in self._places if begin <= p < end)
 
     def _access_of(self, launch: Launch, written: set[int]) -> Access:
@@ -80,7 +79,8 @@ class Exchanges:
             reads, gathers = gathers - self._numbers(named), gathers & self._numbers(named)
         if per in WHOLE and gathers:
             raise InputError(
-                f"{launch.owner}: {launch.name} works on all points at once, which several processes cannot yet do"
+                f"{launch.owner}: {launch.name} works on all points at once, which is not supported on several "
+                "processes"
             )
         return Access(reads, gathers, self._numbers(touched.writes))
 
@@ -106,7 +106,7 @@ class Exchanges:
             need = new
 
     def find(self) -> dict[str, dict[int, list[Stored]]]:
-        """Fields to exchange before items of each stage, by the number of the item."""
+        """Fields to exchange before the items of each stage, by index of the item."""
         entry = {k: _depth_of(self.fields[k]) for access in self._access.values() for k in access.writes}
         while True:
             found, lowest = {}, dict(entry)
@@ -118,7 +118,7 @@ class Exchanges:
             entry = lowest
 
     def _follow(self, stage: Stage, entry: Mapping[int, int]) -> tuple[dict[int, list[Stored]], dict[int, int]]:
-        """Exchanges of a stage that begins with fields right to some depth, and how deep they are right at its end."""
+        """Exchanges of a stage whose fields are valid to given depths at its start, and the depths at its end."""
         depth = dict(entry)
         found: dict[int, list[Stored]] = {}
         written_since: dict[int, set[int]] = {}
@@ -149,15 +149,15 @@ class Exchanges:
 
 
 def _depth_of(stored: Stored) -> int:
-    """How deep a field is right after an exchange; families of the outermost horizon are empty."""
+    """Depth to which a field is valid after an exchange; families of the outermost horizon are empty."""
     return HALO if stored.field.per == "point" else HALO - 1
 
 
 def add_exchanges(context: Context) -> None:
-    """Put exchanges of halos into all stages.
+    """Insert halo exchanges into all stages.
 
     Raises:
-        InputError: for a launch that needs more than the halo has.
+        InputError: if a launch needs more than the halo.
     """
     partition = context.partition
     if partition is None:

@@ -1,4 +1,4 @@
-"""The data that writers of result files get from a simulation: the surface of the sheet, and the frames."""
+"""Data passed to the writers of result files: the surface of the sheet, and the frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OWN_FIELDS = ("displacement", "velocity", "damage", "strain_energy_density")
 
 
 def format_time(time: float, load_duration: float | None) -> str:
-    """Text for the time of a frame: its time [s], or with a static solver the load factor.
+    """Text for the time of a frame, or for the load factor with a static solver.
 
     Args:
         time: Time, or load time of a static solver [s].
@@ -25,14 +25,14 @@ def format_time(time: float, load_duration: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """How a rigid body is drawn.
+    """A rigid body, for drawing.
 
     Attributes:
         name: Its name, unique in a scene.
         kind: "sphere", "capsule", "cylinder", "box", "plane" or "mesh".
         sizes: Radius; radius and half of the length along z; half of the sides [m]; the normal of a plane.
-        vertices: Of its outline in its own frame [m], shape (V, 3).
-        triangles: Of its outline, counter-clockwise seen from outside, shape (F, 3).
+        vertices: Vertices of its surface in the body frame [m], shape (V, 3).
+        triangles: Triangles of its surface, counter-clockwise seen from outside, shape (F, 3).
     """
 
     name: str
@@ -42,14 +42,14 @@ class Body:
     triangles: NDArray[np.integer]
 
     def placed(self, pose: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Vertices at a position [m] and unit quaternion (x, y, z, w), shape (7,): shape (V, 3)."""
+        """Vertices [m], shape (V, 3), for a pose of position [m] and unit quaternion (x, y, z, w), shape (7,)."""
         axis = np.cross(pose[3:6], self.vertices)
         return np.asarray(pose[:3] + self.vertices + 2.0 * (pose[6] * axis + np.cross(pose[3:6], axis)))
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Data that stay the same in all frames.
+    """Data common to all frames.
 
     Attributes:
         points: Reference positions [m], shape (N, 3).
@@ -68,38 +68,20 @@ class Surface:
     metadata: Mapping[str, str | float | int] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Refuse shapes and point numbers that writers cannot draw."""
-        if np.ndim(self.points) != 2 or self.points.shape[1] != 3 or len(self.points) == 0:
-            raise ValueError(f"points has shape {np.shape(self.points)}; expected (N, 3) with N > 0")
-        if not np.all(np.isfinite(self.points)):
-            raise ValueError(f"points contains {_first_bad(self.points)}; expected finite positions [m]")
-        if np.ndim(self.faces) != 2 or self.faces.shape[1] != 3:
-            raise ValueError(f"faces has shape {np.shape(self.faces)}; expected (F, 3), one triangle per row")
-        if not np.issubdtype(np.asarray(self.faces).dtype, np.integer):
-            raise ValueError(f"faces has type {self.faces.dtype}; expected integers")
-        if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
-            raise ValueError(
-                f"faces contains point numbers {self.faces.min()} to {self.faces.max()}; "
-                f"expected 0 to {len(self.points) - 1}"
-            )
-        if self.ball_diameter is not None and not self.ball_diameter > 0.0:
-            raise ValueError(f"ball_diameter is {self.ball_diameter}; expected > 0 m, or None for no ball")
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The sheet at one time. Writers get real numbers in the precision of the run, measures in double precision.
+    """The state of the sheet at one time. Writers get numbers in the precision of the run, measures in float64.
 
     Attributes:
         index: Number of the frame; the first is 0.
         time: Simulated time [s]; with a static solver the load time, see `format_time`.
         displacement: Displacement from the reference positions [m], shape (N, 3).
         velocity: Velocity [m/s], shape (N, 3).
-        intact_faces: Whether each face is not cut by a crack, shape (F,); None if bonds cannot break.
+        intact_faces: Mask of faces not cut by a crack, shape (F,); None if bonds cannot break.
         damage: Damage of each point, the broken fraction of its bonds, 0 to 1, shape (N,); None if bonds cannot break.
         ball_center: Centre of the rigid ball [m], shape (3,); None if the scene has no ball.
-        point_data: Further fields by name, each of shape (N,) or (N, 3).
+        point_data: Additional fields by name, each of shape (N,) or (N, 3).
         bodies: Position of the centre [m] and unit quaternion (x, y, z, w) of each rigid body, shape (B, 7); None
             without bodies.
     """
@@ -136,56 +118,3 @@ class Frame:
         """Triangles that are not cut by a crack, shape (number of intact faces, 3)."""
         faces = np.asarray(surface.faces, np.int32)
         return faces if self.intact_faces is None else faces[self.intact_faces]
-
-    def require_fits(self, surface: Surface) -> None:
-        """Raise a one-line ValueError unless every array fits this surface.
-
-        Displacement, velocity, damage and the ball must be finite: a run that became NaN or infinite has no
-        frame to show. Further fields may contain NaN, the usual mark for "no value here".
-        """
-        points, faces = len(surface.points), len(surface.faces)
-        self._require_array("displacement", self.displacement, (points, 3))
-        self._require_array("velocity", self.velocity, (points, 3))
-        if self.intact_faces is not None:
-            self._require_array("intact_faces", self.intact_faces, (faces,))
-            if np.asarray(self.intact_faces).dtype != np.bool_:
-                raise ValueError(
-                    f"intact_faces of frame {self.index} has type {self.intact_faces.dtype}; expected bool"
-                )
-        if self.damage is not None:
-            self._require_array("damage", self.damage, (points,))
-            if self.damage.min() < 0.0 or self.damage.max() > 1.0:
-                raise ValueError(
-                    f"damage of frame {self.index} spans {self.damage.min():g} to {self.damage.max():g}; "
-                    "expected 0 to 1"
-                )
-        self._require_ball(surface)
-        poses = np.zeros((0, 7)) if self.bodies is None else self.bodies
-        self._require_array("bodies", poses, (len(surface.bodies), 7))
-        for name, values in self.point_data.items():
-            if np.shape(values) not in ((points,), (points, 3)):
-                raise ValueError(
-                    f"point_data['{name}'] of frame {self.index} has shape {np.shape(values)}; "
-                    f"expected ({points},) or ({points}, 3)"
-                )
-
-    def _require_array(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> None:
-        if np.shape(values) != shape:
-            raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; expected {shape}")
-        if not np.all(np.isfinite(values)):
-            raise ValueError(f"{name} of frame {self.index} contains {_first_bad(values)}; expected finite numbers")
-
-    def _require_ball(self, surface: Surface) -> None:
-        if (self.ball_center is None) != (surface.ball_diameter is None):
-            raise ValueError(
-                f"ball_center of frame {self.index} is {self.ball_center} and ball_diameter of the surface "
-                f"is {surface.ball_diameter}; expected both given, or both None"
-            )
-        if self.ball_center is not None:
-            self._require_array("ball_center", self.ball_center, (3,))
-
-
-def _first_bad(values: NDArray[Any]) -> str:
-    """The first entry that is not finite, for example "nan at entry 7"."""
-    place = np.argwhere(~np.isfinite(values))[0]
-    return f"{np.asarray(values)[tuple(place)]} at entry {place[0]}"

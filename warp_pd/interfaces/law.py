@@ -1,4 +1,4 @@
-"""Force laws, and their tangents."""
+"""Interfaces of force laws and their tangents."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Solve(Protocol):
     """Solves K x = b."""
 
     def __call__(self, b: np.ndarray) -> np.ndarray:
-        """Returns x for b, both of shape (N, 3)."""
+        """Return x for b, both of shape (N, 3)."""
         ...
 
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of K; None if the factors do not tell."""
+        """Number of negative eigenvalues of K; None if unknown."""
         ...
 
 
@@ -31,13 +31,13 @@ class SparseTangent(Protocol):
     """A tangent as a sparse matrix on the host, for a direct factorisation.
 
     Attributes:
-        free: Which components are free, shape (3 N,).
+        free: Mask of free components, shape (3 N,).
     """
 
     free: np.ndarray
 
     def matrix(self) -> Any:
-        """K of the free components [N/m], a sparse matrix of SciPy."""
+        """K of the free components [N/m], a SciPy sparse matrix."""
         ...
 
     def factorise(self) -> Solve | None:
@@ -46,7 +46,7 @@ class SparseTangent(Protocol):
 
 
 class Tangent(Protocol):
-    """The change of the internal force with the displacement, for Newton's method.
+    """The derivative of the internal force by the displacement, for Newton's method.
 
     Attributes:
         inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
@@ -61,11 +61,11 @@ class Tangent(Protocol):
         ...
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that fill `change` [N] with the change of the force along a direction [m]."""
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         ...
 
     def is_slack(self) -> bool:
-        """Whether the state of the last linearisation has no stiffness against some displacement."""
+        """Whether the state of the last linearisation has no stiffness in some direction."""
         ...
 
     def modulus(self) -> float:
@@ -86,20 +86,20 @@ class BuiltLaw(BuiltPart, Protocol):
 
     Attributes:
         weights: Weights in use, for the summary.
-        has_energy: Whether its force is minus the gradient of an energy, or at least reports one.
+        has_energy: Whether it reports an energy, normally one whose gradient is minus the force.
         horizon_ratio: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
         intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
         constants: Constants of the material.
-        inverse_horizon: [1/m].
+        inverse_horizon: 1 / horizon [1/m].
         unit_volume: Thickness times reference area [m^3].
-        correction: Report on a correction of the weights, for the summary, or None.
-        earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
-        coarsens: Whether there is a law on coarser sheets.
+        correction: Report on the correction of the weights for the summary, or None.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        coarsens: Whether the law can be built on coarser sheets.
         goes_slack: Whether the material carries nothing in compression.
-        slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
-            other states than in the present one, as bonds of two moduli are; None for others.
+        slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
+            stiffer in other states, such as a bimodular one; None for other laws.
     """
 
     weights: str
@@ -119,12 +119,12 @@ class BuiltLaw(BuiltPart, Protocol):
 
     @property
     def strain_energy(self) -> Array | None:
-        """Energy of each family [J] as of the last frame, (N,) float64; None without an energy."""
+        """Energy of each family at the last frame [J], (N,) float64; None for a law without an energy."""
         ...
 
     @property
     def force_path(self) -> str:
-        """Name of the way in which it finds its force, for `plan`."""
+        """Name of its force path, for the plan."""
         return "reference"
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
@@ -132,80 +132,81 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add, if it has one, a launch of the force that also says which blocks of points have bonds to break.
+        """Add a launch that computes the force and flags blocks of points whose bonds may break, if the law has one.
 
         Args:
             stage: Stage in which bonds break.
-            squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks.
-            exceeding: To fill with 1 where a bond ahead of a point of a block of SCREENED may break, and 0 elsewhere.
+            squared_stretch: Squared stretch |Y|^2/|X|^2 [-] below which no bond breaks.
+            exceeding: Output, one entry per block of SCREENED points: 1 if a bond ahead of one of them may break, else
+                0.
 
         Returns:
-            Whether there is one.
+            Whether a launch was added.
         """
         return False
 
     def bond_force(self) -> Array:
-        """Force of the family of a point on each of its pairs [N], (members, N) vec3, updated with every force.
+        """Force of each family on its pairs [N], (members, N) vec3, updated with every force evaluation.
 
         Raises:
-            InputError: for a law that does not keep it.
+            InputError: if the law does not store it.
         """
         ...
 
     def soften(self, damage: Array) -> None:
-        """Let the family of each point lose stiffness by its damage, (N,); see kernels/damage_field.py.
+        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
 
         Raises:
-            InputError: for a law that cannot.
+            InputError: if the law does not support it.
         """
         ...
 
     def represented_areas(self) -> np.ndarray:
-        """Area that the bonds of each point stand for [m^2], shape (N,)."""
+        """Area represented by the bonds of each point [m^2], shape (N,)."""
         ...
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
-        """Energy density [J/m^3] at stretches and stretches across them [-], which broadcast; in pure shear by default.
+        """Energy density [J/m^3] at stretches and transverse stretches (broadcast), by default 1 (pure shear).
 
         Raises:
-            InputError: for a law whose material has none.
+            InputError: if the law has none.
         """
         ...
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches that fill an array (N,) with a fictitious mass from the stiffness; None if there is none."""
+        """Add the launches that fill and return an array (N,) with a fictitious mass; None if the law has none."""
         ...
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The tangent for Newton's method.
+        """Create the tangent for Newton's method.
 
         Args:
-            context: Takes the arrays.
+            context: Context in which arrays are allocated.
             geometric: Whether the stiffness includes the tension of the sheet.
 
         Raises:
-            InputError: for a law without one.
+            InputError: if the law has none.
         """
         ...
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
-        """The law on a coarser sheet, with a horizon in its spacings, for multigrid; None if there is none."""
+        """Build the law on a coarser sheet, with the horizon in its spacings, for multigrid; None if not supported."""
         return None
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields of the law.
+        """Add fields of the law to the frames.
 
         Raises:
-            InputError: for names that it does not offer.
+            InputError: for names that the law does not offer.
         """
         ...
 
     def field_names(self) -> Sequence[str]:
-        """Names of the fields that `request_fields` takes."""
+        """Names of the fields that `request_fields` accepts."""
         return ()
 
     def fingerprint(self) -> str:
-        """Hash of the values of user functions at fixed arguments: a restart must use the same functions."""
+        """Hash of the values of user functions at fixed arguments; restarts must use the same functions."""
         return ""
 
     def likely_cause(self, safety: float) -> str:
@@ -228,5 +229,5 @@ class Law(Protocol):
         ...
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families, tables and kernels on a device."""
+        """Build families, tables and kernels on a device."""
         ...

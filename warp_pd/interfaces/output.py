@@ -1,4 +1,4 @@
-"""Writers of frames, and reporters of progress."""
+"""Interfaces of writers of frames and reporters of progress."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .frame import Frame
 
 @runtime_checkable
 class Writer(Protocol):
-    """Takes frames, for instance to write them to a file; the simulation does not know what a writer does with them."""
+    """Receives the frames of a run, for instance to write them to a file."""
 
     def write(self, frame: Frame) -> None:
-        """Take one frame."""
+        """Receive one frame."""
         ...
 
     def save(self) -> None:

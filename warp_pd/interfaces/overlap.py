@@ -1,8 +1,8 @@
-"""The interior of a partition is computed while its ghost points are on the way.
+"""Overlap of communication and computation: interior points are computed while ghost points are exchanged.
 
-The launches that follow an exchange are divided by their points: the inner ones, whose families are all owned, run at
-once; those near the border run after the exchange, on the side stream, too. Which launches may be divided follows from
-what they declare.
+The launches that follow an exchange are split by points. Inner points, whose families are all owned, run immediately;
+points near the border run after the exchange, on the side stream. The declared effects of a launch decide whether it
+may be split.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..families.partition import Partition
 
 
 def has_streams(device: wp.Device) -> bool:
-    """Whether launches of a device run in parallel on streams."""
+    """Whether the device can run launches in parallel on streams."""
     return bool(device.is_cuda)
 
 
@@ -28,14 +28,14 @@ def overlap_exchanges(
     of_points: Set[int],
     numbered: Callable[[Launch], bool],
 ) -> list[Item]:
-    """The items of a stage, with exchanges that run in parallel with the launches of the inner points after them.
+    """Rearrange a stage so that exchanges run in parallel with the following launches of inner points.
 
     Args:
         items: The items, with exchanges.
-        exchanges: Which of them are exchanges, by identity.
-        partition: What is here.
-        of_points: Addresses of the arrays that have an entry for each point.
-        numbered: Whether the threads of a launch have the numbers of points: no array is a view that begins elsewhere.
+        exchanges: Identities of the items that are exchanges.
+        partition: The part of the sheet in this process.
+        of_points: Addresses of the arrays with one entry per point.
+        numbered: Whether thread indices of a launch are point indices, i.e. no array is a view with an offset.
     """
     found: list[Item] = []
     left = list(items)
@@ -59,7 +59,7 @@ def overlap_exchanges(
 
 
 def _parts(launch: Launch, partition: Partition) -> list[Launch]:
-    """The launch on the points near the borders, on the side stream, and on those inside; nothing if none is inside."""
+    """The launch split into border points (side stream) and inner points; empty if there are no inner points."""
     if launch.source.effects.per != "point" and launch.span is None:
         return []
     begin, end = launch.points
@@ -74,13 +74,13 @@ def _parts(launch: Launch, partition: Partition) -> list[Launch]:
 
 
 def _may_go_first(launch: Launch, sent: Set[int], before: Sequence[Touched], of_points: Set[int]) -> bool:
-    """Whether the inner points of a launch may go before an exchange, and before the border of earlier launches.
+    """Whether the inner part of a launch may run before an exchange and before the border parts of earlier launches.
 
     Args:
         launch: The launch.
         sent: Arrays that are exchanged.
-        before: What the earlier launches touch.
-        of_points: Arrays of which a launch touches its own point, unless it gathers.
+        before: Arrays accessed by the earlier launches.
+        of_points: Arrays that a launch accesses only at its own point unless it gathers.
     """
     mine = by_point(launch)
     if launch.side_stream or mine.writes & sent:
@@ -93,7 +93,7 @@ def _may_go_first(launch: Launch, sent: Set[int], before: Sequence[Touched], of_
 
 
 def by_point(launch: Launch) -> Touched:
-    """What a launch touches; one on a span of points gathers what its kernel names, and reads all else at its point."""
+    """Arrays that a launch accesses; a launch on a span of points gathers only arrays that its kernel names."""
     touched = launch.touched
     if launch.span is None:
         return touched

@@ -1,4 +1,4 @@
-"""Supports, loads, contact and rupture."""
+"""Interfaces of supports, loads, contact and rupture."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from .law import BuiltLaw
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """Components of points that a part holds or moves.
+    """Components of points whose motion a part prescribes.
 
     Attributes:
         owner: Name of the part, for messages.
         points: Point indices, int32.
-        components: Bits: 1, 2, 4 for x, y, z; 8 for points that a rigid body moves.
+        components: Bits: 1, 2, 4 for x, y, z; 8 for points of a rigid inclusion.
         motion: Schedule of the displacement [m], or None for points that stay at their initial position.
     """
 
@@ -39,7 +39,7 @@ class Constraint:
 
 @runtime_checkable
 class Part(Protocol):
-    """A part of a scene. A frozen dataclass whose `build` puts it on a device.
+    """A part of a scene: a frozen dataclass with a method `build`.
 
     Attributes:
         argument: Argument of the scene that takes it: "loads", "contact" or "damage".
@@ -60,22 +60,22 @@ class Part(Protocol):
         return ()
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
-        """The same part for the points that one of several processes has.
+        """The part restricted to the points of one of several processes.
 
         Args:
             sheet: The whole sheet.
-            partition: The points that are here.
+            partition: The part of the sheet in this process.
 
         Raises:
-            InputError: by default: several processes cannot run it.
+            InputError: by default, because parts need explicit support for several processes.
         """
         raise InputError(
-            f"{self.argument}: {type(self).__name__}: expected a run in one process; it does not support several yet"
+            f"{self.argument}: {type(self).__name__}: not supported on several processes; expected a run in one process"
         )
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the part on a device: allocate arrays and register schedules; launches are added later."""
-        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
+        raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
 class BuiltLoad(BuiltPart, Protocol):
@@ -83,8 +83,8 @@ class BuiltLoad(BuiltPart, Protocol):
 
     Attributes:
         follows_displacement: Whether the force depends on the displacement.
-        coarsens: Whether a load that depends on the displacement exists on coarser sheets, for multigrid.
-        symmetric: Whether the tangent of a load that depends on the displacement is symmetric.
+        coarsens: Whether a displacement-dependent load can be built on coarser sheets, for multigrid.
+        symmetric: Whether the tangent of a displacement-dependent load is symmetric.
     """
 
     follows_displacement: bool = False
@@ -92,7 +92,7 @@ class BuiltLoad(BuiltPart, Protocol):
     symmetric: bool = False
 
     def constant_force(self) -> np.ndarray | None:
-        """The force [N], shape (N, 3), if it never changes; `add_force` is then not called. Otherwise None."""
+        """The force [N], shape (N, 3), if it is constant; `add_force` is then not called. Otherwise None."""
         return None
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
@@ -100,7 +100,7 @@ class BuiltLoad(BuiltPart, Protocol):
         ...
 
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
-        """Add the launches that add the change of the force along a direction [m] to `out` [N].
+        """Add the launches that add the derivative of the force along a direction [m] to `out` [N].
 
         It is called for loads that depend on the displacement.
 
@@ -110,19 +110,19 @@ class BuiltLoad(BuiltPart, Protocol):
         return False
 
     def tangent_matrix(self, displacement: np.ndarray) -> Any:
-        """Change of the force with the displacement [N/m], sparse, (3 N, 3 N), at a displacement [m], (N, 3).
+        """Derivative of the force [N/m], sparse, shape (3 N, 3 N), at a displacement [m], shape (N, 3).
 
-        It is called for loads whose tangent is not symmetric, by the adjoint of an equilibrium.
+        It is called by the adjoint method, for loads with an unsymmetric tangent.
 
         Returns:
-            None by default: derivatives then take a solution for every constant.
+            None by default; derivatives then take one solve per constant.
         """
         return None
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad | None:
-        """The same load on a coarser sheet, for multigrid; None if there is none.
+        """Build the same load on a coarser sheet, for multigrid; None if not supported.
 
-        It is called for loads that depend on the displacement. Schedules are those of this load.
+        It is called for displacement-dependent loads. The load on the coarser sheet shares the schedules of this one.
         """
         return None
 
@@ -140,12 +140,12 @@ class External(BuiltPart, Protocol):
         """Let `add_force` also store the sum of the loads that do not depend on the displacement [N], (N,) vec3.
 
         Returns:
-            Its array; None unless there are loads that depend on the displacement and loads that do not.
+            The array of this sum; None unless there are loads of both kinds.
         """
         ...
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the external force [N]; none if it never changes."""
+        """Add the launches that fill `out` with the external force [N]; none if it is constant."""
         ...
 
     def add_dead(self, stage: Stage, out: Array) -> None:
@@ -165,14 +165,20 @@ class Load(Part, Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The load on a device."""
-        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
+        raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
 class BuiltContact(BuiltPart, Protocol):
-    """Contact on a device."""
+    """Contact on a device.
+
+    Attributes:
+        meets_others: Whether the body feels other bodies of which this is true.
+    """
+
+    meets_others: bool = False
 
     def ball_diameter(self) -> float | None:
-        """Diameter of a ball to be drawn [m], or None."""
+        """Diameter of the ball to draw [m], or None."""
         return None
 
     def centre(self, time: float) -> np.ndarray | None:
@@ -180,7 +186,7 @@ class BuiltContact(BuiltPart, Protocol):
         return None
 
     def outline(self) -> Body | None:
-        """Another body to be drawn, or None."""
+        """Surface of a body to draw, or None."""
         return None
 
     def pose(self) -> np.ndarray | None:
@@ -188,15 +194,15 @@ class BuiltContact(BuiltPart, Protocol):
         return None
 
     def thickness(self) -> float | None:
-        """Least extent of the body [m]; None if it is unbounded or has no outline."""
+        """Smallest extent of the body [m]; None if it is unbounded or has no outline."""
         return None
 
     def between_points(self) -> bool:
-        """Whether the body may pass between points, as only they touch it."""
+        """Whether the body could pass between points, because contact acts only at points."""
         return True
 
     def distance_from(self, points: np.ndarray) -> np.ndarray | None:
-        """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,); None without a body."""
+        """Signed distances [m], shape (N,), of points, shape (N, 3), from the body at a frame; None without a body."""
         return None
 
 
@@ -209,7 +215,7 @@ class Contact(Part, Protocol):
 
     @property
     def half_steps(self) -> bool:
-        """Whether its work is exact if the kinetic energy takes the velocities at half steps.
+        """Whether its work is exact with the kinetic energy of half-step velocities.
 
         See kernels/body_contact.py and kernels/integrate.py.
         """
@@ -217,12 +223,12 @@ class Contact(Part, Protocol):
 
     @property
     def changes_velocities(self) -> bool:
-        """Whether it changes velocities besides by forces."""
+        """Whether it changes velocities directly, not only by forces."""
         return True
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The contact on a device."""
-        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
+        raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
 class BuiltRupture(BuiltPart, Protocol):
@@ -231,8 +237,8 @@ class BuiltRupture(BuiltPart, Protocol):
     Attributes:
         damage: Damage of each point at the last frame, 0 to 1, (N,) float32.
         intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
-        memory: What rupture leaves for good, such as the bits of intact bonds.
-        close_enough: Relative residual of an equilibrium in which more may break; 0: that of the solver.
+        memory: Arrays with the irreversible state of rupture, such as the bits of intact bonds.
+        close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
     """
 
     damage: Array
@@ -245,18 +251,18 @@ class BuiltRupture(BuiltPart, Protocol):
         ...
 
     def break_at_rest(self, again: bool) -> bool:
-        """Break what exceeds the criterion at the present displacement.
+        """Break the bonds that exceed the criterion at the current displacement.
 
         Args:
-            again: Whether it broke something already at the present loads.
+            again: Whether bonds have already broken at the current loads.
 
         Returns:
-            Whether that asks for a new equilibrium.
+            Whether equilibrium must be found again.
         """
         ...
 
     def fingerprint(self) -> str:
-        """What a restart file must agree with besides the settings: values of functions that the user gave."""
+        """Hash of values of user functions, which a restart file must match in addition to the settings."""
         return ""
 
 
@@ -265,10 +271,10 @@ class Rupture(Part, Protocol):
     """A rupture criterion.
 
     Attributes:
-        spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
-        is_field: Whether a damage field of the points takes stiffness from families.
-        layers: Of several processes each has so many layers of points more around its halo, from neighbour to
-            neighbour of the triangles.
+        spared: Points whose bonds never break, such as those in a clamp; None for none.
+        is_field: Whether a damage field reduces the stiffness of families.
+        layers: Number of additional point layers (neighbours in triangles) around the halo of each of several
+            processes.
     """
 
     argument: ClassVar[str] = "damage"
@@ -278,4 +284,4 @@ class Rupture(Part, Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""
-        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
+        raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")

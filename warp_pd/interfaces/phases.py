@@ -1,6 +1,6 @@
-"""The phases of a step, in order: this is what one step of a simulation does.
+"""The phases of a step, in order.
 
-Parts put launches into phases (`BuiltPart.add`). Within a phase they run in the order of the parts: force law, solver,
+Parts add launches to phases (`BuiltPart.add`). Within a phase they run in the order of the parts: force law, solver,
 prescribed motion, clock, rigid inclusions, supports and loads as the scene lists them, contact, rupture, the sum of all
 loads, checks at frames. Features a scene does not use add no launch.
 """
@@ -11,7 +11,7 @@ import enum
 
 
 class Phase(enum.Enum):
-    """When in a step a launch runs. The value says what the phase does."""
+    """When in a step a launch runs; the value describes the phase."""
 
     PRESCRIBE = "velocity of points on a prescribed motion"
     RIGID_DRIFT = "half kick and drift of rigid inclusions"

@@ -1,4 +1,4 @@
-"""Solvers, and the system that they solve."""
+"""Interfaces of solvers, and of the system that they solve."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .phases import Phase
 
 
 class FrameSink(Protocol):
-    """Takes the frames of a solver, and knows the state of a resumed run.
+    """Receives the frames of a solver, and provides the state of a resumed run.
 
     Attributes:
         frame_index: Index of the last frame.
@@ -51,7 +51,7 @@ class FrameSink(Protocol):
         ...
 
     def keep_going(self) -> None:
-        """Raise KeyboardInterrupt if the user asked to stop and the frame has gone on for too long since.
+        """Raise KeyboardInterrupt if the user asked to stop some time ago and the frame is still not finished.
 
         Solvers call it between the steps of a frame.
         """
@@ -60,14 +60,14 @@ class FrameSink(Protocol):
 
 @dataclass(eq=False)
 class System:
-    """A sheet with its law and parts on a device, as solvers see it.
+    """A sheet with its law and parts on a device, as used by solvers.
 
     Attributes:
-        context: Arrays, stages, common state.
+        context: Context with arrays, stages and shared state.
         law: The force law.
         external: The sum of all loads.
         parts: All parts that add launches, in the order in which they act within a phase.
-        constraints: Held and moved components of points.
+        constraints: Prescribed components of points.
         rupture: The rupture criterion on the device, or None.
     """
 
@@ -80,16 +80,16 @@ class System:
     _schedules: LaunchSequence | None = field(default=None, init=False, repr=False)
 
     def add(self, phases: Iterable[Phase], stage: Stage) -> None:
-        """Add the launches of all parts in some phases, in order."""
+        """Add the launches of all parts in the given phases, in order."""
         for phase in phases:
             for part in self.parts:
                 part.add(phase, stage)
 
     def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
-        """Refuse parts that act in phases which a solver does not have.
+        """Check that no part acts in phases that the solver does not have.
 
         Raises:
-            InputError: for the first of them.
+            InputError: for the first part that does.
         """
         context = self.context
         for phase in phases:
@@ -97,18 +97,16 @@ class System:
                 trial = Stage("trial", "", context.device, context.block_dim, [])
                 part.add(phase, trial)
                 if len(trial):
-                    raise InputError(
-                        f"{part.label}: the solver {solver} has no phase for it ({phase.value}); expected Explicit"
-                    )
+                    raise InputError(f"{part.label}: not supported by the solver {solver}; expected Explicit")
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
-        """Set the time increment of a step, the end time, and the present time if given [s]; evaluate the schedules."""
+        """Set the time per step, the end time and optionally the current time [s]; evaluate the schedules."""
         if self._schedules is None:
             self._schedules = self.context.sequence("clock")
         self.context.clock.set(self._schedules, advance, end, now)
 
     def prescribed(self, time: float) -> np.ndarray:
-        """Displacement of held components at a time [m], shape (N, 3); free components keep the initial one."""
+        """Displacement of prescribed components at a time [m], shape (N, 3); free components have the initial one."""
         target = self.context.initial_displacement.copy()
         for constraint in self.constraints:
             if constraint.motion is not None:
@@ -125,8 +123,8 @@ class BuiltSolver(BuiltPart, Protocol):
     """A solver on a device.
 
     Attributes:
-        divides: Whether several processes can run it.
-        turns: Whether the load factor may fall from one frame to the next.
+        divides: Whether it supports several processes.
+        turns: Whether the load factor may decrease from one frame to the next.
     """
 
     divides: bool = False
@@ -137,11 +135,11 @@ class BuiltSolver(BuiltPart, Protocol):
         ...
 
     def run(self, sink: FrameSink) -> str:
-        """Run to the end, handing every frame to the sink; returns the final status."""
+        """Run to the end, passing every frame to the sink; return the final status."""
         ...
 
     def host_state(self) -> dict[str, Any]:
-        """Data that a restart needs besides fields; anything that JSON can store."""
+        """Data needed for a restart in addition to fields, as JSON-compatible values."""
         return {}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -151,17 +149,17 @@ class BuiltSolver(BuiltPart, Protocol):
 
 @runtime_checkable
 class Solver(Protocol):
-    """A solver, which computes displacements from forces. A frozen dataclass.
+    """A solver: a frozen dataclass with a method `build`.
 
     Attributes:
-        dynamic: Whether it steps in time; work and losses are then summed.
+        dynamic: Whether it integrates in time; work and losses are then summed.
     """
 
     dynamic: ClassVar[bool]
 
     @property
     def duration(self) -> float:
-        """Time to simulate, or load time of the full load [s]."""
+        """Simulated time, or load time at full load [s]."""
         ...
 
     @property
@@ -181,19 +179,19 @@ class Solver(Protocol):
 
     @property
     def mass_damping(self) -> float | None:
-        """Mass damping at the start [1/s]; None without any."""
+        """Initial mass damping [1/s]; None for none."""
         ...
 
     @property
     def steps_explicitly(self) -> bool:
-        """Whether points move by explicit steps."""
+        """Whether points are moved by explicit time steps."""
         ...
 
     @property
     def default_ramp(self) -> Schedule | None:
-        """Schedule of the factor of loads that have no schedule; None if those are constant."""
+        """Schedule of the factor of loads without a schedule; None if these are constant."""
         ...
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device."""
+        """Build the solver on a device."""
         ...

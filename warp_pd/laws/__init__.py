@@ -1,4 +1,4 @@
-"""Force laws, which map displacements to forces. One file per law; interfaces/law.py defines what a law must offer."""
+"""Force laws, which map displacements to forces, one file per law. interfaces/law.py defines their interface."""
 
 from typing import TYPE_CHECKING
 

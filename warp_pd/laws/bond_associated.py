@@ -37,18 +37,18 @@ class BondAssociated:
         material: Any hyperelastic material.
         horizon: Horizon in spacings of the sheet [-].
         weights: How the area of a point is distributed over its bonds:
-            "published": not at all; the force of a bond comes from its own stress alone, with volume
-                fractions (BA eqs. 38 and 43). It has no energy and misses uniform stress by about 1 %.
-            "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
-            "corrected": the nearest weights for which uniform stress is in equilibrium also at the edges.
+            "published": not distributed; the force of a bond comes from its own stress, with volume fractions (BA eqs.
+                38 and 43). The force has no energy, and the error for uniform stress is about 1 %.
+            "plain": in proportion to |D_ij|. It conserves energy and is exact for uniform stress inside the sheet.
+            "corrected": the weights closest to "plain" for which uniform stress is in equilibrium at the edges, too.
             "auto": "corrected", but "plain" at horizons above 4.5, and with CriticalStretch and CriticalEnergy on
                 sheets that are not graded.
-            With rupture, "corrected" applies as long as the family of a point is undamaged; broken bonds take their
-            area with them.
+            With rupture, "corrected" applies while the family of a point is undamaged; the area of broken bonds is
+            lost.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
-        fast: Whether the force takes a faster path where one applies; they agree with the reference kernels to
-            round-off. The reference kernels are there to be read and compared with.
+        fast: Whether to use faster kernels where available. They agree with the reference kernels, which exist for
+            reading and comparison, to round-off.
     """
 
     material: Material
@@ -70,7 +70,7 @@ class BondAssociated:
         """The weights with "auto" resolved.
 
         Args:
-            at_once: Whether bonds of stiff families can break, and not only those that a damage field has softened.
+            at_once: Whether bonds break without prior softening by a damage field.
             graded: Whether the spacing of the sheet varies.
         """
         if self.weights != "auto":
@@ -83,10 +83,10 @@ class BondAssociated:
         return "published" if self.weights == "published" else "variational"
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet or the weights do not allow.
+            InputError: if the sheet or the weights do not allow the horizon.
         """
         return BondAssociatedForce(self, context)
 
@@ -97,9 +97,9 @@ class BondAssociatedForce(FamilyLaw):
     Attributes:
         weights: The weights in use, "published", "plain" or "corrected".
         layout: Layout of its families.
-        key: Everything that decides its kernels: layout, material functions, form.
+        key: What determines its kernels: layout, material functions, form.
         paths: Types of its force paths, in the order in which they are tried.
-        path: The one that it takes.
+        path: The force path in use.
     """
 
     has_energy = True
@@ -123,7 +123,7 @@ class BondAssociatedForce(FamilyLaw):
             require_one_material(sheet, "weights 'published'")
         if self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
-            context.use_compact_families(str(law.influence) if named else "table")
+            context.compact = str(law.influence) if named else "table"
         families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
@@ -134,7 +134,7 @@ class BondAssociatedForce(FamilyLaw):
         self.path = force_path(self, inverse, weights)
 
     def _has_compact_families(self, context: Context) -> bool:
-        """Whether its families are a cloud in few bytes, see kernels/families.py."""
+        """Whether its families are a compact cloud, see kernels/families.py."""
         blocks = self.fast and self.weights != "published" and FamilyBlocks in self.paths
         return blocks and FamilyBlocks.takes_compact_families(context, self.material, self.law.horizon)
 
@@ -152,10 +152,10 @@ class BondAssociatedForce(FamilyLaw):
         )  # fmt: skip
 
     def bond_force(self) -> Array:
-        """Force of the family of a point on each of its pairs [N], (members, N) vec3.
+        """Force of each family on its pairs [N], (members, N) vec3.
 
         Raises:
-            InputError: with the fast kernels, which store only parts of it, or published weights, which have no energy.
+            InputError: with fast kernels, which store only parts of it, or published weights, which have no energy.
         """
         if self.fast or self.weights == "published":
             return super().bond_force()
@@ -181,7 +181,7 @@ class BondAssociatedForce(FamilyLaw):
         return {}
 
     def soften(self, damage: Array) -> None:
-        """Let the family of each point lose stiffness by its damage, (N,).
+        """Reduce the stiffness of each family by the damage of its point, (N,).
 
         Raises:
             InputError: for published weights, which have no energy.
@@ -195,7 +195,7 @@ class BondAssociatedForce(FamilyLaw):
         return energy_density(self.material, stretch, across, self.context.device)
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches that fill an array with the sums of the rows of the stiffness [N/m].
+        """Add the launches that fill an array with the row sums of the stiffness [N/m].
 
         Returns None for a material without `response`.
         """
@@ -219,10 +219,10 @@ class BondAssociatedForce(FamilyLaw):
         return density
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The tangent for Newton's method.
+        """Create the tangent for Newton's method.
 
         Raises:
-            InputError: for weights without an energy, a material without `response`, or a tangent without the tension.
+            InputError: for weights without an energy, a material without `response`, or `geometric` = False.
         """
         if self.weights == "published":
             raise InputError(
@@ -234,11 +234,13 @@ class BondAssociatedForce(FamilyLaw):
         return BondAssociatedTangent(self, context)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
-        """The law with plain weights, which need no correction."""
+        """Build the law with plain weights on a coarser lattice."""
         return BondAssociatedForce(replace(self.law, weights="plain", horizon=horizon), context)
 
     def likely_cause(self, safety: float) -> str:
         """The likely cause if a run diverged."""
         if self.weights == "published" and self.lock is None:
-            return "the published weights do not conserve energy and can add it once bonds break; try weights 'plain'"
+            return (
+                "the published weights do not conserve energy and can add energy once bonds break; try weights 'plain'"
+            )
         return super().likely_cause(safety)

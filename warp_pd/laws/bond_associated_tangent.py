@@ -1,4 +1,4 @@
-"""The tangent of the bond-associated law: stiffness products, and the sparse matrix for small sheets."""
+"""Tangent of the bond-associated law: stiffness products, and a sparse matrix for small sheets."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ LOOSE = 1e-9
 
 
 class BondAssociatedTangent:
-    """The stiffness of the bond-associated law, matrix-free, or stored by lattice steps.
+    """The tangent of the bond-associated law, matrix-free or stored by lattice offsets.
 
     Attributes:
         gradient: F of every intersection [-], (members, N).
-        stress: Its weighted stress [Pa].
-        moduli: Its weighted moduli [Pa].
+        stress: Weighted stress of every intersection [Pa], (members, N).
+        moduli: Weighted moduli of every intersection [Pa], (members, N).
         inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
     """
 
     direct_points = 0
 
     def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
-        """Allocate the tangent; on a CPU it may be stored as a matrix, which is faster.
+        """Allocate the tangent.
 
         Raises:
             InputError: for a material without `response`.
@@ -70,13 +70,13 @@ class BondAssociatedTangent:
         self._matrix_kernels = lattice_matrix(layout, held) if self._matrix is not None else None
 
     def _stores_matrix(self) -> bool:
-        """Whether the tangent is stored as a matrix: on a CPU, where a product is four times faster."""
+        """Whether the tangent is stored as a matrix, which makes products four times faster on a CPU."""
         sheet = self.context.sheet
         whole = sheet.lattice is not None and not sheet.cuts and self.force.intact is None
         return whole and bool(self.context.device.is_cpu)
 
     def _allocate_matrix(self) -> tuple[Array, Array, Array]:
-        """Blocks by offset and point, index shift of each offset, offset of each pair of members."""
+        """Allocate the blocks by offset and point, index shifts of offsets, and offsets of member pairs."""
         context, families = self.context, self.force.families
         assert families.steps is not None
         lattice_row = _lattice_row(families)
@@ -117,7 +117,7 @@ class BondAssociatedTangent:
         )  # fmt: skip
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that fill `change` [N] with the change of the force along a direction [m]."""
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         force, n = self.force, self.force.points
         if self._matrix is not None and self._matrix_kernels is not None:
             stage.launch(
@@ -142,7 +142,7 @@ class BondAssociatedTangent:
         return float(self.moduli.numpy()[..., 0].sum() / self.force.points)
 
     def min_tension(self, relative: float) -> float:
-        """Zero: the tangent needs no tension."""
+        """Zero, because the tangent needs no added tension."""
         return 0.0
 
     def sparse(self) -> BondAssociatedMatrix:
@@ -151,7 +151,7 @@ class BondAssociatedTangent:
 
 
 def pair_offsets(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lattice steps between any two points of a family, the centre last among its members.
+    """Lattice steps between any two points of a family; the centre counts as the last member.
 
     Args:
         steps: Steps to the members, shape (n, 2).
@@ -170,7 +170,7 @@ def pair_offsets(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lattice_row(families: Families) -> int:
-    """Points in a row of the lattice, from the index shifts of the stencil."""
+    """Number of points in a row of the lattice, from the index shifts of the stencil."""
     assert families.steps is not None and families.shift is not None
     upwards = np.flatnonzero((families.steps == [0, 1]).all(axis=1))
     return int(families.shift[upwards[0]])
@@ -179,9 +179,8 @@ def _lattice_row(families: Families) -> int:
 class BondAssociatedMatrix:
     """The tangent as a sparse matrix, K = B^T A B, for a direct factorisation on the host.
 
-    B contains the coefficients with which the points of D_ij enter F_ij and changes only when bonds break; A, one
-    symmetric 6x6 block per intersection, is read from the device. Follower pressure is not included, so the matrix is
-    symmetric.
+    B has the coefficients of the displacements of D_ij in F_ij and changes only when bonds break. A has one symmetric
+    6x6 block per intersection, read from the device. Follower pressure is not included, so the matrix is symmetric.
     """
 
     def __init__(self, tangent: BondAssociatedTangent) -> None:
@@ -191,7 +190,7 @@ class BondAssociatedMatrix:
         self._read_bonds()
 
     def _read_bonds(self) -> None:
-        """Find B anew if bonds broke since the last time."""
+        """Recompute B if bonds have broken."""
         from scipy import sparse
 
         intact = self.tangent.force.intact
@@ -227,10 +226,10 @@ class BondAssociatedMatrix:
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Second derivative of W Psi by F, with columns F e1 and F e2 one after the other.
+    """Second derivative of W Psi by F, whose columns F e1 and F e2 are stacked.
 
     Args:
-        F: shape (M, 3, 2).
+        F: Deformation gradients, shape (M, 3, 2).
         S: Weighted stress 11, 12, 22, shape (M, 3).
         T: Weighted moduli, upper triangle, shape (M, 6).
 
@@ -278,7 +277,7 @@ def gradient_matrix(force: BondAssociatedLaw) -> tuple[csr_matrix, tuple[np.ndar
 
 
 def _coefficients(families: Families, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """c_k K_ij^-1 xi_ik by point, j, k, shape (N, n, n, 2), and which intersections are usable, shape (N, n).
+    """c_k K_ij^-1 xi_ik by point, j, k, shape (N, n, n, 2), and a mask of usable intersections, shape (N, n).
 
     On a curved sheet R^-1 K_ij^-1 (kernels/kinematics.py) takes the place of K_ij^-1.
     """

@@ -1,4 +1,4 @@
-"""The bond-based force law: forces along the bonds, by a pairwise law of their strain."""
+"""The bond-based force law: forces along the bonds that follow a pairwise law of the bond strain."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ MICROMODULI = ("published", "corrected")
 
 @dataclass(frozen=True)
 class BondBased:
-    """Bond-based peridynamics: f = c s n, with the micro-modulus c of each point from its own family (IM eq. 4).
+    """Bond-based peridynamics: f = c s n, with one micro-modulus c per point, computed from its family (IM eq. 4).
 
-    Plane stress has Poisson's ratio 1/3, as in all bond-based laws. A bond takes the mean of the micro-moduli of its
-    two points: forces then come in pairs and have an energy, which Newton's method needs. (The paper writes c
-    for a bond without saying whose; its stiffness is symmetric only if both ends have the same.) Under uniform
-    isotropic strain the energy is exact at every point, edges included; under other strains it is that of the
-    lattice, and the edges are too stiff: see tests/physics/test_bond_based.py. Corrected micro-moduli balance every
-    uniform strain up to the edges of a rectangle: see weights/micromoduli.py.
+    In plane stress Poisson's ratio is 1/3, as in all bond-based laws. A bond uses the mean micro-modulus of its two
+    points, so forces are pairwise and have an energy, which Newton's method needs. (The paper does not say to which
+    point c belongs; its stiffness is symmetric only if both ends have the same c.) Under uniform isotropic strain the
+    energy is exact at every point, including edges. Under other strains it is that of the lattice, and the edges are
+    too stiff: see tests/physics/test_bond_based.py. Corrected micro-moduli balance every uniform strain up to the edges
+    of a rectangle: see weights/micromoduli.py.
 
-    An undeformed sheet has only in-plane stiffness. Plane problems hold all displacements across the plane:
+    An undeformed sheet has only in-plane stiffness. In plane problems, hold all out-of-plane displacements:
     `Fixed(range(sheet.size), "z")`.
 
     Attributes:
@@ -51,7 +51,7 @@ class BondBased:
         horizon: Horizon in spacings of the sheet [-], at least 1.
         state: "plane stress", or "line" for a sheet of one row of points.
         micromoduli: "published" (IM eq. 4), or "corrected" on an uncut rectangle of one material and thickness.
-        fast: Whether a CPU computes each bond of a lattice once; False takes the reference kernel.
+        fast: Whether to compute each lattice bond only once on a CPU; False uses the reference kernel.
     """
 
     material: PairwiseMaterial
@@ -71,10 +71,10 @@ class BondBased:
         check_material(self.material, "pairwise")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a state that does not fit the sheet, or a horizon that it does not allow.
+            InputError: if `state` does not fit the sheet, or the sheet does not allow the horizon.
         """
         return BondBasedForce(self, context)
 
@@ -116,7 +116,7 @@ class BondBasedForce(FamilyLaw):
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase; at frames also those of further fields."""
+        """Add the launches of a phase; at frames also those of the requested fields."""
         super().add(phase, stage)
         if phase is Phase.FRAME:
             for name, array in self._shown.items():
@@ -155,7 +155,7 @@ class BondBasedForce(FamilyLaw):
         return {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
 
     def _forces_once(self, displacement: Array) -> dict[str, Any]:
-        """Arguments of those that fill `_ahead`."""
+        """Arguments of the kernels that fill `_ahead`."""
         s = self.struct
         return {
             **self._tables(), "bond": s.stencil_bond, "weight": s.class_weight, "intact": self.intact,
@@ -164,10 +164,10 @@ class BondBasedForce(FamilyLaw):
         }  # fmt: skip
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add the launch that computes the force of each bond once and finds blocks in which bonds may break.
+        """Add the launch that computes each bond force once and flags blocks in which bonds may break.
 
-        It runs before bonds break; the sum of the forces, later in the stage, leaves out bonds that broke in between.
-        Arguments and result are those of `BuiltLaw.screen_with_force`.
+        It runs before bonds break; the later sum of the forces skips bonds that broke in between. Arguments and result
+        are those of `BuiltLaw.screen_with_force`.
         """
         if self.once is None or self.once.forces_and_screen is None:
             return False
@@ -180,7 +180,7 @@ class BondBasedForce(FamilyLaw):
 
     @property
     def force_path(self) -> str:
-        """Whether each bond is computed once, or from both of its ends."""
+        """Description of the force path: bonds computed once, or from both ends."""
         return "reference" if self.once is None else "each bond once"
 
     def energy_kernel(self) -> Kernel:
@@ -188,7 +188,7 @@ class BondBasedForce(FamilyLaw):
         return self.kernels.strain_energy
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launch that fills an array (N,) with the sums of the rows of the stiffness [N/m]."""
+        """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
         context = self.context
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         scale = max(self.law.material.constants) * self.thickness
@@ -200,19 +200,19 @@ class BondBasedForce(FamilyLaw):
         return density
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The tangent for Newton's method."""
+        """Create the tangent for Newton's method."""
         return BondBasedTangent(self, self.law.material, context, geometric)
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields.
+        """Add point fields to the frames.
 
         Args:
             names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
-                largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,); and
-                those of all laws, see laws/point_fields.py.
+                largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,); or a
+                field of all laws, see laws/point_fields.py.
 
         Raises:
-            InputError: for another name, or the principal stress of a curved sheet.
+            InputError: for any other name, or the principal stress of a curved sheet.
         """
         super().request_fields(names)
         for name in (name for name in FIELDS if name in names):
@@ -230,10 +230,10 @@ def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
 
 
 def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.ndarray:
-    """Weights of corrected micro-moduli, as `_bond_weights`.
+    """Weights from corrected micro-moduli, in the format of `_bond_weights`.
 
     Raises:
-        InputError: for a sheet other than an uncut rectangle of one material and thickness with at least four rows and
+        InputError: unless the sheet is an uncut rectangle of uniform material and thickness with at least four rows and
             columns.
     """
     from ..families.weights import balanced_micromoduli
@@ -241,7 +241,8 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
     lattice = sheet.lattice
     if lattice is None or sheet.cuts or sheet.factors is not None or min(lattice.rows, lattice.columns) < 4:
         raise InputError(
-            "micromoduli = 'corrected': expected an uncut rectangle of one material and thickness, of at least 4 x 4 "
+            "micromoduli = 'corrected': expected an uncut rectangle of uniform material and thickness, of at least 4 x "
+            "4 "
             "points"
         )
     assert families.steps is not None and families.family_class is not None

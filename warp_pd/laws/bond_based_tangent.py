@@ -1,4 +1,4 @@
-"""The tangent of the bond-based law: one 3x3 block per bond, on the device, and as a sparse matrix on the host."""
+"""Tangent of the bond-based law: one 3x3 block per bond on the device, and a sparse matrix on the host."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SLACK = 1e-6
 
 
 class BondBasedTangent:
-    """The stiffness of every bond, kept on the device.
+    """The tangent of the bond-based law on the device.
 
     Attributes:
         blocks: Stiffness of the bonds [N/m], upper triangles, (members, N) vec6.
@@ -40,7 +40,7 @@ class BondBasedTangent:
     direct_points = 100_000
 
     def __init__(self, force: FamilyLaw, material: PairwiseMaterial, context: Context, geometric: bool) -> None:
-        """Allocate the tangent; `geometric`: whether the stiffness includes the tension of the bonds."""
+        """Allocate the tangent; `geometric` is whether the stiffness includes the tension of the bonds."""
         self.material = material
         self.force, self.context, self.held = force, context, context.held
         t, shape = context.types, (force.families.members, force.points)
@@ -62,7 +62,7 @@ class BondBasedTangent:
         )  # fmt: skip
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launch that fills `change` [N] with the change of the force along a direction [m]."""
+        """Add the launch that fills `change` [N] with the derivative of the force along a direction [m]."""
         force = self.force
         stage.launch(
             OWNER, self.kernels.product, force.points,
@@ -70,13 +70,13 @@ class BondBasedTangent:
         )  # fmt: skip
 
     def min_tension(self, relative: float) -> float:
-        """Isotropic tension [Pa] in the tangent, at a relative residual."""
+        """Isotropic tension [Pa] to add to the tangent at a relative residual."""
         goes_slack = capabilities(self.material).goes_slack
         slack = SLACK_TENSION * min(relative, 1.0) if goes_slack else 0.0
         return max(slack, MIN_TENSION) * self.modulus()
 
     def is_slack(self) -> bool:
-        """Whether points may leave the plane without resistance: a flat sheet without tension."""
+        """Whether the sheet has no out-of-plane stiffness, being flat and without tension."""
         free = self.held & 4 == 0
         if not free.any():
             return False

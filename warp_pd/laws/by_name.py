@@ -1,4 +1,4 @@
-"""The laws that scenes know by name."""
+"""Force laws that scenes can select by name."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 def force_law(
     name: str, material: Material, horizon: float, weights: str = "auto", wrinkles: str = "resolved"
 ) -> ForceLaw:
-    """The law that a scene's `force` names.
+    """Create the law named by a scene's argument `force`.
 
     Args:
         name: "bond_associated", "nodal", "closed_form", "neural" (Torch), "neural_fused" (the same network in a
             kernel), or the file of a network, ending in .npz, for Torch.
         material: The scene's material.
-        horizon: Horizon over the spacing [-].
-        weights: Those of the law. Nodal has none.
-        wrinkles: "relaxed" or "resolved", see `with_wrinkles`; "auto" is "relaxed" for laws that take any material.
+        horizon: Horizon in spacings [-].
+        weights: Weights of the law; Nodal has none.
+        wrinkles: "relaxed" or "resolved", see `with_wrinkles`; "auto" means "relaxed" for laws that accept any
+            material.
 
     Raises:
-        InputError: for an unknown name, or weights that the law does not have.
+        InputError: if the name is unknown or the law does not have these weights.
     """
     network = None
     if name.endswith(".npz"):

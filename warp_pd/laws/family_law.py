@@ -1,4 +1,4 @@
-"""Base class of the force laws on families."""
+"""Base class of force laws on families."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from .point_fields import ShownFields, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
-    """Check that a sheet has one material and one thickness, for features that need it.
+    """Check that a sheet has uniform material and thickness, for features (`what`) that need it.
 
     Raises:
-        InputError: if it has more.
+        InputError: if it has not.
     """
     if sheet.stiffness is not None:
-        raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
+        raise InputError(f"sheet.stiffness: expected a uniform sheet with {what}")
     if sheet.factors is not None:
         raise InputError(f"sheet.thickness = {said(sheet.thickness)}: expected one number with {what}")
 
 
 def refuse_partition(law: Law) -> None:
-    """Refuse a law that several processes cannot run.
+    """Raise the error for a law that does not support several processes.
 
     Raises:
         InputError: always.
     """
     raise InputError(
-        f"force = {type(law).__name__}: several processes cannot yet run it; expected BondAssociated or Visco"
+        f"force = {type(law).__name__}: not supported on several processes; expected BondAssociated or Visco"
     )
 
 
 def whole_sheet(law: Law, context: Context) -> Sheet:
-    """The sheet of a law that one process has alone.
+    """The sheet, for laws that need the whole sheet in one process.
 
     Raises:
         InputError: if the sheet is divided among several processes.
@@ -64,19 +64,19 @@ class FamilyLaw(BuiltLaw):
     """A law on one sheet and device: its families, the intact bonds, its constants.
 
     Attributes:
-        owner: Name of the law, in the lists of arrays and launches.
-        context: Arrays and stages.
+        owner: Name of the law in the plan.
+        context: Context with the arrays and stages.
         points: Number of points.
-        depends_on_time: Whether the force depends on more than the present displacement.
-        thickness: Mean thickness of the sheet [m]; the weights of each point carry its own.
-        offered_fields: Point fields of its own that the law offers for frames, besides those of all laws.
-        shown_stress: Material of the stresses that frames can show, or None for a law without one.
-        shown: Point fields that frames show, or None.
-        damage: Damage of the points by which families have lost stiffness, (N,), or None.
-        takes_curved: Whether it works on curved sheets.
-        takes_graded: Whether it works on sheets of graded spacing.
+        depends_on_time: Whether the force depends on more than the current displacement.
+        thickness: Mean thickness of the sheet [m]; a varying thickness is included in the weights.
+        offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
+        shown_stress: Material for the stress fields of frames, or None if the law has none.
+        shown: Point fields requested for frames, or None.
+        damage: Damage of the points that softens their families, (N,), or None.
+        takes_curved: Whether the law supports curved sheets.
+        takes_graded: Whether it supports sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
-        divides: Whether several processes can run it.
+        divides: Whether it supports several processes.
     """
 
     owner: str
@@ -102,17 +102,17 @@ class FamilyLaw(BuiltLaw):
         inverse: np.ndarray | None,
         weights: np.ndarray,
     ) -> None:
-        """Put the families on the device.
+        """Copy the families to the device.
 
         Args:
             law: The law as given by the user.
-            context: Takes the arrays.
+            context: Context in which arrays are allocated.
             families: The families.
             inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
             weights: Weights by row, shape (R, n).
 
         Raises:
-            InputError: for a curved or graded sheet on which the law does not work.
+            InputError: for a curved or graded sheet that the law does not support.
         """
         if context.sheet.frames is not None and not self.takes_curved:
             raise InputError(
@@ -143,12 +143,12 @@ class FamilyLaw(BuiltLaw):
         self.unit_volume = self.thickness * families.reference_area
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """What the material says about its constants."""
+        """Notes of the material on its constants."""
         return list(self._notes)
 
     @functools.cached_property
     def strain_energy(self) -> Array | None:
-        """Energy of each family [J] as of the last frame, (N,) float64; None without an energy."""
+        """Energy of each family at the last frame [J], (N,) float64; None for a law without an energy."""
         if not self.has_energy:
             return None
         return self.context.array(
@@ -156,7 +156,7 @@ class FamilyLaw(BuiltLaw):
         )
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the internal force in a step, and the strain energy at frames."""
+        """Add the launches of the internal force in a step, and of the strain energy at frames."""
         state = self.context.state
         if phase is Phase.INTERNAL_FORCE:
             self.add_force(stage, state.displacement, state.force)
@@ -169,13 +169,13 @@ class FamilyLaw(BuiltLaw):
                 self._add_softened(stage, stress)
 
     def _add_softened(self, stage: Stage, values: Array) -> None:
-        """Add the launch that takes what damage took from a value of each family, if there is a damage field."""
+        """Add the launch that reduces a value of each family by the damage of its point, if there is a damage field."""
         if self.damage is not None:
             kernel = soften(self.context.bits, values.dtype)
             stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
-        """Add the launches that fill the fields of frames; here from the gradient of the family."""
+        """Add the launches that fill the fields of frames, by default from the gradient of each family."""
         shown.add_principal(stage, shown.of_family(self.shown_stress))
         shown.add_counts(stage)
 
@@ -184,7 +184,7 @@ class FamilyLaw(BuiltLaw):
         return {} if self.strain_energy is None else {"strain": self.strain_energy}
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments common to all launches of a law."""
+        """Arguments common to all launches of the law."""
         return {
             "family": self.struct,
             "intact": self.intact,
@@ -200,15 +200,15 @@ class FamilyLaw(BuiltLaw):
         )  # fmt: skip
 
     def soften(self, damage: Array) -> None:
-        """Let the family of each point lose stiffness by its damage, (N,); see kernels/damage_field.py.
+        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
 
         Raises:
-            InputError: by default: the law has no energy that families could lose.
+            InputError: by default, because the law has no energy to reduce.
         """
         raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
 
     def represented_areas(self) -> np.ndarray:
-        """Area that the bonds of each point stand for [m^2], shape (N,): the sum of their weights."""
+        """Area represented by the bonds of each point [m^2], shape (N,): the sum of their weights."""
         assert self._weights is not None
         areas = self.families.rows_of_points(self._weights.sum(axis=1)) * self.families.reference_area
         factors = self.families.factors
@@ -223,13 +223,15 @@ class FamilyLaw(BuiltLaw):
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family, for laws with an energy."""
-        raise NotImplementedError(f"{self.owner}.energy_kernel: a law with an energy needs one")
+        raise NotImplementedError(
+            f"{self.owner}.energy_kernel: expected an implementation, because the law has an energy"
+        )
 
     def bond_force(self) -> Array:
-        """Force of the family of a point on each of its pairs.
+        """Force of each family on its pairs [N], (members, N) vec3.
 
         Raises:
-            InputError: if the law does not keep it.
+            InputError: if the law does not store it.
         """
         raise InputError(
             f"damage = CriticalEnergy with {self.owner}: expected Visco, ViscoBondBased, or BondAssociated with "
@@ -237,7 +239,7 @@ class FamilyLaw(BuiltLaw):
         )
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
-        """Energy density at a stretch and one across it, in pure shear by default [J/m^3].
+        """Energy density [J/m^3] at a stretch and a transverse stretch, by default 1 (pure shear).
 
         Raises:
             InputError: if the law has none.
@@ -245,11 +247,11 @@ class FamilyLaw(BuiltLaw):
         raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """None: the law has no fictitious mass."""
+        """Add launches for the fictitious mass; None if the law has none, the default."""
         return None
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The tangent for Newton's method.
+        """Create the tangent for Newton's method.
 
         Raises:
             InputError: if the law has none.
@@ -261,7 +263,7 @@ class FamilyLaw(BuiltLaw):
         )
 
     def fingerprint(self) -> str:
-        """A hash of the first values of the influence function."""
+        """A hash of some values of the influence function."""
         families = self.families
         influence = families.influence
         if influence.ndim == 2 and families.family_class is not None:
@@ -269,10 +271,10 @@ class FamilyLaw(BuiltLaw):
         return hashlib.sha1(np.ascontiguousarray(influence[:64]).tobytes()).hexdigest()[:12]
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields of the law, see laws/point_fields.py.
+        """Add fields of the law to the frames, see laws/point_fields.py.
 
         Raises:
-            InputError: for names that it does not offer.
+            InputError: for names that the law does not offer.
         """
         wanted = grouped(names)
         shown = [stored.field.output for stored in self.context.fields.shown()]
@@ -288,7 +290,7 @@ class FamilyLaw(BuiltLaw):
     def likely_cause(self, safety: float) -> str:
         """The likely cause if a run diverged, and a safety of the step to try."""
         if self.lock is not None:
-            return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step followed"
+            return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step shrank"
         if not self.has_energy:
             return "the law has no potential and can add energy; try damping or the law bond_associated"
         stiffened, smaller = "the sheet stiffened faster than the step was reduced", f"a safety of {safety:.2g}"

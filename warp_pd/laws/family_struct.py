@@ -1,4 +1,4 @@
-"""The tables of families on a device."""
+"""Tables of families on a device."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEAR = 2**15
 
 
 def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
-    """A table by point, shape (N, n, ...), with its axes in another order, in the type of the device."""
+    """A table by point, shape (N, n, ...), with permuted axes and in the precision of the device."""
     table = np.empty([values.shape[axis] for axis in axes], scalar)
     by_point = table.transpose(np.argsort(axes))
 
@@ -36,14 +36,14 @@ def family_struct(
     inverse: np.ndarray | None,
     weights: np.ndarray,
 ) -> Any:
-    """The tables on the device, as the struct of `kernels.families`.
+    """Copy the tables to the device, as the struct of `kernels.families`.
 
     Args:
-        families: The rows.
-        context: Takes the arrays.
+        families: The families with their rows.
+        context: Context in which arrays are allocated.
         owner: The part that declares the arrays.
-        inverse: K^-1 by row, shape (R, n, 3); None for laws without intersections: neither it nor the masks of
-            intersections are then put on the device.
+        inverse: K^-1 by row, shape (R, n, 3); None for laws without intersections, for which neither K^-1 nor the masks
+            of intersections are stored.
         weights: W divided by the reference area by row, shape (R, n).
     """
     types = context.types
@@ -102,7 +102,7 @@ def family_struct(
 
 
 def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any], weights: np.ndarray) -> None:
-    """Put the tables of a cloud in few bytes on the device; arguments as for `family_struct`."""
+    """Copy the tables of a compact cloud to the device; arguments as for `family_struct`."""
     types = context.types
     real = wp.dtype_to_numpy(types.real)
     assert families.neighbours is not None
@@ -130,7 +130,7 @@ def _put_compact(s: Any, families: Families, context: Context, put: Callable[...
 
 
 def moments_of(families: Families) -> np.ndarray:
-    """(c_k X_k / horizon, 1 / c_k) of each row, shape (n, R, 3); zero where there is no member."""
+    """(c_k X_k / horizon, 1 / c_k) of each row, shape (n, R, 3); zero for missing members."""
     c = families.member_coefficients
     moments = np.zeros((families.members, len(c), 3))
     moments[..., :2] = (c[..., None] * families.bonds).transpose(1, 0, 2)

@@ -1,11 +1,11 @@
-"""Paths to the force of the bond-associated law, and which one a sheet takes.
+"""Force paths of the bond-associated law (ways to compute the force), and their selection.
 
-All compute the sums of kernels/bond_associated.py. The reference applies to every law and sheet. On a CPU one kernel
-sums rows of a small table. On a GPU a block of threads works on several families, two bonds per thread; in a large
-lattice or grid, undamaged families have a kernel of their own, and blocks work on a list of all others.
+All compute the sums of kernels/bond_associated.py. The reference path applies to every law and sheet. On a CPU a kernel
+sums rows of small tables. On a GPU a thread block works on several families, two bonds per thread; in a large lattice
+or grid a separate kernel handles undamaged families, and thread blocks work on a list of all others.
 
-The forces between the points of a large sheet pass through a ring buffer, one strip of the sheet at a time: all of them
-would take most of the memory.
+The pair forces of a large sheet pass through a ring buffer, one strip of the sheet at a time, because storing all of
+them would take most of the memory.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .variational import BondAssociatedLaw
 
 @dataclass(frozen=True)
 class Tuning:
-    """What decides which path a sheet takes and how its kernels divide their work; measured in docs/performance.md."""
+    """Constants that select the path of a sheet and divide the work of its kernels; measured in docs/performance.md."""
 
     # Largest family whose rows a CPU sums; larger ones compile slowly.
     rows_members: int = 256
@@ -68,10 +68,10 @@ TUNING = Tuning()
 
 
 class ForcePath(Protocol):
-    """One way to the force of a law on a sheet and device.
+    """A way to compute the force of a law on a sheet and device (interface).
 
     Attributes:
-        name: Its name, for `plan`.
+        name: Name of the path in the plan.
     """
 
     name: ClassVar[str]
@@ -97,18 +97,18 @@ class ForcePath(Protocol):
 
 
 def force_path(law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath:
-    """The first of the law's paths that applies; the reference does. Arguments as for `ForcePath.of`."""
+    """The first of the law's paths that applies (the reference always does); arguments as for `ForcePath.of`."""
     kinds = law.paths if law.fast and law.weights != "published" else (Reference,)
     return next(path for kind in kinds if (path := kind.of(law, inverse, weights)) is not None)
 
 
 def has_shared_memory(device: wp.Device) -> bool:
-    """Whether the threads of a block have shared memory."""
+    """Whether thread blocks of the device have shared memory."""
     return bool(device.is_cuda)
 
 
 class Reference:
-    """The sums as they are written, for any law, sheet and device: to be read and compared with."""
+    """The reference path: the sums exactly as written, for any law, sheet and device."""
 
     name: ClassVar[str] = "reference"
 
@@ -117,7 +117,7 @@ class Reference:
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """It always applies."""
+        """The path, which always applies."""
         return cls(law)
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
@@ -144,10 +144,10 @@ NO_PRONY: dict[str, Any] = {"step": None, "prony": None, "strain": None, "overst
 
 
 class RowSums:
-    """Sums of the rows of a small table, on a CPU.
+    """The CPU path: sums over the rows of small tables.
 
     Attributes:
-        kernels: By what they fill in, see `family_rows`.
+        kernels: Kernels by `what`, see `family_rows`.
     """
 
     name: ClassVar[str] = "rows"
@@ -160,12 +160,12 @@ class RowSums:
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
-        """Whether it applies to a law on its sheet and device."""
+        """Whether the path applies to a law on its sheet and device."""
         return not has_shared_memory(law.context.device) and law.families.members <= TUNING.rows_members
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """On a CPU, unless families are too large; see `ForcePath.of`."""
+        """The path on a CPU unless families are too large; see `ForcePath.of`."""
         return cls(law) if cls.applies(law) else None
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
@@ -192,7 +192,7 @@ class RowSums:
 
 @dataclass(frozen=True)
 class Strip:
-    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
+    """A strip of a sheet: points begin to end - 1, and the points whose force is complete after this strip."""
 
     begin: int
     end: int
@@ -201,12 +201,12 @@ class Strip:
 
 
 def strips_of(here: slice, points: int, reach: int, ring: int) -> list[Strip]:
-    """Strips of a sheet that follow each other through a ring of `ring` columns; one if it has few more points.
+    """Divide a sheet into strips that pass through a ring buffer of `ring` columns; a single strip for small sheets.
 
-    The forces of a strip stay where they are until its points and those of the strip behind it have gathered them.
+    The forces of a strip stay in the buffer until the points of this and the previous strip have gathered them.
 
     Args:
-        here: Points whose families are not empty.
+        here: Points with nonempty families.
         points: Number of points.
         reach: Largest difference of the indices of two points that share a bond.
         ring: Number of columns.
@@ -223,10 +223,10 @@ def strips_of(here: slice, points: int, reach: int, ring: int) -> list[Strip]:
 
 
 class BondForces:
-    """The forces between points, [members, points] or a ring of fewer columns, and the stage that gathers them.
+    """The pair forces, [members, points] or a ring buffer of fewer columns, and the stage that gathers them.
 
     Attributes:
-        strips: Strips of the sheet, which follow each other.
+        strips: Strips of the sheet, in order.
         array: The forces [N], vec3.
     """
 
@@ -243,7 +243,7 @@ class BondForces:
         self.array = law.context.array("bond_force_ring", law.owner, law.context.types.vec3, shape=shape, per="bond")
 
     def add_gather(self, stage: Stage, strip: Strip, force: Array, other_count: Array | None = None) -> None:
-        """Add the stage that gathers the forces of a strip, and empties the list of other families if it is given."""
+        """Add the stage that gathers the forces of a strip, and empties the list of other families if given."""
         law = self.law
         steps = law.families.steps
         gather = gather_reverse_bonds(
@@ -258,20 +258,20 @@ class BondForces:
 
 
 def whole_families(law: BondAssociatedLaw) -> slice:
-    """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
+    """Range of points with complete families; empty families of the outermost halo would waste time."""
     partition = law.context.partition
     return slice(0, law.points) if partition is None else partition.whole_families
 
 
 @dataclass(frozen=True)
 class Selected:
-    """Families of the points start to stop - 1, or of these entries of a list.
+    """A selection of families: the points start to stop - 1, or these entries of a list.
 
     Attributes:
         start: First point or entry.
-        stop: The one after the last.
+        stop: Last point or entry, plus 1.
         points: The list, or None.
-        count: Array of the number of its entries, known on the device alone; or None.
+        count: Device array with the number of entries of the list, or None.
     """
 
     start: int
@@ -281,7 +281,7 @@ class Selected:
 
 
 class FamilyBlocks:
-    """Families that share blocks of threads, on a GPU.
+    """The GPU path with several families per thread block.
 
     Attributes:
         near: Factory of the material's stress_near.
@@ -300,21 +300,21 @@ class FamilyBlocks:
 
     @staticmethod
     def near_stress(law: BondAssociatedLaw) -> FunctionFactory | None:
-        """Factory of the material's stress_near if blocks can take a law on its sheet and device."""
+        """Factory of the material's stress_near, or None if thread blocks do not support the law here."""
         few = law.families.members <= TUNING.block_members
         return capabilities(law.material).near if few and has_shared_memory(law.context.device) else None
 
     @staticmethod
     def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
-        """Whether the families of a sheet should be a cloud in few bytes, see kernels/families.py.
+        """Whether the families of a sheet should be stored as a compact cloud, see kernels/families.py.
 
-        Blocks find shape tensors anew; a tangent would take long. Where bonds can break, the energy that one releases
-        has the same bits in every launch only with stored tables.
+        Thread blocks then recompute shape tensors, which would be slow for a tangent. If bonds can break, the released
+        energy is bitwise reproducible only with stored tables.
 
         Args:
-            context: Knows the sheet and the device.
+            context: Context with the sheet and the device.
             material: The material.
-            horizon: In spacings.
+            horizon: Horizon in spacings.
         """
         sheet, features = context.whole, context.features
         able = has_shared_memory(context.device) and capabilities(material).near is not None
@@ -325,7 +325,7 @@ class FamilyBlocks:
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """Those of a GPU, if families are not too large and the material's stress may start from a guess."""
+        """The path on a GPU if families are not too large and the material has stress_near; see `ForcePath.of`."""
         near = cls.near_stress(law)
         if near is None:
             return None
@@ -339,7 +339,7 @@ class FamilyBlocks:
             self.forces.add_gather(stage, strip, force)
 
     def add_families(self, stage: Stage, chosen: Selected, displacement: Array, force: Array) -> None:
-        """Add the launch of some families."""
+        """Add the launch for the selected families."""
         law = self.law
         layout, material, _ = law.key
         members, count = law.families.members, chosen.stop - chosen.start
@@ -358,16 +358,16 @@ class FamilyBlocks:
         )  # fmt: skip
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the reference."""
+        """Add the launch of the reference path."""
         Reference(self.law).add_energy(stage, displacement, energies)
 
 
 class UndamagedLattice:
-    """Undamaged families inside a lattice or grid by a kernel of their own, on a GPU; all others in blocks.
+    """The GPU path with a separate kernel for undamaged families inside a lattice or grid; others in thread blocks.
 
     Attributes:
         stencil: Stencil of the undamaged inner families.
-        inner: The row that they share.
+        inner: Index of the table row that they share.
     """
 
     name: ClassVar[str] = "undamaged lattice"
@@ -391,7 +391,7 @@ class UndamagedLattice:
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """Those of a large lattice or grid of one thickness and an isotropic material, where blocks apply, too."""
+        """The path on a large, uniform lattice or grid with an isotropic material if FamilyBlocks applies, too."""
         near = FamilyBlocks.near_stress(law)
         # By the whole sheet: several processes take the same path as one.
         whole = law.context.whole
@@ -431,7 +431,7 @@ class UndamagedLattice:
         self.forces.add_gather(stage, strip, force, self.count)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the reference."""
+        """Add the launch of the reference path."""
         Reference(self.law).add_energy(stage, displacement, energies)
 
 

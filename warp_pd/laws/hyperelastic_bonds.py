@@ -1,4 +1,4 @@
-"""The bond-based law of hyperelastic sheets, with constants for each mode of loading."""
+"""The bond-based law of hyperelastic sheets, with constants for each loading mode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
@@ -23,34 +23,32 @@ CALIBRATION = 4.0
 
 @dataclass(frozen=True)
 class HyperelasticBonds:
-    """Bond-based peridynamics of an incompressible neo-Hookean sheet under one known mode of loading (HE).
+    """Bond-based peridynamics of an incompressible neo-Hookean sheet under one known loading mode (HE).
 
-    Bond forces act along the bonds, in pairs, so momentum and angular momentum are conserved. But the force has a
-    factor L^2, the squared cosine of the angle by which a bond has rotated, which the paper leaves out when it takes
-    the derivative of its energy. The law therefore
+    Bond forces are pairwise and act along the bonds, so momentum and angular momentum are conserved. But the force has
+    a factor L^2, the squared cosine of the rotation angle of a bond, which the paper does not differentiate when it
+    derives the force from the energy. The law therefore
 
-    - has no potential: there is no strain energy, and no energy balance to report;
-    - is not objective: a stretched sheet that rotates as a whole by an angle loses its force with the squared
-      cosine. Use it for sheets that stretch without rotating.
+    - has no potential: no strain energy and no energy balance are reported;
+    - is not objective: if a stretched sheet rotates as a whole, its forces are multiplied by the squared cosine of the
+      angle. Use it only for sheets that stretch without rotating.
 
-    The surface correction makes the energy of every point, near edges and inside, that of a complete round family at
-    stretch 4 (HE eqs. 40, 63, 81, and 43; eqs. 61 to 63 print a factor 2 where eqs. 46 and 51 have none). It matters
-    inside too: without it the energy of a lattice of horizon 3.015 is 20 % too small. Planar as published corrects
-    only along x (below eq. 63). Refitted constants are fitted to the traction, so with them the correction compares
-    tractions instead, along x and y: in uniaxial sheets of horizon 9.015 that reduces the error from 8 to 1 %.
+    The surface correction scales the energy of every point to that of a complete round family at stretch 4 (HE eqs. 40,
+    63, 81, and 43; eqs. 61 to 63 print a factor 2 that eqs. 46 and 51 do not have). It matters in the interior, too:
+    without it the energy of a lattice with horizon 3.015 is 20 % too small. In the published planar mode the correction
+    acts only along x (below eq. 63). Refitted constants are fitted to tractions, so with them the correction compares
+    tractions along x and y; in uniaxial sheets with horizon 9.015 this reduces the error from 8 to 1 %.
 
-    An undeformed sheet has only in-plane stiffness. Plane problems hold all displacements across the plane:
+    An undeformed sheet has only in-plane stiffness. In plane problems, hold all out-of-plane displacements:
     `Fixed(range(sheet.size), "z")`.
 
     Attributes:
-        material: Material for one mode, see `BondNeoHookean`.
-        horizon: Horizon in spacings of the sheet [-], at least 1; the paper's are 3.015, and 9.015 uniaxial.
-        surface_correction: Whether to apply the surface correction.
+        material: Material for one loading mode, see `BondNeoHookean`.
+        horizon: Horizon in spacings of the sheet [-], at least 1; the paper uses 3.015, and 9.015 for uniaxial loading.
     """
 
     material: BondNeoHookean
     horizon: float = 3.015
-    surface_correction: bool = True
 
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = False
@@ -58,15 +56,14 @@ class HyperelasticBonds:
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
-        one_of("surface_correction", self.surface_correction, (True, False))
         if not isinstance(self.material, BondNeoHookean):
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet does not allow, or a sheet of one row of points.
+            InputError: if the sheet does not allow the horizon, or has only one row of points.
         """
         return HyperelasticBondsForce(self, context)
 
@@ -75,8 +72,7 @@ class HyperelasticBondsForce(FamilyLaw):
     """The law on one sheet and device.
 
     Attributes:
-        bond_constants: Constants of bonds that are longer and shorter than in the reference configuration, and the
-            surface correction along x and y of each point, (N,) vec2, if there is one.
+        bond_constants: Constants of bonds, and the surface correction of each point along x and y, (N,) vec2.
     """
 
     weights = "pairwise"
@@ -85,18 +81,15 @@ class HyperelasticBondsForce(FamilyLaw):
     def __init__(self, law: HyperelasticBonds, context: Context) -> None:
         sheet, self.law = whole_sheet(law, context), law
         if sheet.lattice is not None and sheet.lattice.rows == 1:
-            raise InputError("sheet has one row of points: expected at least two with the law HyperelasticBonds")
+            raise InputError("sheet: expected at least two rows of points with the law HyperelasticBonds, got one")
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
         weights = families.scaled(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
-        shortened = law.material.compressed_constants
-        self.kernels = hyperelastic_bonds(context.layout, shortened is not None, law.surface_correction)
+        self.kernels = hyperelastic_bonds(context.layout)
         self.bond_constants = self.kernels.constants()
-        self.bond_constants.stretched = self.constants
-        self.bond_constants.shortened = context.types.parameters(*(shortened or law.material.constants))
-        if law.surface_correction:
-            values = families.rows_of_points(surface_factors(families, law.material))
-            self.bond_constants.factors = context.array("surface_factors", self.owner, context.types.vec2, values)
+        self.bond_constants.tension = self.constants
+        values = families.rows_of_points(surface_factors(families, law.material))
+        self.bond_constants.factors = context.array("surface_factors", self.owner, context.types.vec2, values)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
@@ -107,7 +100,7 @@ class HyperelasticBondsForce(FamilyLaw):
         )  # fmt: skip
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launch that fills an array (N,) with the sums of the rows of the stiffness [N/m]."""
+        """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
         context = self.context
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         stage.launch(
@@ -126,10 +119,11 @@ def _bond_weights(families: Families) -> np.ndarray:
 
 
 def surface_factors(families: Families, material: BondNeoHookean) -> np.ndarray:
-    """Factors along x and y by row, shape (R, 2): ratio of a complete round family to that of the row at stretch 4.
+    """Surface correction along x and y by row, shape (R, 2): ratio of a complete round family to that of the row.
 
-    The ratio compares energies for published constants (to 1e-3 that of the continuum, HE eqs. 35, 58 and 77), and
-    tractions along the stretch for refitted ones. The stretch is along x, then along y, in the material's mode.
+    The ratio compares energies for published constants (which agree with the continuum to 1e-3, HE eqs. 35, 58 and 77)
+    and tractions along the stretch for refitted ones. The stretch is 4, along x and then along y, in the material's
+    loading mode.
     """
     p, published = material.coefficients, material.fit != "refitted"
     across = {"equibiaxial": CALIBRATION, "planar": 1.0, "uniaxial": CALIBRATION**-0.5}[material.mode]

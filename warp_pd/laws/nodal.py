@@ -1,4 +1,4 @@
-"""Nodal correspondence: a law with zero-energy modes, as a baseline for the others."""
+"""Nodal correspondence: a law with zero-energy modes, provided as a baseline."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .weight_tables import point_tables
 class Nodal:
     """Nodal (conventional) correspondence: one deformation gradient and one stress per point (NN eqs. 2 to 5).
 
-    The energy of a point, h a_i Psi(F_i), does not change with a checkerboard displacement, or with the displacement of
-    the point at the centre of its family. Use the law as a baseline, not for results. The stress of a damaged family is
-    scaled by the fraction of its area that is still intact.
+    A checkerboard displacement, or a displacement of the point at the centre of a family, does not change its energy h
+    a_i Psi(F_i). Use the law only as a baseline. The stress of a damaged family is scaled by the intact fraction of its
+    area.
 
     Attributes:
         material: Any hyperelastic material.
@@ -48,10 +48,10 @@ class Nodal:
         check_material(self.material, "functions")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet does not allow.
+            InputError: if the sheet does not allow the horizon.
         """
         return NodalForce(self, context)
 
@@ -59,11 +59,11 @@ class Nodal:
 class PointLaw(FamilyLaw):
     """Base class of laws with one deformation gradient per point.
 
-    The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij;
-    with corrected weights W_ij of the bonds themselves.
+    The families have no intersections. Their tables have K_i^-1 and 2 / tr K_i of the undamaged sheet instead of
+    K_ij^-1 and W_ij, or, with corrected weights, one weight W_ij per bond.
 
     Attributes:
-        pairs: Force of the family of a point on each of its pairs [N], (members, N).
+        pairs: Force of each family on its pairs [N], (members, N).
     """
 
     def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, weights: str) -> None:
@@ -98,7 +98,7 @@ class NodalForce(PointLaw):
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def soften(self, damage: Array) -> None:
-        """Let the family of each point lose stiffness by its damage, (N,)."""
+        """Reduce the stiffness of each family by the damage of its point, (N,)."""
         self.damage = damage
 
     def represented_areas(self) -> np.ndarray:

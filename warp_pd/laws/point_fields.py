@@ -1,4 +1,4 @@
-"""Point fields that force laws offer for frames: stretches, stresses, wrinkle state, counts of bonds."""
+"""Point fields that force laws offer for frames: stretches, stresses, wrinkle state, bond counts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OWNER = "fields"
 
 
 class ShowingLaw(Protocol):
-    """What fields need of a law on a device."""
+    """Interface of a built law needed to compute fields."""
 
     context: Context
     points: int
@@ -38,7 +38,7 @@ class ShowingLaw(Protocol):
     constants: Any
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments common to all launches of a law."""
+        """Arguments common to all launches of the law."""
         ...
 
 
@@ -46,8 +46,8 @@ def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
     """Names of the fields that a law offers.
 
     Args:
-        context: Its arrays; a sheet of one row of points has no strain in its plane.
-        stress: The material of its stress, or None for a law without a stress of its material.
+        context: Context of the sheet; a sheet of one row of points has no in-plane strain.
+        stress: The material of the stress fields, or None if the law has none.
     """
     lattice = context.sheet.lattice
     if lattice is not None and lattice.rows == 1:
@@ -61,23 +61,23 @@ def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
 
 
 def grouped(names: Sequence[str]) -> list[str]:
-    """Names of groups: "stretch" for "stretch_1"; each once, in the order of GROUPS, then others as they are."""
+    """Unique group names ("stretch" for "stretch_1"), in the order of GROUPS, followed by names without a group."""
     of = {array: group for group, arrays in GROUPS.items() for array in arrays}
     asked = [of.get(name, name) for name in names]
     return [name for name in GROUPS if name in asked] + [name for name in asked if name not in GROUPS]
 
 
 def refuse_other(names: Sequence[str], known: Sequence[str], law: str, shown: Sequence[str]) -> None:
-    """Refuse names that a law does not offer.
+    """Check that a law offers the requested fields.
 
     Args:
         names: Requested names.
         known: Names that the law offers.
         law: Name of the law, for the message.
-        shown: Names of the fields that frames show anyway, for the message.
+        shown: Names of the fields that frames always have, for the message.
 
     Raises:
-        InputError: for the first of them.
+        InputError: for the first name that is not offered.
     """
     for name in names:
         if name not in known:
@@ -89,11 +89,11 @@ def refuse_other(names: Sequence[str], known: Sequence[str], law: str, shown: Se
 
 
 class ShownFields:
-    """Fields of a law that frames show, each with its array.
+    """The requested fields of a law, each with its array.
 
     Args:
-        law: The law on its device.
-        names: Names of groups.
+        law: The built law.
+        names: Group names.
     """
 
     def __init__(self, law: ShowingLaw, names: Sequence[str]) -> None:
@@ -110,7 +110,7 @@ class ShownFields:
             self.arrays[name] = context.array(name, OWNER, dtype, shape=law.points, output=name)
 
     def add_principal(self, stage: Stage, kernel: Kernel, **more: Any) -> None:
-        """Add the launch of a kernel of principal values, unless none is wanted."""
+        """Add the launch of a kernel of principal values if any are wanted."""
         if self.wanted == Wanted():
             return
         values: dict[str, Any] = {
@@ -123,12 +123,12 @@ class ShownFields:
         )  # fmt: skip
 
     def stresses(self) -> list[Array]:
-        """Arrays of the stresses that are wanted [Pa]."""
+        """Arrays of the wanted stresses [Pa]."""
         names = [name for group in STRESSES for name in GROUPS[group]]
         return [self.arrays[name] for name in names if name in self.arrays]
 
     def add_counts(self, stage: Stage) -> None:
-        """Add the launch that counts bonds, if they are wanted."""
+        """Add the launch that counts bonds if the counts are wanted."""
         if not self.counts:
             return
         context = self.law.context
@@ -139,20 +139,20 @@ class ShownFields:
         )  # fmt: skip
 
     def of_family(self, material: Material | None) -> Kernel:
-        """Kernel of the gradient of the family, with the stress of a material, or None."""
+        """Kernel for one gradient per family, with the stress of `material` if it is not None."""
         context, known = self.law.context, capabilities(material)
         functions = None if material is None else material.functions
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
     def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
-        """Kernel of the means over the bonds of a law with a gradient for each."""
+        """Kernel for means over bonds, for a law with one gradient per bond."""
         known: Capabilities = capabilities(material)
         stiffened = self.law.context.sheet.stiffness is not None
         return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted)
 
 
 def factors(context: Context) -> Array | None:
-    """Factor on the moduli of each point, (N,), on a sheet of more than one material."""
+    """Factor on the moduli of each point, (N,), or None on a uniform sheet."""
     stiffness = context.sheet.stiffness
     if stiffness is None:
         return None

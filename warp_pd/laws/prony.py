@@ -20,20 +20,20 @@ def check_prony(prony: Any) -> None:
     """Check that Prony terms are a tuple.
 
     Raises:
-        InputError: otherwise.
+        InputError: if they are not.
     """
     if not isinstance(prony, tuple) or not all(isinstance(term, Prony) for term in prony):
-        raise InputError(f"prony = {prony!r}: expected a tuple of Prony")
+        raise InputError(f"prony = {prony!r}: expected a tuple of Prony terms")
 
 
 def prony_array(prony: tuple[Prony, ...], context: Context, name: str = "prony") -> Array:
-    """Constants of the terms on the device."""
+    """Copy the constants of the terms to the device."""
     values = np.array([term.constants for term in prony])
     return context.array(name, "Visco", context.types.parameters, values, per="table")
 
 
 def at_once(prony: tuple[Prony, ...], context: Context) -> tuple[Array, Array]:
-    """A step of one second, and the Prony terms with relaxation times so long that nothing relaxes in it."""
+    """A time step of 1 s, and the Prony terms with relaxation times so long that nothing relaxes in that step."""
     slow = tuple(replace(term, time=AT_ONCE, exponent=0.0) for term in prony)
     one_second = context.array("one_second", "Visco", context.types.real, np.ones(1), per="table")
     return one_second, prony_array(slow, context, "prony_at_once")

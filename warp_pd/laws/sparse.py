@@ -8,30 +8,30 @@ import numpy as np
 
 
 class Factors:
-    """A factorisation, which solves K x = b on arrays of shape (N, 3)."""
+    """A factorisation that solves K x = b on arrays of shape (N, 3)."""
 
     def __init__(self, factors: Any, free: np.ndarray) -> None:
         self._factors, self._free = factors, free
 
     def __call__(self, b: np.ndarray) -> np.ndarray:
-        """Returns x for b, both of shape (N, 3)."""
+        """Return x for b, both of shape (N, 3)."""
         x = np.zeros(self._free.size)
         x[self._free] = self._factors.solve(np.ascontiguousarray(b.ravel()[self._free], dtype=np.float64))
         return x.reshape(b.shape)
 
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of K: with pivots on the diagonal, that of negative ones (Sylvester)."""
+        """Number of negative eigenvalues of K, which equals that of negative pivots (Sylvester's law of inertia)."""
         if (self._factors.perm_r != self._factors.perm_c).any():
             return None
         return int((self._factors.U.diagonal() < 0.0).sum())
 
 
 def factorised(matrix: Any, free: np.ndarray) -> Factors | None:
-    """Solver of K x = b on arrays of shape (N, 3); None if K is singular.
+    """Factorise K and return a solver of K x = b on arrays of shape (N, 3); None if K is singular.
 
     Args:
-        matrix: K of the free components [N/m], symmetric, in compressed columns.
-        free: Which components are free, shape (3 N,); the others of x are zero.
+        matrix: K of the free components [N/m], symmetric, in compressed sparse column format.
+        free: Mask of the free components, shape (3 N,); other components of x are zero.
     """
     from scipy.sparse.linalg import splu
 

@@ -19,21 +19,21 @@ class Rotation:
     """A rotation that may map a family onto itself.
 
     Attributes:
-        turns: How many of them make a full turn, 4 or 2.
+        turns: Number of such rotations in a full turn, 4 or 2.
     """
 
     turns: int
 
     def of(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """The rotated components."""
+        """The rotated vector."""
         return (-y, x) if self.turns == 4 else (-x, -y)
 
     def turned(self, steps: list[tuple[int, int]]) -> list[int]:
-        """Member onto which each member is mapped, -1 if there is none."""
+        """Member to which each member is mapped, -1 if there is none."""
         return [steps.index(step) if (step := self.of(x, y)) in steps else -1 for x, y in steps]
 
     def part(self, steps: list[tuple[int, int]]) -> list[int]:
-        """Members whose rotations are all members."""
+        """A subset of members whose rotations give all members."""
         return [k for k, (x, y) in enumerate(steps) if (x > 0 and y >= 0) or (self.turns == 2 and x <= 0 < y)]
 
     def keeps(self, steps: list[tuple[int, int]], bonds: np.ndarray, weight: np.ndarray) -> bool:
@@ -49,10 +49,10 @@ ROTATIONS = (Rotation(4), Rotation(2))
 
 
 def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarray) -> tuple[Stencil, int] | None:
-    """Stencil of the undamaged families inside a lattice or grid, and the row that they share; None if there are none.
+    """Stencil of the undamaged inner families of a lattice or grid, and their table row; None if there are none.
 
-    There are none on clouds, with more than 32 members, and on sheets so small that no family is complete and has
-    equal weights.
+    The result is None on clouds, for more than 32 members, and on sheets so small that no family is complete and has
+    symmetric weights.
 
     Args:
         families: The families.
@@ -95,15 +95,15 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
 
 
 def short_path(part: list[int], inside: np.ndarray, turned: list[int]) -> list[int]:
-    """The bonds of a part in an order in which each intersection has nearly the members of the one before.
+    """Order the bonds of a part so that consecutive intersections differ little.
 
-    The rotation of the first bond follows the last one. A short path is found from every bond by reversing sections of
-    one as long as it gets shorter.
+    The rotated first bond follows the last one. Starting from every bond, sections of the path are reversed as long as
+    it gets shorter (2-opt).
 
     Args:
         part: The bonds.
         inside: Whether each member (second index) belongs to the intersection of each bond.
-        turned: Member onto which the rotation maps each member.
+        turned: Member to which the rotation maps each member.
     """
 
     def length(path: list[int]) -> int:
@@ -123,5 +123,5 @@ def short_path(part: list[int], inside: np.ndarray, turned: list[int]) -> list[i
 
 
 def _even(value: float) -> float:
-    """The number without its last digits, which depend on the size of the sheet, so that sheets share kernels."""
+    """Round off the last digits, which depend on the size of the sheet, so that sheets share kernels."""
     return float(f"{value:.14g}")

@@ -1,4 +1,4 @@
-"""Interface of the bond-associated law on a device for its tangent and its force paths."""
+"""Interface of the built bond-associated law for its tangent and its force paths."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Key = tuple[Layout, PairFactory, str]
 
 
 class BondAssociatedLaw(Protocol):
-    """The law on one sheet and device, see laws/bond_associated.py and laws/family_law.py."""
+    """The built law, see laws/bond_associated.py and laws/family_law.py."""
 
     owner: str
     weights: str
@@ -51,16 +51,16 @@ class BondAssociatedLaw(Protocol):
 
     @property
     def fast(self) -> bool:
-        """Whether to take a faster path than the reference where one applies."""
+        """Whether to use a faster path than the reference where one applies."""
         ...
 
     @property
     def pairs(self) -> Array:
-        """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
+        """Force of each family on its pairs [N], (members, N) vec3."""
         ...
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments common to all launches of a law."""
+        """Arguments common to all launches of the law."""
         ...
 
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:

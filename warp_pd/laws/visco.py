@@ -28,20 +28,21 @@ VISCOUS = ("viscous_step", "viscous_force")
 
 @dataclass(frozen=True)
 class Visco(BondAssociated):
-    """Bond-associated visco-hyperelasticity in plane stress, free of stress at rest.
+    """Bond-associated visco-hyperelasticity in plane stress; the undeformed sheet is stress-free.
 
-    The second Piola stress of every intersection is the material's, which is what is left after a long time, plus
-    stresses that relax: S = S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous stress
-    is S_inf + sum_p S_p. Nothing can be gained from it, whatever the motion: see kernels/visco.py, which also
-    says what is stored and what is lost. Its state needs 3 numbers a bond, and 3 more a Prony term.
+    The second Piola stress of every intersection is the material's (the long-term stress) plus stresses that relax: S =
+    S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous stress is S_inf + sum_p S_p.
+    No motion can extract energy from it; see kernels/visco.py, also for the stored and dissipated energy. The state has
+    3 numbers per bond, and 3 more per Prony term.
 
-    Where a bond breaks, the energy that its Prony terms stored counts as viscous loss, and the strain of the others
-    jumps, which the energy balance does not follow.
+    When a bond breaks, the energy stored in its Prony terms counts as viscous loss. The strain of the remaining bonds
+    jumps, which the energy balance does not include.
 
     Attributes:
-        material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
-        prony: Terms that relax, by name only; none makes this the elastic law.
-        fast: Whether a CPU takes the fast kernels, force and relaxation of a step in one, by name only; a GPU has none.
+        material: Material of the long-term stress, such as Yeoh. Other arguments are those of BondAssociated.
+        prony: Relaxing terms (keyword only); without terms the law is elastic.
+        fast: Whether to use fast kernels on a CPU, which combine force and relaxation of a step (keyword only); a GPU
+            has none.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
@@ -60,25 +61,25 @@ class Visco(BondAssociated):
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device; without Prony terms those of BondAssociated.
+        """Build the families and tables on the device; without Prony terms those of BondAssociated.
 
         Raises:
-            InputError: for a horizon that the sheet or the weights do not allow.
+            InputError: if the sheet or the weights do not allow the horizon.
         """
         return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
 
 
 class ElasticVisco(BondAssociatedForce):
-    """Visco without Prony terms. It takes only force paths that store the force of every pair in `pairs`."""
+    """Visco without Prony terms, with only those force paths that store the force of every pair in `pairs`."""
 
     paths: ClassVar[Sequence[type[ForcePath]]] = (RowSums, Reference)
 
     def bond_force(self) -> Array:
-        """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
+        """Force of each family on its pairs [N], (members, N) vec3."""
         return self.pairs
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The law has no tangent.
+        """Raise, because the law has no tangent.
 
         Raises:
             InputError: always.
@@ -92,7 +93,7 @@ class ViscoForce(ElasticVisco):
     Attributes:
         internal: Internal variables by name.
         rows: The fast kernels of a CPU, or None.
-        viscous: Energy that each family has dissipated [J], (N,) float64, as of the last frame.
+        viscous: Energy that each family has dissipated until the last frame [J], (N,) float64.
     """
 
     # Those of elastic laws know of no Prony terms.
@@ -119,7 +120,7 @@ class ViscoForce(ElasticVisco):
         self.viscous = context.array("viscous", self.owner, wp.float64, shape=self.points)
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase; at the start those that reach the initial displacement at once."""
+        """Add the launches of a phase; at the start those that apply the initial displacement instantaneously."""
         super().add(phase, stage)
         state = self.context.state
         if phase is Phase.INTERNAL_VARIABLES:
@@ -131,26 +132,26 @@ class ViscoForce(ElasticVisco):
             self.add_energy(stage, state.displacement, self.viscous)
 
     def begin(self) -> None:
-        """What it took to reach the initial displacement is stored, none of it lost."""
+        """Reset the losses: the work of the initial displacement is stored, not dissipated."""
         work = self.internal["viscous_work"]
         work.assign(to_host(work) - to_host(self.viscous))
 
     def soften(self, damage: Array) -> None:
-        """Refuse a damage field.
+        """Raise, because the law does not support a damage field.
 
         Raises:
             InputError: always.
         """
-        raise InputError("damage = TearingEnergy: expected Visco without prony, or another criterion with it")
+        raise InputError("damage = TearingEnergy: expected Visco without prony, or another criterion")
 
     def sums(self) -> Mapping[str, Array]:
         """Strain energy and viscous losses."""
         return {**super().sums(), "viscous": self.viscous}
 
     def add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
-        """Add the launch that brings the internal variables to the end of a step [s], one real number.
+        """Add the launch that advances the internal variables to the end of a step [s], a single real number.
 
-        The fast kernel also fills `pairs` with the forces there.
+        The fast kernel also fills `pairs` with the forces at the end of the step.
         """
         if self.rows is not None:
             self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
@@ -20,36 +20,31 @@ from ..materials import Prony, Yeoh
 from .family_law import FamilyLaw, require_one_material, whole_sheet
 from .prony import at_once, check_prony, prony_array
 
-UPDATES = ("exact", "series")
-
 
 @dataclass(frozen=True)
 class ViscoBondBased:
     """The published visco-hyperelastic bond law of Yeoh sheets (VE eqs. 46 to 75).
 
-    Its two-dimensional energy c10 (I1 - 2) + c20 (I1 - 2)^2 has no pressure term: a sheet at rest is under tension,
-    4 c10 w |X| / m in a bond, and free edges contract. I1 is that of the point's own family (eq. 41), where the paper
-    takes the stretch of the whole sheet: so the law knows holes and cracks; and m (eq. 39) is the sum over the family,
-    where the paper writes its integral, pi h horizon^4. Without Prony terms its forces have an energy, with them not.
+    The two-dimensional energy c10 (I1 - 2) + c20 (I1 - 2)^2 has no pressure term: an undeformed sheet is under tension,
+    4 c10 w |X| / m per bond, and free edges contract. I1 is that of the point's family (eq. 41); the paper uses the
+    stretch of the whole sheet, which does not allow holes or cracks. m (eq. 39) is the sum over the family; the paper
+    uses the integral pi h horizon^4. Without Prony terms the forces have an energy; with them they have not.
 
     Attributes:
         material: Yeoh with c10 and c20.
-        horizon: Horizon over the spacing of the sheet [-].
-        prony: Terms that relax, by name only.
-        update: "exact" for a stretch that changes linearly over a step, or "series", eq. 60.
+        horizon: Horizon in spacings of the sheet [-].
+        prony: Relaxing terms (keyword only).
     """
 
     material: Yeoh
     horizon: float = 3.015
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
-    update: str = field(default="exact", kw_only=True)
 
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
-        one_of("update", self.update, UPDATES)
         check_prony(self.prony)
         if not isinstance(self.material, Yeoh) or self.material.c30 != 0.0:
             raise InputError(f"material = {self.material!r}: expected Yeoh with c30 = 0")
@@ -60,10 +55,10 @@ class ViscoBondBased:
         return not self.prony
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet does not allow.
+            InputError: if the sheet does not allow the horizon.
         """
         return ViscoBondBasedForce(self, context)
 
@@ -73,7 +68,7 @@ class ViscoBondBasedForce(FamilyLaw):
 
     Attributes:
         internal: Internal variables by name.
-        pairs: What the family of a point pulls each of its bonds with [N], (members, N) vec3.
+        pairs: Force of each family on its bonds [N], (members, N) vec3.
     """
 
     weights = "pairwise"
@@ -83,7 +78,7 @@ class ViscoBondBasedForce(FamilyLaw):
         require_one_material(context.sheet, "the law ViscoBondBased")
         families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
         super().__init__(law, context, families, None, _bond_weights(families))
-        self.kernels = visco_bonds(context.layout, bool(law.prony), law.update == "series")
+        self.kernels = visco_bonds(context.layout, bool(law.prony))
         self.earlier_energy = self.kernels.earlier_energy
         shape = (families.members, self.points)
         self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
@@ -98,7 +93,7 @@ class ViscoBondBasedForce(FamilyLaw):
                 )
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase; at the start that which reaches the initial displacement at once."""
+        """Add the launches of a phase; at the start the one that applies the initial displacement instantaneously."""
         super().add(phase, stage)
         if self.prony is None:
             return
@@ -110,14 +105,14 @@ class ViscoBondBasedForce(FamilyLaw):
             self._add_update(stage, state.displacement, *at_once(self.law.prony, self.context))
 
     def _add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
-        """Add the launch that brings the internal variables to the end of a step [s], one real number."""
+        """Add the launch that advances the internal variables to the end of a step [s], a single real number."""
         stage.launch(
             self.owner, self.kernels.update, self.points, **self.family_arguments(displacement), step=step,
             prony=prony, **self.internal,
         )  # fmt: skip
 
     def bond_force(self) -> Array:
-        """What the family of a point pulls each of its bonds with [N], (members, N) vec3."""
+        """Force of each family on its bonds [N], (members, N) vec3."""
         return self.pairs
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
@@ -135,15 +130,9 @@ class ViscoBondBasedForce(FamilyLaw):
         """Kernel of the energy of each family, without Prony terms."""
         return self.kernels.strain_energy
 
-    def likely_cause(self, safety: float) -> str:
-        """What to suspect where a run diverged."""
-        if self.internal and self.law.update == "series":
-            return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
-        return super().likely_cause(safety)
-
 
 def _bond_weights(families: Families) -> np.ndarray:
-    """4 w a_i a_k / sum_k w |xi|^2 a_k by row, areas over the reference area, shape (R, n)."""
+    """4 w a_i a_k / sum_k w |xi|^2 a_k by row, areas divided by the reference area, shape (R, n)."""
     squared = np.where(families.exists, (families.bonds**2).sum(axis=-1), 0.0)
     c = families.member_coefficients
     return np.asarray(4.0 * families.areas[:, None] * c / (c * squared).sum(axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Families with the weights of the bond-associated law, and with those of laws that have one gradient a point."""
+"""Families and weights of the bond-associated law, and of laws with one gradient per point."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
 
 
 def law_tables(context: Context, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
-    """Families of the points here and their tables; arguments and results as for `weight_tables`.
+    """Families of the local points and their tables; arguments and results as for `weight_tables`.
 
-    A process builds those of its own points alone where it can: plain weights of a cloud.
+    With plain weights on a cloud, a process builds only the families of its own points.
     """
     partition = context.partition
     if partition is not None and weights == "plain" and builds_alone(context.whole, partition):
@@ -47,16 +47,16 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
 
     Args:
         sheet: The sheet.
-        horizon: Over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         influence: Influence function, see `BondAssociated`.
         weights: "published", "plain" or "corrected".
 
     Returns:
-        The families; K^-1 by row, shape (R, n, 3); weights over the reference area by row, shape (R, n) (for
-        "published" the sizes |D_ij| instead); what the correction did, or None.
+        The families; K^-1 by row, shape (R, n, 3); weights divided by the reference area by row, shape (R, n) (for
+        "published" the sizes |D_ij|); a report on the correction, or None.
 
     Raises:
-        InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
+        InputError: if weights cannot be corrected for this horizon or so large a cloud.
     """
     if weights == "corrected":
         _require_correctable(sheet, horizon, "plain")
@@ -77,7 +77,7 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
 
 
 def plain_weights(families: Families, size: np.ndarray) -> np.ndarray:
-    """Weights in proportion to the sizes of the intersections, over the reference area, shape (R, n)."""
+    """Weights in proportion to the sizes of the intersections, divided by the reference area, shape (R, n)."""
     total = size.sum(axis=1)
     return np.asarray((families.areas / np.where(total > 0.0, total, 1.0))[:, None] * size)
 
@@ -89,16 +89,16 @@ def point_tables(
 
     Args:
         sheet: The sheet.
-        horizon: Over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         influence: Influence function, see `BondAssociated`.
-        corrected: Whether each bond gets a weight, so that a uniform stress is in balance.
+        corrected: Whether to use corrected weights, one per bond, for which a uniform stress is in equilibrium.
 
     Returns:
         The families; K_i^-1 by row (11, 12, 22; zero where degenerate), shape (R, 1, 3); 2 / tr K_i, shape (R, 1), or
-        the corrected weights over the reference area, shape (R, n); what the correction did, or None.
+        the corrected weights divided by the reference area, shape (R, n); a report on the correction, or None.
 
     Raises:
-        InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
+        InputError: if weights cannot be corrected for this horizon or so large a cloud.
     """
     if corrected:
         _require_correctable(sheet, horizon, "published")
@@ -124,7 +124,7 @@ def point_tables(
 
 
 def _shapes(families: Families) -> np.ndarray:
-    """K_i of every row (11, 12, 22) over the horizon squared and the reference area, shape (R, 3)."""
+    """K_i of every row (11, 12, 22) divided by the squared horizon and the reference area, shape (R, 3)."""
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
     c = families.member_coefficients
     return np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
@@ -145,7 +145,7 @@ def _require_correctable(sheet: Sheet, horizon: float, instead: str) -> None:
 
 
 def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:
-    """Weights by row over the reference area, shape (R, n): corrected, but plain where a cut severed the family."""
+    """Weights by row over the reference area, shape (R, n): corrected, but plain for families crossed by a cut."""
     assert sheet.lattice is not None and families.first is not None and families.severed is not None
     columns = sheet.lattice.columns
     corrected = rectangle.at(families.first % columns, families.first // columns) / families.reference_area
@@ -172,8 +172,9 @@ def _correction(
 ) -> tuple[np.ndarray, CorrectedWeights]:
     """Corrected weights by row [m^2], shape (R, n), of a cloud or grid.
 
-    Points that share a row keep their plain weights: they and all around them are in balance. So the solve needs the
-    points with rows of their own, those in whose balance these take part, and the families of the latter's members.
+    Points that share a row keep their plain weights, because they and their surroundings are in equilibrium. The solve
+    includes the points with separate rows, the points whose equilibrium these affect, and the members of those points'
+    families.
     """
     from ..families.weights import corrected_weights, reached_points
 
@@ -226,7 +227,7 @@ def _edges(sheet: Sheet) -> np.ndarray:
 
 
 def _with_members(families: Families, points: np.ndarray) -> np.ndarray:
-    """A mask of points with all members of their families."""
+    """Extend a mask of points by all members of their families."""
     members = families.members_of(np.flatnonzero(points))
     reached = points.copy()
     reached[members[members >= 0]] = True
@@ -242,7 +243,7 @@ def _require_few(points: int, instead: str) -> None:
 
 
 def _report(solved: CorrectedWeights, sheet: Sheet) -> dict[str, float]:
-    """What the correction did, for summary.json; residuals in spacings."""
+    """Report on the correction for summary.json; residuals in spacings."""
     return {
         "residual": solved.residual / sheet.spacing,
         "residual_of_plain": solved.start_residual / sheet.spacing,

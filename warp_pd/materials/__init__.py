@@ -1,4 +1,4 @@
-"""Materials: constants, and the device functions that they belong to."""
+"""Materials: constants and their device functions."""
 
 from .compressible import Gent, NeoHookean
 from .energy import borne, energy_density, stretch_of_density, tension_energy_density

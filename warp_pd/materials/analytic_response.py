@@ -1,4 +1,4 @@
-"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes and for parameter identification."""
+"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes."""
 
 from __future__ import annotations
 
@@ -6,22 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.checks import InputError, one_of
+from ..device.checks import InputError
 from . import Prony, Yeoh
-
-LOADINGS = ("uniaxial", "equibiaxial", "planar")
-
-
-def width_stretch(loading: str, stretch: np.ndarray) -> np.ndarray:
-    """Stretch across a pulled incompressible sheet, shape of `stretch`.
-
-    Raises:
-        InputError: for a loading other than "uniaxial", "equibiaxial" or "planar".
-    """
-    one_of("loading", loading, LOADINGS)
-    if loading == "uniaxial":
-        return stretch**-0.5
-    return stretch if loading == "equibiaxial" else np.ones_like(stretch)
 
 
 def second_stress(c10: float, c20: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -35,17 +21,17 @@ def nominal_stress(
 ) -> np.ndarray:
     """First Piola stress along x [Pa] of the law Visco after a history of stretches, shape (n,).
 
-    Every relaxing stress follows its convolution, which is exact if it changes linearly between the times.
+    Relaxing stresses follow from their convolution integral, which is exact if they change linearly between the times.
 
     Args:
         material: Yeoh with c10 and c20.
-        prony: Terms that relax.
+        prony: Relaxing terms.
         time: Increasing times [s], shape (n,).
-        x: Stretch along x, 1 when undeformed, shape (n,); at the first time it may have jumped.
+        x: Stretch along x, shape (n,); it may jump at the first time.
         y: Stretch along y, shape (n,).
 
     Raises:
-        InputError: for times that do not increase.
+        InputError: if times do not increase.
     """
     _require_rising(time)
     third = 1.0 / (x * y)
@@ -57,7 +43,7 @@ def nominal_stress(
 
 
 def published_stress(material: Yeoh, prony: Sequence[Prony], time: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """The same for the law ViscoBondBased under equal stretches along x and y [Pa], shape (n,) (VE eqs. 46 to 55)."""
+    """As `nominal_stress`, for the law ViscoBondBased under equibiaxial stretch [Pa], shape (n,) (VE eqs. 46 to 55)."""
     _require_rising(time)
     excess = 2.0 * stretch**2 - 2.0
     total = (material.c10 + 2.0 * material.c20 * excess) * stretch
@@ -83,4 +69,4 @@ def _relaxing(term: Prony, time: np.ndarray, change: np.ndarray, driven: np.ndar
 
 def _require_rising(time: np.ndarray) -> None:
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
-        raise InputError(f"time has {len(time)} values: expected at least two, increasing")
+        raise InputError(f"time: expected at least two increasing values, got {len(time)}")

@@ -1,6 +1,7 @@
 """Neo-Hookean material of bonds for one loading mode, and the response of its sheet to uniform stretch.
 
-A bond knows only its own stretch, so its law is made for one mode of loading: stretch l along x, and along y
+The force of a bond depends only on its own stretch, so the law holds for one loading mode: stretch l along x, and along
+y
 
     equibiaxial  l,      planar  1,      uniaxial  that of traction-free edges; 1/sqrt(l) in the exact solution.
 
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import one_of, positive
 
 Coefficients = tuple[float, float, float, float]
 
@@ -24,9 +25,8 @@ PUBLISHED: dict[str, Coefficients] = {
     "planar": (31 / 25, 0.0, 89 / 81, 0.0),
     "uniaxial": (64 / 49, 0.5 * 3 / 4, 0.0, 2.0 * 8 / 17),
 }
-# Uniaxial compression (HE eq. 77b).
-COMPRESSED: Coefficients = (-109 / 14, -0.5 * 239 / 16, 0.0, 2.0 * 5 / 18)
-# Result of `refitted`, a = b + c + d; tests/unit/test_bond_neo_hookean.py finds it again.
+# No force at stretch 1, a = b + c + d, and least squares of the relative error of the traction along x at 30 stretches
+# up to 4. No coefficients also give a uniaxial sheet its exact width (docs/stretch.md).
 REFITTED: dict[str, Coefficients] = {
     "equibiaxial": (1.0, 0.0, 0.0, 1.0),
     "planar": (1.1650912, 1.6381354, -1.7093861, 1.2363419),
@@ -34,7 +34,7 @@ REFITTED: dict[str, Coefficients] = {
 }
 # The exact traction divided by mu is l - l^-k.
 EXPONENT = {"equibiaxial": 5, "planar": 3, "uniaxial": 2}
-MODES, FITS = tuple(PUBLISHED), ("published", "published_both", "refitted")
+MODES, FITS = tuple(PUBLISHED), ("published", "refitted")
 ANGLES = (np.arange(180) + 0.5) * np.pi / 90
 
 
@@ -46,15 +46,14 @@ class BondNeoHookean:
         mu: Shear modulus [Pa]; E/3.
         mode: "equibiaxial", "planar" or "uniaxial".
         fit: The set of constants:
-            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), those of tension for every
-                bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
-            "published_both": uniaxial only; bonds shorter than in the reference configuration take the constants that
-                the paper fits to compressive loading (eq. 77b). There t(1) = -0.873 mu, so the force jumps, and it
-                becomes tensile as the bond shortens. The paper prints both sets and does not say how to join them.
-            "refitted": no force at stretch 1, and the traction nearest to the exact one, see `refitted`.
+            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), the constants of tension for
+                every bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
+                (The paper's constants of uniaxial compression, eq. 77b, have t(1) = -0.873 mu: with both sets the force
+                would jump.)
+            "refitted": zero force at stretch 1 and the traction closest to the exact one.
 
     Raises:
-        InputError: for a modulus that is not positive, or an unknown mode or fit.
+        InputError: if the modulus is not positive, or the mode or fit is unknown.
     """
 
     mu: float
@@ -65,29 +64,18 @@ class BondNeoHookean:
         positive("mu", self.mu)
         one_of("mode", self.mode, MODES)
         one_of("fit", self.fit, FITS)
-        if self.fit == "published_both" and self.mode != "uniaxial":
-            raise InputError(f"fit = 'published_both' with mode = {self.mode!r}: expected mode = 'uniaxial'")
 
     @property
     def coefficients(self) -> Coefficients:
-        """(a, b, c, d) of stretched bonds, divided by mu."""
+        """(a, b, c, d), divided by mu."""
         return REFITTED[self.mode] if self.fit == "refitted" else PUBLISHED[self.mode]
 
     @property
     def constants(self) -> Coefficients:
-        """t(1), b, c, d [Pa] of stretched bonds, or of all."""
-        return _scaled(self.mu, self.coefficients)
-
-    @property
-    def compressed_constants(self) -> Coefficients | None:
-        """The same of compressed bonds, if they have separate constants."""
-        return _scaled(self.mu, COMPRESSED) if self.fit == "published_both" else None
-
-
-def _scaled(mu: float, p: Coefficients) -> Coefficients:
-    a, b, c, d = p
-    rest = a - b - c - d
-    return (mu * (0.0 if abs(rest) < 1e-12 else rest), mu * b, mu * c, mu * d)
+        """t(1), b, c, d [Pa]."""
+        a, b, c, d = self.coefficients
+        rest = a - b - c - d
+        return (self.mu * (0.0 if abs(rest) < 1e-12 else rest), self.mu * b, self.mu * c, self.mu * d)
 
 
 def terms(s: np.ndarray) -> np.ndarray:
@@ -120,7 +108,7 @@ def bond_traction(p: Coefficients, directions: np.ndarray, along_x: float, along
 
 
 def round_family() -> np.ndarray:
-    """Unit vectors of the many bonds of a complete round family, shape (n, 2)."""
+    """Unit vectors of the bonds of a complete round family in the limit of many bonds, shape (n, 2)."""
     return np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 
@@ -129,45 +117,6 @@ def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
     return np.asarray(bond_traction(p, round_family(), along_x, along_y).mean(axis=0))
 
 
-def free_width(p: Coefficients, stretch: float) -> float:
-    """Stretch across a sheet that is pulled along x and free along y; NaN if there is none from 0.2 to 1.5."""
-    from scipy.optimize import brentq
-
-    def across(width: float) -> float:
-        return float(tractions(p, stretch, width)[1])
-
-    widths = np.linspace(1.5, 0.2, 66)
-    values = np.array([across(w) for w in widths])
-    turns = np.flatnonzero((values[:-1] > 0.0) & (values[1:] <= 0.0))
-    return float(brentq(across, widths[turns[0] + 1], widths[turns[0]])) if len(turns) else float("nan")
-
-
-def traction(p: Coefficients, mode: str, stretch: float) -> float:
-    """First Piola stress along x divided by mu of a sheet in that mode; uniaxial: at its own free width."""
-    width = {"equibiaxial": stretch, "planar": 1.0}.get(mode)
-    return float(tractions(p, stretch, free_width(p, stretch) if width is None else width)[0])
-
-
 def exact_traction(mode: str, stretch: float) -> float:
-    """The same for the exact incompressible neo-Hookean sheet."""
+    """First Piola stress along x divided by mu of the exact incompressible neo-Hookean sheet."""
     return stretch - stretch ** -EXPONENT[mode]
-
-
-def refitted(mode: str) -> Coefficients:
-    """Coefficients without force at stretch 1 whose traction is nearest to the exact one.
-
-    It is a least-squares fit of the relative error at 31 stretches from 1 to 4, without the first, by scipy. It fits
-    only the traction along x: no coefficients also give a uniaxial sheet its exact width (see docs/stretch.md).
-    """
-    from scipy.optimize import least_squares
-
-    stretches = np.linspace(1.0, 4.0, 31)[1:]
-
-    def joined(x: np.ndarray) -> Coefficients:
-        return (float(x.sum()), *map(float, x))  # type: ignore[return-value]
-
-    def errors(x: np.ndarray) -> np.ndarray:
-        found = np.array([traction(joined(x), mode, stretch) / exact_traction(mode, stretch) for stretch in stretches])
-        return np.nan_to_num(found - 1.0, nan=1.0)
-
-    return joined(least_squares(errors, PUBLISHED[mode][1:], xtol=1e-12, ftol=1e-12, gtol=1e-12).x)

@@ -23,7 +23,7 @@ class NeoHookean(PlaneStress):
         bulk: Bulk modulus K [Pa].
 
     Raises:
-        InputError: for a modulus that is not above zero.
+        InputError: if a modulus is not positive.
     """
 
     mu: float
@@ -47,13 +47,13 @@ class NeoHookean(PlaneStress):
 
     @property
     def ratios(self) -> dict[str, float]:
-        """What, besides the stretches, decides the stress over mu."""
+        """Ratios of constants that, with the stretches, determine the stress divided by mu."""
         return {"bulk/mu": self.bulk / self.mu}
 
 
 @dataclass(frozen=True)
 class Gent(PlaneStress):
-    """Slightly compressible Gent sheet in plane stress: stiffens without bound as I1b - 3 nears Jm.
+    """Slightly compressible Gent sheet in plane stress, which stiffens without bound as I1b - 3 approaches Jm.
 
     Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J), with K = 2/D. Source: BA paper.
 
@@ -63,7 +63,7 @@ class Gent(PlaneStress):
         lock: Jm [-].
 
     Raises:
-        InputError: for a constant that is not above zero.
+        InputError: if a constant is not positive.
     """
 
     mu: float
@@ -89,5 +89,5 @@ class Gent(PlaneStress):
 
     @property
     def ratios(self) -> dict[str, float]:
-        """What, besides the stretches, decides the stress over mu."""
+        """Ratios of constants that, with the stretches, determine the stress divided by mu."""
         return {"bulk/mu": self.bulk / self.mu, "lock": self.lock}

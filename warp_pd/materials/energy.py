@@ -7,21 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from ..device.cores import start_warp
+from ..device.cores import load_kernel, start_warp
 from .protocols import Material, check_material, padded_constants
 
 
 def energy_density(material: Material, first: Any, second: Any, device: Any = None) -> np.ndarray:
-    """Energy per reference volume of a sheet in plane stress [J/m^3], float64; NaN where the material has none.
+    """Energy per reference volume of a sheet in plane stress [J/m^3], float64; NaN where it is undefined.
 
     Args:
-        material: Any hyperelastic material of continua.
+        material: Any continuum hyperelastic material.
         first: Principal stretches along one axis [-], any shape.
         second: The same along the other axis; shapes broadcast.
         device: Warp device that evaluates the material; by default Warp's own.
 
     Raises:
-        InputError: for anything but a hyperelastic material of continua.
+        InputError: for any other material.
     """
     import warp as wp
 
@@ -35,14 +35,16 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     out = wp.empty(first.size, dtype=wp.float64, device=device)
     known = padded_constants(material)
     constants = wp.types.vector(length=len(known), dtype=wp.float64)(*known)
-    wp.launch(kernel_of(functions), first.size, inputs=[*given, constants, out], device=device)
+    kernel = kernel_of(functions)
+    load_kernel(kernel, wp.get_device(device))
+    wp.launch(kernel, first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
 
 
 def tension_energy_density(material: Material, stretch: Any, device: Any = None) -> np.ndarray:
     """Energy per reference volume of a TensionField sheet in uniaxial tension [J/m^3].
 
-    A sheet narrower than tension makes it is wrinkled, and has the energy of tension.
+    A wrinkled sheet, narrower than in uniaxial tension, has the same energy.
 
     Args:
         material: A TensionField material.
@@ -53,12 +55,12 @@ def tension_energy_density(material: Material, stretch: Any, device: Any = None)
 
 
 def stretch_of_density(density: Callable[[np.ndarray], np.ndarray], wanted: float, stretches: np.ndarray) -> float:
-    """Stretch [-] at which an increasing energy density reaches a value [J/m^3], to round-off.
+    """Stretch [-] at which an increasing energy density equals a value [J/m^3], to round-off.
 
     Args:
         density: Function of stretches.
         wanted: The value.
-        stretches: Increasing stretches to search, which end where `density` becomes NaN.
+        stretches: Increasing stretches to search, up to the first with NaN density.
 
     Returns:
         The stretch; NaN if the value is outside the range.

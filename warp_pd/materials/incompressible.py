@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 
 class Incompressible(PlaneStress):
-    """Exactly incompressible sheet in plane stress: what a material needs is its energy, one Warp function.
+    """Exactly incompressible sheet in plane stress, defined by its energy, one Warp function (base class).
 
-    A subclass is a frozen dataclass with `constants`, at most four numbers, and `energy`, a cached factory, precision
-    in bits -> Warp function (I1 - 3, I2 - 3, constants) -> vec6 of Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22 [Pa].
-    The rest follows from it: stress, fast paths, the tangent of Newton's method. See kernels/incompressible.py, and
-    docs/materials.md for your own material.
+    A subclass is a frozen dataclass with `constants`, at most four numbers, and `energy`, a cached factory from the
+    precision in bits to a Warp function (I1 - 3, I2 - 3, constants) -> vec6 of Psi, Psi_1, Psi_2, Psi_11, Psi_12,
+    Psi_22 [Pa]. Stress, fast paths and the tangent for Newton's method follow from it. See kernels/incompressible.py,
+    and docs/materials.md for writing your own material.
     """
 
     @property
     def energy(self) -> FunctionFactory:
         """Factory of the energy."""
-        raise NotImplementedError(f"{type(self).__name__}.energy: a factory of a Warp function is needed")
+        raise NotImplementedError(f"{type(self).__name__}.energy: expected a factory of a Warp function")
 
     @property
     def on_device(self) -> MaterialFunctions:
@@ -44,11 +44,11 @@ class MooneyRivlin(Incompressible):
     With c01 = 0 it is the exactly incompressible neo-Hookean sheet of shear modulus 2 c10.
 
     Attributes:
-        c10: [Pa].
-        c01: [Pa].
+        c10: First constant [Pa].
+        c01: Second constant [Pa].
 
     Raises:
-        InputError: for c10 that is not above zero, or c01 below zero.
+        InputError: if c10 is not positive, or c01 is negative.
     """
 
     c10: float
@@ -76,9 +76,9 @@ class Yeoh(Incompressible):
     """Incompressible Yeoh sheet: Psi = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3. Source: VE eq. 11b.
 
     Attributes:
-        c10: [Pa]; the shear modulus is 2 c10.
-        c20: [Pa], any sign.
-        c30: [Pa], any sign.
+        c10: First constant [Pa]; the shear modulus is 2 c10.
+        c20: Second constant [Pa], any sign.
+        c30: Third constant [Pa], any sign.
 
     Raises:
         InputError: for c10 that is not above zero.
@@ -108,14 +108,15 @@ class Yeoh(Incompressible):
 class ArrudaBoyce(Incompressible):
     """Incompressible Arruda-Boyce sheet, five terms of the eight-chain model.
 
-    The shear modulus at rest is mu (1 + 3/(5 lm^2) + 99/(175 lm^4) + 513/(875 lm^6) + 42039/(67375 lm^8)).
+    The initial shear modulus is mu (1 + 3/(5 lm^2) + 99/(175 lm^4) + 513/(875 lm^6) + 42039/(67375 lm^8)).
 
     Attributes:
-        mu: [Pa].
-        lock: Locking stretch lm of a chain, above 1; five terms stiffen towards it but do not end there.
+        mu: Modulus [Pa].
+        lock: Locking stretch lm of a chain, greater than 1; the five-term series stiffens near it but has no limit
+            there.
 
     Raises:
-        InputError: for mu that is not above zero, or lock of 1 or less.
+        InputError: if mu is not positive, or lock is not greater than 1.
     """
 
     mu: float
@@ -124,7 +125,7 @@ class ArrudaBoyce(Incompressible):
     def __post_init__(self) -> None:
         positive("mu", self.mu)
         if finite("lock", self.lock) <= 1.0:
-            raise InputError(f"lock = {self.lock!r}: expected a stretch above 1")
+            raise InputError(f"lock = {self.lock!r}: expected a stretch greater than 1")
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -143,15 +144,15 @@ class ArrudaBoyce(Incompressible):
 class Ogden(PlaneStress):
     """Incompressible Ogden sheet: Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + l3^a_p - 3), l1 l2 l3 = 1.
 
-    The shear modulus is half the sum of mu_p a_p. As it is written in principal stretches, not invariants, its
-    device functions are its own. Source: Ogden, Proc. R. Soc. A 326 (1972) 565.
+    The shear modulus is half the sum of mu_p a_p. The material is written in principal stretches instead of invariants
+    and has separate device functions. Source: Ogden, Proc. R. Soc. A 326 (1972) 565.
 
     Attributes:
-        mu: Moduli mu_p [Pa], one for each term, of any sign.
-        exponents: As many exponents a_p [-].
+        mu: Moduli mu_p [Pa], one per term, any sign.
+        exponents: Exponents a_p [-], one per term.
 
     Raises:
-        InputError: for other numbers of exponents than moduli, or a shear modulus that is not above zero.
+        InputError: if the numbers of moduli and exponents differ, or the shear modulus is not positive.
     """
 
     mu: tuple[float, ...]
@@ -163,16 +164,16 @@ class Ogden(PlaneStress):
                 raise InputError(f"{name} = {getattr(self, name)!r}: expected a tuple of numbers")
         given = f"mu = {self.mu!r} with exponents = {self.exponents!r}"
         if len(self.mu) != len(self.exponents) or not self.mu:
-            raise InputError(f"{given}: expected as many of each, one at least")
+            raise InputError(f"{given}: expected equal numbers of both, at least one")
         if sum(m * a for m, a in zip(self.mu, self.exponents, strict=True)) <= 0.0:
-            raise InputError(f"{given}: expected a sum of products above 0")
+            raise InputError(f"{given}: expected a positive sum of products")
 
     @classmethod
     def of(cls, **constants: float) -> Ogden:
-        """The material of mu_1, alpha_1, mu_2, alpha_2, ..., as a fit varies them.
+        """Create the material from mu_1, alpha_1, mu_2, alpha_2, ..., for fits.
 
         Raises:
-            InputError: for other names, a term without its modulus or exponent, or as of the class.
+            InputError: for other names, an incomplete term, or invalid constants.
         """
         terms = range(1, (len(constants) + 1) // 2 + 1)
         names = [f"{name}_{p}" for p in terms for name in ("mu", "alpha")]
@@ -181,10 +182,10 @@ class Ogden(PlaneStress):
         return cls(tuple(constants[f"mu_{p}"] for p in terms), tuple(constants[f"alpha_{p}"] for p in terms))
 
     def stable_to(self, loading: str) -> float:
-        """Stretch [-] up to which more strain takes more work whatever its direction; inf without an end.
+        """Largest stretch [-] up to which the material is stable; inf if it always is.
 
-        That is Drucker's condition: d tau_i / d ln l_j is positive definite, with the principal Kirchhoff stresses
-        tau_i. It always holds if mu_p a_p > 0 in all terms. Stretches up to 20 are looked at.
+        Stability means Drucker's condition: d tau_i / d ln l_j is positive definite, with the principal Kirchhoff
+        stresses tau_i. It always holds if mu_p a_p > 0 in all terms. Stretches up to 20 are checked.
 
         Args:
             loading: "uniaxial", "planar" or "equibiaxial", in tension.
@@ -201,7 +202,7 @@ class Ogden(PlaneStress):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The stretches at which the material becomes unstable, if it does."""
+        """Note on the stretches at which the material becomes unstable, if it does."""
         ends = {loading: self.stable_to(loading) for loading in ("uniaxial", "planar", "equibiaxial")}
         said = ", ".join(f"{loading} {end:.3g}" for loading, end in ends.items() if end < float("inf"))
         return (f"Ogden: the material is unstable beyond these stretches: {said}",) if said else ()

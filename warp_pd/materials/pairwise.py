@@ -1,4 +1,4 @@
-"""Materials of bonds."""
+"""Pairwise materials, for bond-based laws."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Bimodular:
-    """Pairwise material with a modulus for stretched bonds and one for compressed ones. Source: IM, section 4.
+    """Pairwise material with different moduli for stretched and compressed bonds. Source: IM, section 4.
 
-    A wrinkling membrane has no compressive modulus.
+    A compressive modulus of zero models a wrinkling membrane.
 
     Attributes:
         tension: Young's modulus E+ of stretched bonds [Pa].
-        compression: Young's modulus E- of compressed bonds [Pa], 0 or more; by default E+.
+        compression: Young's modulus E- of compressed bonds [Pa], at least 0; by default E+.
 
     Raises:
-        InputError: for a modulus E+ that is not above zero, or E- below zero.
+        InputError: if E+ is not positive, or E- is negative.
     """
 
     tension: float
@@ -40,7 +40,7 @@ class Bimodular:
 
     @property
     def goes_slack(self) -> bool:
-        """Whether compressed bonds carry nothing."""
+        """Whether compressed bonds carry no force."""
         return self.compression == 0.0
 
     @property

@@ -1,4 +1,4 @@
-"""Base of the materials of the package, whose Warp functions are in one object of their kernels."""
+"""Base class of the package's continuum materials."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class PlaneStress:
-    """Isotropic sheet in plane stress; its properties are those of `kernels.materials.MaterialFunctions`."""
+    """Isotropic sheet in plane stress; its properties forward to `kernels.materials.MaterialFunctions`."""
 
     isotropic: ClassVar[bool] = True
 
@@ -21,7 +21,7 @@ class PlaneStress:
 
     @property
     def near(self) -> FunctionFactory | None:
-        """Factory of the stress near a known state."""
+        """Factory of `stress_near`."""
         return self.on_device.near
 
     @property
@@ -47,4 +47,6 @@ class PlaneStress:
     @property
     def on_device(self) -> MaterialFunctions:
         """Factories of the material's Warp functions."""
-        raise NotImplementedError(f"{type(self).__name__}.on_device: a material needs its Warp functions")
+        raise NotImplementedError(
+            f"{type(self).__name__}.on_device: expected an implementation that returns the Warp functions"
+        )

@@ -1,4 +1,4 @@
-"""Terms that relax."""
+"""Prony series for viscous laws."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..device.checks import not_negative, positive
 class Prony:
     """A term of a Prony series: a Yeoh stress that relaxes. Sources: VE eqs. 17 and 19.
 
-    The relaxation time is theta = time * |dC/dt|^-exponent, with |dC/dt| the rate of the strain in space [1/s] (VE
-    eqs. 31 to 33). As published a test has one such rate: give it. Without it the rate is that of the place and the
-    moment; where nothing moves, nothing relaxes then, unless the exponent is 0.
+    The relaxation time is theta = time * |dC/dt|^-exponent, with the rate |dC/dt| of the three-dimensional strain [1/s]
+    (VE eqs. 31 to 33). In the paper each test has one fixed rate: give it as `rate`. Without it the local, current rate
+    is used; then nothing relaxes at rest unless the exponent is 0.
 
     Attributes:
-        c10: [Pa].
-        c20: [Pa], 0 or more: a convex energy cannot give energy away.
-        time: Relaxation time at the rate 1/s [s]; phi_ref of the paper.
-        exponent: eta of the paper [-]; 0 makes the relaxation time a constant.
+        c10: First Yeoh constant [Pa].
+        c20: Second Yeoh constant [Pa], at least 0: the energy must be convex so that dissipation is not negative.
+        time: Relaxation time at the rate 1/s [s]; phi_ref in the paper.
+        exponent: eta in the paper [-]; 0 for a constant relaxation time.
         rate: A fixed rate [1/s], or None.
 
     Raises:
-        InputError: for constants outside these bounds.
+        InputError: if a constant is outside these bounds.
     """
 
     c10: float
@@ -42,7 +42,7 @@ class Prony:
 
     @property
     def constants(self) -> tuple[float, float, float, float]:
-        """(c10, c20, relaxation time at the fixed rate or at 1/s, exponent that is left)."""
+        """(c10, c20, relaxation time at the fixed rate or at 1/s, exponent, 0 for a fixed rate)."""
         if self.rate is None:
             return (self.c10, self.c20, self.time, self.exponent)
         return (self.c10, self.c20, self.time * self.rate**-self.exponent, 0.0)

@@ -1,4 +1,4 @@
-"""What force laws ask of a material, and what a material may offer besides."""
+"""Protocols of materials: what force laws need, and optional capabilities."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 class Material(Protocol):
-    """What a force law of continua asks of a material; any object with these two is one.
+    """A continuum material; any object with these two properties is one.
 
-    What it may offer besides is listed in `Capabilities`, under the same names.
+    `Capabilities` lists optional attributes.
     """
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Numbers for the device functions: up to four, or as many as these take."""
+        """Constants for the device functions: up to four, or as many as the functions take."""
         ...
 
     @property
@@ -30,7 +30,7 @@ class Material(Protocol):
 
 
 class PairwiseMaterial(Protocol):
-    """What the bond-based law asks of a material; any object with these two is one."""
+    """A material for bond-based laws; any object with these two properties is one."""
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -45,21 +45,21 @@ class PairwiseMaterial(Protocol):
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a material offers besides what every law asks for; None or False where it does not.
+    """Optional capabilities of a material; None or False if not available.
 
     Attributes:
         near: Factory of `stress_near`, for the fast kernels of the bond-associated law.
-        isotropic: Whether it is isotropic, for the fastest of them.
+        isotropic: Whether it is isotropic, for the fastest of these kernels.
         response: Factory of stress and moduli, for Newton's method and the fictitious mass of relaxation.
         membrane: Factory of (volume_change, shear), for the neural law.
         mu: Unit of stress of the neural law [Pa].
-        ratios: Numbers that decide the stress over mu, for the neural law.
-        lock: Jm of a material that locks [-].
+        ratios: Ratios of constants that determine the stress divided by mu, for the neural law.
+        lock: Locking parameter Jm [-].
         width: Factory of the width in uniaxial tension, for `TensionField`.
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
-        wrinkle_width: Factory of the width that decides whether it wrinkles, of a material of tension field theory.
-        notes: What the summary of a run says about its constants, one line each.
-        goes_slack: Whether it carries nothing in compression.
+        wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
+        notes: Notes on its constants for the summary of a run, one line each.
+        goes_slack: Whether it carries no compression.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 
@@ -79,16 +79,16 @@ class Capabilities:
 
 
 def capabilities(material: Any) -> Capabilities:
-    """What a material offers: its attributes of these names."""
+    """Read the capabilities of a material from its attributes."""
     names = [field.name for field in fields(Capabilities) if hasattr(material, field.name)]
     return Capabilities(**{name: getattr(material, name) for name in names})
 
 
 def check_material(material: Any, kind: str) -> None:
-    """Check that a material is one of continua ("functions") or of pairs of points ("pairwise"), and its constants.
+    """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants.
 
     Raises:
-        InputError: if it is not, or as of `padded_constants`.
+        InputError: if it is not, or as for `padded_constants`.
     """
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
@@ -97,22 +97,22 @@ def check_material(material: Any, kind: str) -> None:
 
 
 def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, ...]:
-    """The constants of `material`, filled with zeros up to four.
+    """The constants of `material`, padded with zeros to at least four.
 
     Raises:
-        InputError: for more than its device functions take, one that is not finite, or what is no material.
+        InputError: if there are too many constants, one is not finite, or `material` is not a material.
     """
     if not hasattr(material, "constants"):
         raise InputError(f"material = {material!r}: expected a material, such as NeoHookean(mu, bulk)")
     name = type(material).__name__
     constants = [finite(f"{name}.constants[{k}]", c) for k, c in enumerate(material.constants)]
     if len(constants) > 4 and len(constants) != (taken := _constants_taken(material)):
-        raise InputError(f"{name}.constants has {len(constants)} numbers: expected {taken} at most")
+        raise InputError(f"{name}.constants has {len(constants)} numbers: expected at most {taken}")
     return (*constants, *([0.0] * (4 - len(constants))))
 
 
 def _constants_taken(material: Any) -> int:
-    """Number of constants that the device functions of a material take."""
+    """Number of constants that a material's device functions take."""
     if not hasattr(material, "functions"):
         return 4
     from ..kernels.factories import constants_of

@@ -1,4 +1,4 @@
-"""Sheets that wrinkle below the spacing: the relaxed energy of tension field theory."""
+"""Tension field theory: wrinkles finer than the spacing, by a relaxed energy."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ WRINKLES = ("relaxed", "resolved")
 
 @dataclass(frozen=True)
 class TensionField(PlaneStress):
-    """A material that does not resist compression: the sheet wrinkles instead, below the spacing.
+    """A material that does not resist compression, because the sheet wrinkles more finely than the spacing.
 
     Its energy is the relaxed energy of the material, see kernels/tension_field.py: no principal stress is negative, and
-    the stiffness is never larger than that of the taut sheet. Wrinkles that the points could resolve are not driven.
+    the stiffness never exceeds that of the taut sheet. Wrinkles that the points could resolve do not form.
     Sources: Reissner 1938, Pipkin 1986, Steigmann 1990.
 
     Attributes:
-        material: Any isotropic hyperelastic material of continua, also a user's own. Its `width`, if it has one,
-            gives the width in uniaxial tension; otherwise a search finds it from the stress.
+        material: Any isotropic continuum hyperelastic material, including user-defined ones. Its `width`, if available,
+            gives the width in uniaxial tension; otherwise it is computed from the stress.
 
     Raises:
-        InputError: for anything else.
+        InputError: for any other material.
     """
 
     material: Material
@@ -52,12 +52,12 @@ class TensionField(PlaneStress):
 
     @property
     def lock(self) -> float | None:
-        """Lock of the material [-], or None."""
+        """Locking parameter of the material [-], or None."""
         return capabilities(self.material).lock
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of the material."""
+        """Notes of the material."""
         return capabilities(self.material).notes
 
     @property
@@ -77,14 +77,14 @@ class TensionField(PlaneStress):
 
 
 def with_wrinkles(material: Material, wrinkles: str) -> Material:
-    """The material as a scene asks for it.
+    """The material for a scene's argument `wrinkles`.
 
     Args:
-        material: Any isotropic hyperelastic material of continua.
-        wrinkles: "relaxed": the sheet wrinkles below the spacing, see TensionField. "resolved": the points carry the
-            wrinkles, and the sheet resists compression in its plane.
+        material: Any isotropic continuum hyperelastic material.
+        wrinkles: "relaxed": wrinkles are finer than the spacing, see TensionField. "resolved": the points resolve the
+            wrinkles, and the sheet resists in-plane compression.
 
     Raises:
-        InputError: for another word.
+        InputError: for any other value.
     """
     return TensionField(material) if one_of("wrinkles", wrinkles, WRINKLES) == "relaxed" else material

@@ -1,4 +1,4 @@
-"""Files are written beside the computation: one frame at a time, in a thread of its own."""
+"""Writing of files in a separate thread, one frame at a time."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..interfaces.frame import Frame
 
 
 class Background:
-    """A writer that hands frames to other writers and returns at once.
+    """A writer that passes frames to other writers in a separate thread and returns immediately.
 
-    At most one frame waits: the next one is taken when it has been written, so memory stays bounded, and a killed run
-    loses one frame at most. What goes wrong in the thread is raised at the next call.
+    At most one frame waits to be written, so memory stays bounded, and a killed run loses at most one frame. Errors in
+    the thread are raised at the next call.
 
     Args:
-        writers: Take every frame, in turn; see `warp_pd.interfaces.Writer`.
-        require_room: Called before anything is written; raises OutputError where there is no room for it. A file whose
-            writing failed half-way may be beyond repair, and HDF5 with it.
+        writers: Writers that receive every frame, see `warp_pd.interfaces.Writer`.
+        require_room: Function called before every write; raises OutputError if disk space is insufficient, because a
+            failed write may leave a file, and the HDF5 library, in an invalid state.
     """
 
     def __init__(self, writers: Sequence[Any], require_room: Callable[[], None] = lambda: None) -> None:
@@ -29,19 +29,19 @@ class Background:
         self._waiting: Future[None] | None = None
 
     def write(self, frame: Frame) -> None:
-        """Take one frame, once the one before has been written."""
+        """Accept one frame, after the previous one has been written."""
         self._settle()
         self.require_room()
         self._waiting = self._thread.submit(self._write, frame)
 
     def save(self) -> None:
-        """Bring everything written so far to the disk."""
+        """Flush everything written so far to disk."""
         self._settle()
         for writer in self.writers:
             writer.save()
 
     def save_then(self, work: Callable[[], None]) -> None:
-        """Let the writer thread save all files, then call `work`; neither if the last frame was not written."""
+        """Make the writer thread save all files and then call `work`, unless the last frame was not written."""
         before = self._waiting
 
         def save() -> None:
@@ -54,7 +54,7 @@ class Background:
         self._waiting = self._thread.submit(save)
 
     def close(self) -> None:
-        """Write what waits, and close all files, even if one of them failed."""
+        """Write the waiting frame and close all files, even if one of them failed."""
         try:
             self._settle()
         finally:
@@ -76,7 +76,7 @@ class Background:
 
 @contextlib.contextmanager
 def _as_output_error() -> Iterator[None]:
-    """Context that turns errors of the files into one line.
+    """Context that turns file errors into a one-line OutputError.
 
     Raises:
         OutputError: for an error of the operating system, or of a library that could not write.

@@ -1,4 +1,4 @@
-"""Rigid bodies of a run in one VTKHDF file, which ParaView opens beside the sheet."""
+"""Rigid bodies of a run in one VTKHDF file, which ParaView can show together with the sheet."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ NO_TURN = (0.0, 0.0, 0.0, 1.0)
 class BodySeries:
     """Writes the outlines of the ball and of other bodies, frame by frame, as `VtkHdfSeries` writes the sheet.
 
-    The point field `body` counts them: the ball first, if there is one, then the others as the scene lists them.
+    The point field `body` is the index of the body: the ball first, if there is one, then the others in the order of
+    the scene.
     """
 
     def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
-        """Begin a file, or go on with one.
+        """Begin a file, or continue one.
 
         Args:
-            path: The file, ending in .vtkhdf or .hdf.
-            surface: The reference sheet with its bodies, one at least.
+            path: The file.
+            surface: The reference sheet with at least one body.
             append_from: As for `VtkHdfSeries`.
         """
         balls = []
@@ -44,7 +45,7 @@ class BodySeries:
         self._series = VtkHdfSeries(path, drawn, append_from=append_from, fields=("body",))
 
     def write(self, frame: Frame) -> None:
-        """Add the bodies of a frame; its index must be the next one."""
+        """Add the bodies of the next frame."""
         balls = [] if frame.ball_center is None else [np.append(frame.ball_center, NO_TURN)]
         poses = [*balls, *(() if frame.bodies is None else frame.bodies)]
         placed = np.concatenate([body.placed(pose) for body, pose in zip(self._bodies, poses, strict=True)])
@@ -52,8 +53,7 @@ class BodySeries:
         self._series.write(Frame(frame.index, frame.time, moved, np.zeros_like(moved), point_data={"body": self._body}))
 
     def save(self) -> None:
-        """Nothing to do: every frame is on disk once it is written."""
+        """Do nothing, because every frame is already on disk."""
 
     def close(self) -> None:
-        """Refuse further frames."""
-        self._series.close()
+        """Nothing to do, as for `save`."""

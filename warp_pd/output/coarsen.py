@@ -1,10 +1,10 @@
 """A sheet drawn with fewer points: its triangulation contracted onto clusters of points.
 
-Points of a cell of a cubic grid that hang together form a cluster, and the point nearest to the cell's node stands for
-it. What hangs together is taken from the last frame, so the two sides of a crack are never one cluster; points that
-the crack has left without a triangle form clusters of their own, by the first frame. A triangle
-whose corners are in three clusters becomes a triangle of their points; it is intact as long as one such triangle is.
-A crack between clusters is drawn as wide as a drawn triangle, one through a cluster as wide as it is.
+Connected points in a cell of a cubic grid form a cluster, represented by the point nearest to the cell's node.
+Connectivity is that of the last frame, so the two sides of a crack are never in the same cluster; points left without a
+triangle form separate clusters, by the connectivity of the first frame. A triangle with corners in three clusters
+becomes a triangle of their representatives, which is intact as long as one such triangle is. A crack between clusters
+is drawn as wide as a drawn triangle, a crack through a cluster at its true width.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Triangles = NDArray[np.integer]
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What is drawn of a sheet.
+    """The drawn points and triangles of a sheet.
 
     Attributes:
-        points: Numbers of the points, in order, shape (P,).
-        triangles: Numbers in `points`, shape (T, 3).
+        points: Indices of the points, ascending, shape (P,).
+        triangles: Indices into `points`, shape (T, 3).
         intact: Whether each triangle is intact at each frame, shape (frames, T).
     """
 
@@ -34,13 +34,13 @@ class Drawn:
 
 
 def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles, most: int) -> NDArray[np.int64]:
-    """For each point the one that stands for it, shape (N,); itself in a sheet of at most so many points.
+    """Representative of each point, shape (N,); the point itself in a sheet of at most `most` points.
 
     Args:
         reference: Positions of the points [m], shape (N, 3).
-        first: Intact triangles of the first frame, shape (number of them, 3).
-        last: Those of the last frame.
-        most: Number of points to aim at.
+        first: Intact triangles of the first frame, shape (F, 3).
+        last: Intact triangles of the last frame.
+        most: Target number of points.
     """
     used = np.zeros(len(reference), bool)
     used[first] = True
@@ -60,7 +60,7 @@ def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles,
 
 
 def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles between three clusters, as their points, the smallest number first; some may be there twice."""
+    """Triangles between three clusters, smallest index first; may contain duplicates."""
     corners = cluster[triangles]
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
@@ -69,7 +69,7 @@ def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.i
 
 
 def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
-    """All triangles of the frames, and which of them are intact when; a row of points has none, and is drawn as points.
+    """All triangles of the frames, and when they are intact; a row of points has no triangles and is drawn as points.
 
     Args:
         frames: Contracted triangles of each frame.
@@ -85,16 +85,16 @@ def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
 
 
 def _keys(corners: NDArray[np.int64], points: int) -> NDArray[np.generic]:
-    """A value for each triangle, equal for equal ones."""
+    """A key for each triangle, equal for equal triangles."""
     if points < 2**21:
         return np.asarray((corners[:, 0] * points + corners[:, 1]) * points + corners[:, 2])
     return np.ascontiguousarray(corners).view([("", corners.dtype)] * 3).ravel()
 
 
 def _joined(reference: NDArray[np.floating], faces: Triangles, used: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
-    """Clusters of points that some triangles hold together.
+    """Clusters of points connected by triangles.
 
-    Nodes of the grid are at the ends of the sheet, so that points on its edges stand for what is there.
+    The grid has nodes at the ends of the sheet, so that points on its edges become representatives.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

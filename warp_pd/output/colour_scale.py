@@ -1,4 +1,4 @@
-"""The colours of a field: one scale for all panels of a picture, the same on the sheet and on its bar."""
+"""The colour scale of a field, common to all panels of a picture and its colour bar."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SMALLER_SIDE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class ColourScale:
-    """Colours of the values of a field.
+    """Maps values of a field to colours.
 
     Attributes:
-        name: Name of the map in Matplotlib.
+        name: Name of the Matplotlib colour map.
         low: Value of its first colour.
-        high: Value of its last colour. A map for both signs has low = -high: zero is in the middle.
-        shown: Lowest and highest value of the bar.
-        label: Of the bar.
+        high: Value of its last colour; low = -high for a diverging map.
+        shown: Lowest and highest value on the colour bar.
+        label: Label of the colour bar.
     """
 
     name: str

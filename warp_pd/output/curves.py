@@ -1,4 +1,4 @@
-"""Curves of the history of a run, and of the measures of a sweep."""
+"""Plots of the history of a run and of the measures of a sweep."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ def plot_history(
     path: Any = None,
     title: str = "",
 ) -> Any:
-    """Columns of the history in one picture, a panel for each unit.
+    """Plot columns of the history, one panel per unit.
 
     Args:
         history: One row per frame.
         names: Columns to draw.
-        units: Unit of each column, as far as it is known.
+        units: Known units of the columns.
         against: Column along the horizontal axis.
-        path: Of the picture, .png, .pdf or .svg; None to write none.
-        title: First line.
+        path: File of the picture (.png, .pdf or .svg); None writes no file.
+        title: Title.
 
     Returns:
         The `matplotlib.figure.Figure`.
 
     Raises:
-        InputError: for a column that the history does not have.
+        InputError: if the history lacks a column.
     """
     columns = [column for column in history[0] if column != against]
     for name in names:
@@ -78,11 +78,11 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, Any]]]) -> bool:
-    """Draw a panel for each measure, a curve for each combination of the other arguments.
+    """Draw one panel per measure, with one curve for each combination of the other arguments.
 
     Args:
-        path: Of the picture.
-        runs: Values of the arguments, and the measures of the summary, of each run that has some.
+        path: File of the picture.
+        runs: Values of the arguments and measures of the summary, for each run with measures.
 
     Returns:
         Whether there was anything to draw.
@@ -119,7 +119,7 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
 
 
 def _across(text: str) -> Any:
-    """A number where the text is one; Matplotlib draws other values at places of their own."""
+    """Convert text to a number if possible; Matplotlib treats other values as categories."""
     try:
         return float(text)
     except ValueError:

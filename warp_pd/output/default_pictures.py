@@ -1,4 +1,4 @@
-"""Pictures of a scene that brings no function for them: the sheet, its damage, energies, measures."""
+"""Default pictures of a scene: the sheet, its damage, energies, measures."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ NOT_DRAWN = {
 
 
 def draw(history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any]) -> None:
-    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has something to show.
+    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has the data.
 
     Args:
-        history: One row a frame.
-        folder: Of the run, with frames.vtkhdf.
-        summary: Of the run: its measures and units.
+        history: One row per frame.
+        folder: Folder of the run, with frames.vtkhdf.
+        summary: Summary of the run, with measures and units.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
@@ -56,13 +56,13 @@ def draw(history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str
 
 
 def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[int]:
-    """Numbers of up to four frames that show what happens in a run.
+    """Indices of up to four frames that show the course of a run.
 
-    Of a sheet that tears: the last before it begins to, the first after, the one at half of the growth of the mean
-    damage, and the last. Of others: those at a quarter, a half, three quarters and the whole of the run.
+    For a sheet that tears: the last frame before the tear begins, the first after, the one at half of the growth of the
+    mean damage, and the last. For others: at a quarter, a half, three quarters and the end of the run.
 
     Args:
-        history: One row a frame.
+        history: One row per frame.
         frames: Number of frames.
     """
     last = frames - 1
@@ -77,7 +77,7 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
 
 
 def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
-    """The largest component of the displacement, and the damage if there is some."""
+    """Draw the largest component of the displacement, and the damage if there is any."""
     last = frames[-1]
     size = float(np.ptp(last.reference, axis=0).max())
     moved = [float(np.abs(last.fields[name][last.used]).max()) for name in ("u1", "u2", "u3")]
@@ -96,7 +96,7 @@ def _moves(history: Sequence[dict[str, float]], name: str) -> bool:
 
 
 def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
-    """Whether a component of a vector, such as ball_force_x, is more than the noise of the largest one."""
+    """Whether a vector component, such as ball_force_x, is larger than the noise of the largest component."""
     if name[-2:] not in ("_x", "_y", "_z"):
         return True
     reach = {c: max(abs(row.get(name[:-1] + c, 0.0)) for row in history) for c in "xyz"}
@@ -107,7 +107,7 @@ def _draw_numbers(
     folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str],
     still: Sequence[str],
 ) -> None:  # fmt: skip
-    """A panel for each number, and a line about those that have none."""
+    """Draw one panel per number, and a line that lists numbers without a panel."""
     drawn, others = names[:MOST_NUMBERS], names[MOST_NUMBERS:]
     columns = min(len(drawn), 3)
     rows = -(-len(drawn) // columns)
@@ -121,7 +121,7 @@ def _draw_numbers(
     for axes in panels.flat[len(drawn) :]:
         axes.set_visible(False)
     told = [f"{word} {', '.join(map(column_label, found))}" for word, found in (
-        ("constant or missing:", still), ("in history.csv alone:", others)) if found]  # fmt: skip
+        ("constant or missing:", still), ("only in history.csv:", others)) if found]  # fmt: skip
     if told:
         figure.supxlabel(fill("; ".join(told), 40 * columns), fontsize=8)
     save(figure, folder / "measures.png")

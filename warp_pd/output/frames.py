@@ -1,4 +1,4 @@
-"""Frames of a run, read from its file one at a time: a long run never lies in memory as a whole."""
+"""Frames of a run, read from its file one at a time to limit memory use."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class SavedFrame:
     """One frame of a file; `frame["damage"]` is the field of that name.
 
     Attributes:
-        index: Number of the frame; the first is 0.
+        index: Index of the frame; the first is 0.
         time: Time, or load time of a static solver [s].
-        when: The same in words.
+        when: The time or load factor as text.
         positions: Deformed positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name, each of shape (N,) or (N, 3).
@@ -44,7 +44,7 @@ class SavedFrame:
         """A field.
 
         Raises:
-            InputError: if the file does not hold it.
+            InputError: if the file does not have it.
         """
         return self.fields[name]
 
@@ -59,10 +59,10 @@ class SavedFrame:
 
 
 class Frames(Sequence[SavedFrame]):
-    """The frames of a file, each read when it is asked for: `frames[-1]`, `frames[::10]`, `for frame in frames`.
+    """The frames of a file, each read on access: `frames[-1]`, `frames[::10]`, `for frame in frames`.
 
     Args:
-        path: A frames.vtkhdf, or the folder of a run that holds one.
+        path: A frames.vtkhdf, or the folder of a run that contains one.
 
     Attributes:
         path: The file.
@@ -71,7 +71,7 @@ class Frames(Sequence[SavedFrame]):
         points: Number of points.
 
     Raises:
-        InputError: for a file that is missing or damaged.
+        InputError: if the file is missing or damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -104,7 +104,7 @@ class Frames(Sequence[SavedFrame]):
     @overload
     def __getitem__(self, index: slice) -> Frames: ...
     def __getitem__(self, index: int | slice) -> SavedFrame | Frames:
-        """A frame, or with a slice some of them, none of which is read yet.
+        """A frame, or for a slice a lazy selection of frames.
 
         Raises:
             IndexError: if there is no such frame.
@@ -131,14 +131,14 @@ class Frames(Sequence[SavedFrame]):
         return self[int(np.abs(self.times - time).argmin())]
 
     def series(self, field: str, points: Any) -> NDArray[Any]:
-        """A field at some points in all frames, shape (frames, points) or (frames, points, 3).
+        """A field at given points in all frames, shape (frames, points) or (frames, points, 3).
 
         Args:
             field: Its name.
-            points: Indices of the points, or one index: then without that axis.
+            points: Point indices, or a single index, which drops that axis.
 
         Raises:
-            InputError: for a field that the file does not hold, or an index that does not exist.
+            InputError: if the file does not have the field, or an index does not exist.
         """
         one_of("field", field, self.fields)
         try:

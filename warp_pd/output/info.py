@@ -1,4 +1,4 @@
-"""What a result file holds, in a few lines."""
+"""Short descriptions of result files."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from ..interfaces.frame import format_time
 
 
 def describe(path: Path) -> str:
-    """A few lines about a frames.vtkhdf, an animation.usd, a summary.json, or a folder that holds them.
+    """Describe a frames.vtkhdf, animation.usd or summary.json, or a folder with these files, in a few lines.
 
     Raises:
-        InputError: for a file that is missing, damaged or of another kind.
+        InputError: if the file is missing, damaged or of another kind.
     """
     if not path.exists():
-        raise InputError(f"file = {str(path)!r}: it does not exist")
+        raise InputError(f"file = {str(path)!r}: the file does not exist")
     if path.is_dir():
         known = [p for p in sorted(path.iterdir()) if p.suffix in (".vtkhdf", ".usd") or p.name == "summary.json"]
         if not known:
-            raise InputError(f"file = {str(path)!r}: the folder holds no frames.vtkhdf, animation.usd or summary.json")
+            raise InputError(
+                f"file = {str(path)!r}: expected a folder with frames.vtkhdf, animation.usd or summary.json"
+            )
         return "\n".join(describe(p) for p in known)
     if path.suffix == ".vtkhdf":
         return _vtkhdf(path)
@@ -30,7 +32,7 @@ def describe(path: Path) -> str:
         return describe_animation(path)
     if path.suffix == ".json":
         return _summary(path)
-    raise InputError(f"file = {str(path)!r}: expected .vtkhdf, .usd and .json files")
+    raise InputError(f"file = {str(path)!r}: expected a .vtkhdf, .usd or .json file")
 
 
 def _vtkhdf(path: Path) -> str:
@@ -53,9 +55,9 @@ def _summary(path: Path) -> str:
     try:
         summary = json.loads(path.read_text())
     except (ValueError, UnicodeDecodeError):
-        raise InputError(f"file = {str(path)!r}: it is not a summary.json") from None
+        raise InputError(f"file = {str(path)!r}: expected a summary.json of a run") from None
     if not isinstance(summary, dict) or "scene" not in summary:
-        raise InputError(f"file = {str(path)!r}: it is not a summary.json")
+        raise InputError(f"file = {str(path)!r}: expected a summary.json of a run")
     section = f" ({summary['section']})" if summary["section"] else ""
     lines = [f"{path}: {summary['scene']}{section}, {summary['status']}"]
     lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")

@@ -1,4 +1,4 @@
-"""What notebooks show of simulations and results: tables, and the page of a run."""
+"""Output of simulations and results in notebooks: tables, and the page of a run."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def in_notebook() -> bool:
 
 
 def has_widgets() -> bool:
-    """Whether a notebook can draw a progress bar."""
+    """Whether the notebook can show a progress bar."""
     return find_spec("ipywidgets") is not None
 
 
 def text_table(title: str, rows: Rows) -> str:
-    """Lines of names and values below a title."""
+    """Text table of names and values below a title."""
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join([title, *(f"  {name:{width}s}  {value}" for name, value in rows)])
 
 
 def html_table(title: str, rows: Rows) -> str:
-    """The same in HTML."""
+    """HTML table of names and values below a title."""
     cells = "".join(
         f'<tr><th style="text-align:left">{html.escape(name)}</th>'
         f'<td style="text-align:left">{html.escape(value)}</td></tr>'
@@ -50,12 +50,14 @@ def data_frame(history: Sequence[Mapping[str, float]]) -> Any:
     try:
         import pandas  # type: ignore[import-untyped, import-not-found, unused-ignore]
     except ImportError:
-        raise InputError("table: expected an installed pandas (pip install pandas); `history` needs none") from None
+        raise InputError(
+            "table: expected pandas to be installed (pip install pandas); `history` works without it"
+        ) from None
     return pandas.DataFrame([dict(row) for row in history])
 
 
 class Page:
-    """A page in a frame of a notebook.
+    """An HTML page shown in a frame of a notebook.
 
     Attributes:
         source: Its HTML, complete.
@@ -66,7 +68,7 @@ class Page:
         self.source, self.height = source, height
 
     def _repr_html_(self) -> str:
-        """The frame; what the page does stays in it."""
+        """The page in an isolated iframe."""
         return (
             f'<iframe srcdoc="{html.escape(self.source)}" width="100%" height="{self.height}" '
             'style="border:0" allowfullscreen></iframe>'

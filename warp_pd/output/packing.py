@@ -1,4 +1,4 @@
-"""Arrays inside a page: whole numbers of at most 16 bits in place of real ones, compressed, as text."""
+"""Arrays inside a page, quantised to at most 16 bits, compressed and encoded as text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEVEL_OF_COMPRESSION = 6
 
 @dataclass
 class Arrays:
-    """Arrays of a page, each a text of its own that the page unpacks when it needs it.
+    """Arrays of a page, each a separate text that the page unpacks on demand.
 
     Attributes:
         bits: Precision of a series, at most 16: its numbers become 1 to 2^bits - 1, and 0 stands for "no value".
@@ -26,10 +26,10 @@ class Arrays:
     texts: list[str] = field(default_factory=list)
 
     def add(self, values: NDArray[Any]) -> dict[str, Any]:
-        """An array as it is: real numbers in single precision, whole numbers in 32 bits, truth values in one bit.
+        """Add an array: real numbers in single precision, integers in 32 bits, booleans in one bit.
 
         Returns:
-            What the page must know to unpack it.
+            The information that the page needs to unpack it.
         """
         if values.dtype == np.bool_:
             return self._entry(np.packbits(values, axis=-1, bitorder="little"), "bits", values.shape)
@@ -37,9 +37,9 @@ class Arrays:
         return self._entry(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")), kind, values.shape)
 
     def add_triangles(self, corners: NDArray[np.integer]) -> dict[str, Any]:
-        """Triangles in order of their first corners, shape (T, 3).
+        """Add triangles in order of their first corners, shape (T, 3).
 
-        Stored are the differences of first corners between triangles, and of the others from the first.
+        Differences of first corners between triangles, and of other corners from the first, are stored.
         """
         apart = corners.astype(np.int64)
         apart[:, 1:] -= apart[:, :1]
@@ -47,10 +47,10 @@ class Arrays:
         return self._entry(apart.astype("<u4"), "triangles", corners.shape)
 
     def add_series(self, values: NDArray[np.floating]) -> dict[str, Any]:
-        """Numbers of the points at each frame, shape (frames, points), as levels between their extremes.
+        """Add point values at each frame, shape (frames, points), quantised between their extremes.
 
-        Stored are differences between frames and between points that follow each other, the sign in the lowest bit, low
-        bytes apart from high ones: these compress well.
+        Differences between frames and between consecutive points are stored, with the sign in the lowest bit and low
+        and high bytes separated, which compresses well.
         """
         finite = np.isfinite(values)
         low = float(values.min(where=finite, initial=np.inf)) if finite.any() else 0.0

@@ -1,4 +1,4 @@
-"""Frames as pictures need them, read from the file of a run."""
+"""Frames for pictures, read from the file of a run."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 
 from ..interfaces.frame import format_time
 from .point_fields import FrameFields
-from .vtkhdf import read_ball, read_bodies, read_frame, read_series
+from .vtkhdf import read_frame, read_outlines, read_series
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A frame as the pictures need it.
+    """A frame with the data for pictures.
 
     Attributes:
-        when: Its time or load factor, in words.
+        when: Time or load factor as text.
         points: Deformed positions [m], shape (N, 3).
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
-            those of another vector field NAME.
+            those of any other vector field NAME.
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
-        bodies: Vertices [m] and triangles of the outlines of other rigid bodies.
+        bodies: Vertices [m] and triangles of other rigid bodies.
         scene: Name of the scene.
     """
 
@@ -40,7 +40,7 @@ class Shown:
 
     @property
     def used(self) -> np.ndarray:
-        """Points of intact triangles: loose points that fly away do not set the scale."""
+        """Points of intact triangles; loose points are excluded from the scale."""
         return np.unique(self.triangles) if len(self.triangles) else np.arange(len(self.points))
 
 
@@ -60,13 +60,14 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> S
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
+    outlines = [(body, poses[index]) for body, poses in read_outlines(path)]
     return Shown(
         when=format_time(time, load_duration),
         points=points,
         reference=points - fields["displacement"],
         triangles=triangles,
         fields=FrameFields(fields),
-        ball=read_ball(path, index),
-        bodies=read_bodies(path, index),
+        ball=next(((pose[:3], 2.0 * body.sizes[0]) for body, pose in outlines if not len(body.vertices)), None),
+        bodies=[(body.placed(pose), body.triangles) for body, pose in outlines if len(body.vertices)],
         scene=scene,
     )

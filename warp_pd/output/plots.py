@@ -1,4 +1,4 @@
-"""Pictures of results: surfaces in space, from above, and curves."""
+"""Pictures of results: surfaces in 3D and from above, and curves."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import numpy as np
 
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
 from ..geometry.topology import boundary_sides, directed_edges
-from .colour_scale import ColourScale, scale_of
+from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
 from .projection import View, material_lines, nearest_about, places_of, raster, sphere
 from .quantities import ENERGIES, column_label, field_label
 
-SEQUENTIAL = "viridis"
 # Triangles above which a sheet is drawn as pixels.
 MOST_POLYGONS = 60_000
 STYLES = ("-", "--", "-.", ":")
@@ -38,17 +37,17 @@ def surfaces(
     limits: tuple[float, float] | None = None,
     view: tuple[float, float] = (28.0, -60.0),
 ) -> None:
-    """The deformed sheet in space at some times, coloured by a field, with lines of the material.
+    """Draw the deformed sheet in 3D at some times, coloured by a field, with material lines.
 
-    The colours are those of the bar: there is no shading.
+    There is no shading, so colours match the colour bar exactly.
 
     Args:
-        path: Of the picture.
-        frames: One panel each, all with one scale of colours.
+        path: File of the picture.
+        frames: One panel per frame, with a common colour scale.
         field: Name of the field.
         label: Its name and unit; by default from `labels`.
-        limits: Of the colours; by default those of the field.
-        view: Elevation and azimuth of the eye [degrees].
+        limits: Limits of the colour scale; by default those of the field.
+        view: Elevation and azimuth of the viewpoint [degrees].
     """
     scale = scale_of(frames, field, label or field_label(field), limits)
     everything = np.concatenate([places_of(frame) for frame in frames])
@@ -85,7 +84,7 @@ def from_above(
     label: str | None = None,
     limits: tuple[float, float] | None = None,
 ) -> None:
-    """The deformed sheet at some times, seen from +z, lower triangles drawn first; arguments as of `surfaces`."""
+    """Draw the deformed sheet at some times, seen from +z; arguments as for `surfaces`."""
     from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
@@ -117,7 +116,7 @@ def from_above(
 def thumbnail(
     axes: Any, frame: Shown, field: str, limits: tuple[float, float] | None = None, above: bool = False
 ) -> None:
-    """One frame on axes that exist, without coordinates and bar, in space or seen from above."""
+    """Draw one frame on existing axes, without coordinates and colour bar, in 3D or from above."""
     scale = scale_of([frame], field, "", limits)
     places = places_of(frame)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -139,7 +138,7 @@ def reference(
     label: str | None = None,
     limits: tuple[float, float] | None = None,
 ) -> None:
-    """A field on the reference sheet at some times: where cracks run, whatever the sheet does in space."""
+    """Draw a field on the reference sheet at some times, for example to show the paths of cracks."""
     from_above(path, [replace(f, points=f.reference) for f in frames], field, label, limits)
 
 
@@ -153,17 +152,17 @@ def curves(
     marks: Sequence[tuple[float, float]] = (),
     marks_label: str = "reference",
 ) -> None:
-    """Columns of the history against another one.
+    """Plot columns of the history against another column.
 
     Args:
-        path: Of the picture.
-        history: One row a frame.
-        names: Columns to draw; one that is missing is left out. If all are zero throughout, the picture says so.
+        path: File of the picture.
+        history: One row per frame.
+        names: Columns to draw; missing ones are skipped. If all are zero throughout, the picture says so.
         ylabel: Their name and unit.
         against: The column on the horizontal axis.
         xlabel: Its name and unit; by default the time, or in static runs the load factor.
         marks: Reference values (x, y).
-        marks_label: What they are.
+        marks_label: Label of the reference values.
     """
     figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
@@ -176,7 +175,7 @@ def curves(
 
 
 def draw_curves(axes: Any, history: Sequence[dict[str, float]], names: Sequence[str], against: str = "time") -> None:
-    """Columns of the history against another one, on axes."""
+    """Plot columns of the history against another column, on axes."""
     duration = current().load_duration if against == "time" else None
     across = [row[against] / (duration or 1.0) for row in history]
     known = [name for name in names if all(name in row for row in history)]
@@ -196,7 +195,7 @@ def across_label(against: str) -> str:
 
 
 def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
-    """Curves (label, x, y, style of matplotlib), each with points of its own."""
+    """Plot curves (label, x, y, Matplotlib style), each with separate x values."""
     figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for label, x, y, style in lines:
@@ -208,11 +207,11 @@ def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]
 
 
 def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]) -> None:
-    """Data with the fitted model above, residuals over their scale below, a column for each test.
+    """Plot data with the fitted model above and scaled residuals below, one column per test.
 
     Args:
         path: The picture.
-        panels: Title, names of the two axes, what was controlled, what was measured, the model, and residuals [-].
+        panels: Title, labels of both axes, controlled values, measured values, model values, and residuals [-].
     """
     figure = new_figure(4.2 * len(panels), 5.0)
     for k, (title, xlabel, ylabel, at, data, model, residual) in enumerate(panels):
@@ -254,7 +253,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     axes = figure.subplots()
     length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
-        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=SEQUENTIAL, pivot="mid", headwidth=0,
+        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=ONE_SIGN, pivot="mid", headwidth=0,
         headlength=0, headaxislength=0, scale=0.7 * across,
     )  # fmt: skip
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
@@ -270,13 +269,13 @@ def _columns(panels: int) -> int:
 
 
 def _name(figure: Any, frames: Sequence[Shown]) -> None:
-    """The scene above a picture that is not drawn by its run, which has said it."""
+    """Write the scene's name above a picture, unless the run's settings already have a title."""
     if not current().title and frames and frames[0].scene:
         figure.suptitle(frames[0].scene, fontsize=10)
 
 
 def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) -> None:
-    """Sheet, lines and bodies, the farthest first."""
+    """Draw sheet, lines and bodies, the farthest first."""
     from matplotlib.collections import PolyCollection
 
     sheet = seen.seen(frame.points[frame.triangles])
@@ -312,13 +311,13 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
-    """Of triangles in the picture, shape (F,)."""
+    """Projected areas of triangles, shape (F,)."""
     a, b = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
     return np.asarray(0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
 def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of bodies in the picture, shape (F, 3, 3), and their shades of grey, shape (F, 4)."""
+    """Projected triangles of bodies, shape (F, 3, 3), and their shades of grey, shape (F, 4)."""
     found = [*frame.bodies, *([sphere(*frame.ball)] if frame.ball is not None else [])]
     corners = np.concatenate([np.zeros((0, 3, 3)), *(vertices[triangles] for vertices, triangles in found)])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -329,7 +328,7 @@ def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dash_the_ball(axes: Any, ball: tuple[np.ndarray, float], seen: View) -> None:
-    """The outline of the ball, also where the sheet hides it."""
+    """Draw the dashed outline of the ball, also where the sheet hides it."""
     from scipy.spatial import ConvexHull
 
     shell = seen.seen(sphere(*ball)[0])[:, :2]
@@ -338,12 +337,12 @@ def _dash_the_ball(axes: Any, ball: tuple[np.ndarray, float], seen: View) -> Non
 
 
 def _scale_the_box(axes: Any, seen: View, points: float) -> None:
-    """Coordinates along three edges of the box around everything.
+    """Draw coordinate scales along three edges of the bounding box.
 
     Args:
-        axes: Of the panel.
+        axes: Axes of the panel.
         seen: The view.
-        points: Points (1/72 inch) that a unit of length takes in the picture, about.
+        points: Approximate size of a unit of length in the picture [1/72 inch].
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -371,7 +370,7 @@ def _scale_the_box(axes: Any, seen: View, points: float) -> None:
 
 
 def _side(component: float, negative: str, positive: str) -> str:
-    """Where a text lies beside its place, so that it leads away from it."""
+    """Alignment of a text such that it extends away from its anchor."""
     return "center" if abs(component) < 0.35 else positive if component > 0.0 else negative
 
 

@@ -15,10 +15,10 @@ TAKEN = ("displacement", "velocity", "damage", "reference_position")
 
 
 class FrameFields(dict[str, NDArray[Any]]):
-    """Fields by name; one that is missing is told in one line."""
+    """Fields by name, with a one-line error for a missing name."""
 
     def __missing__(self, name: str) -> NDArray[Any]:
-        """Refuse a field that the frames do not hold.
+        """Raise the error for a field that the frames do not have.
 
         Raises:
             InputError: always.
@@ -27,11 +27,11 @@ class FrameFields(dict[str, NDArray[Any]]):
 
 
 def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Point data of a frame by name, in the types the file stores.
+    """Point data of a frame by name, in the types of the file.
 
     Args:
         frame: The frame.
-        chosen: Names of those that the file holds besides the displacement; None: all.
+        chosen: Names of the fields to store besides the displacement; None for all.
     """
     fields = {"displacement": frame.displacement, "velocity": frame.velocity}
     if frame.damage is not None:
@@ -39,13 +39,15 @@ def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[st
     for name, values in frame.point_data.items():
         if name in TAKEN or not name or "/" in name or name == ".":
             raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
+        if np.shape(values)[1:] not in ((), (3,)):
+            raise ValueError(f"point_data['{name}'] has shape {np.shape(values)}; expected (N,) or (N, 3)")
         fields[name] = values
     kept = fields if chosen is None else {name: fields[name] for name in fields if name in {"displacement", *chosen}}
     return {name: stored(np.asarray(values)) for name, values in kept.items()}
 
 
 def stored(values: NDArray[Any]) -> NDArray[Any]:
-    """Real numbers in single precision; VTK knows no truth values, so these become 0 and 1."""
+    """Convert real numbers to single precision, and booleans, which VTK lacks, to 0 and 1."""
     if values.dtype == np.bool_:
         return values.astype(np.uint8)
     return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32, copy=False)
@@ -57,5 +59,5 @@ def same_arrays(a: NDArray[Any] | None, b: NDArray[Any] | None) -> bool:
 
 
 def plain_value(value: Any) -> Any:
-    """A number of NumPy as one of Python."""
+    """Convert a NumPy number to a Python number."""
     return value.item() if isinstance(value, np.generic) else value

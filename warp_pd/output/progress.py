@@ -1,4 +1,4 @@
-"""Progress: a bar in a notebook or on a terminal, a line now and then elsewhere."""
+"""Progress display: a bar in a notebook or terminal, occasional lines elsewhere."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .notebook import has_widgets, in_notebook
 
 
 class Progress:
-    """Shows simulated time (load factor of static solvers), step rate, energy balance and time left, on stderr.
+    """Shows simulated time (or load factor), step rate, energy balance and remaining time on stderr.
 
     Args:
-        quiet: Show nothing.
+        quiet: Whether to show nothing.
     """
 
     def __init__(self, quiet: bool = False) -> None:
@@ -23,12 +23,12 @@ class Progress:
         self._rounds = 0
 
     def begin(self, headline: str) -> None:
-        """Say what runs where, before the kernels are compiled."""
+        """Print the headline before the kernels are compiled."""
         self._say(headline)
-        self._say("compiling kernels (only the first time; then they come from Warp's cache) ...")
+        self._say("compiling kernels (only the first time; later they come from Warp's cache) ...")
 
     def compiled(self, seconds: float) -> None:
-        """Say how long compilation took, and open the bar."""
+        """Print the compilation time and open the bar."""
         self._say(f"kernels ready after {seconds:.1f} s")
         if self.quiet:
             return
@@ -51,17 +51,17 @@ class Progress:
         self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
-        """Show the residual of a static run, of a tear every tenth; the bar counts the decades to the tolerance."""
+        """Show every tenth residual of a static run; the bar counts the decades to the tolerance, frames the rest."""
         percent = 0.0
         if math.isfinite(residual) and residual > 0.0:
-            percent = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
+            percent = min(99.9, max(0.0, 100.0 * math.log(residual) / math.log(tolerance)))
         text = f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})"
         if rounds:
-            percent, text = min(percent, 99.9), f"{text}, round {rounds} of rupture"
+            text += f", round {rounds} of rupture"
         self._show(percent, text, every=10)
 
     def close(self) -> None:
-        """Leave the bar as it stands."""
+        """Close the bar, leaving it visible."""
         if self._bar is not None:
             self._bar.close()
 
@@ -82,7 +82,7 @@ class Progress:
 
 
 def _bar_class() -> tuple[Any, str]:
-    """The bar of a notebook where it has widgets, otherwise that of a terminal; and the format of its width."""
+    """The progress bar class (notebook widget or terminal) and the format of its width."""
     if in_notebook() and has_widgets():
         from tqdm.notebook import tqdm as of_notebook
 

@@ -1,4 +1,4 @@
-"""How a picture looks at a sheet in space: projection, box, lines of the material, and pixels of many triangles."""
+"""3D drawing of sheets: projection, bounding box, material lines, and rasterisation of triangles."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class View:
     """A parallel projection.
 
     Attributes:
-        low: Lowest coordinates of what is shown [m], shape (3,).
-        high: Highest ones.
-        grown: Factors by which x, y and z are drawn larger, shape (3,).
-        axes: Directions to the right, up, and towards the eye, shape (3, 3).
+        low: Lowest coordinates of the bounding box [m], shape (3,).
+        high: Highest coordinates of the bounding box [m], shape (3,).
+        grown: Magnification of x, y and z, shape (3,).
+        axes: Directions right, up, and towards the viewer, shape (3, 3).
     """
 
     low: np.ndarray
@@ -50,21 +50,21 @@ class View:
         return View(low, high, grown, np.array([right, np.cross(towards, right), towards]))
 
     def seen(self, points: np.ndarray) -> np.ndarray:
-        """Right, up and depth towards the eye of points, shape (..., 3)."""
+        """Coordinates of points to the right, up, and towards the viewer, shape (..., 3)."""
         return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
 
     @property
     def size(self) -> float:
-        """Length of the diagonal of the box as it is drawn."""
+        """Length of the diagonal of the drawn box."""
         return float(np.linalg.norm((self.high - self.low) * self.grown))
 
     def corners(self) -> np.ndarray:
-        """Of the box [m], shape (8, 3)."""
+        """Corners of the box [m], shape (8, 3)."""
         ends = np.array([self.low, self.high])
         return np.stack([ends[np.arange(8) >> c & 1, c] for c in range(3)], axis=1)
 
     def edges(self) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-        """The edges of the box that carry the coordinates.
+        """The edges of the box with coordinate scales.
 
         Returns:
             Component, both ends [m], shape (3,), and the direction in the picture that leads away from the box.
@@ -90,7 +90,7 @@ class View:
 
 
 def places_of(frame: Shown) -> np.ndarray:
-    """Points of the sheet, and of bodies as far as they are near it [m], shape (P, 3); a plane would hide it."""
+    """Points of the sheet and of nearby bodies without planes [m], shape (P, 3)."""
     sheet = frame.points[frame.used]
     low, high = sheet.min(axis=0), sheet.max(axis=0)
     size = float((high - low).max())
@@ -134,14 +134,14 @@ def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
 
 
 def nearest_about(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """How near the triangles about each triangle come to the eye.
+    """Depth of the nearest triangle around each triangle.
 
     Args:
         corners: Right, up and depth of the corners of triangles, shape (F, 3, 3).
         triangles: Their points, shape (F, 3).
 
     Returns:
-        Largest mean depth of those that share a point with it and face the same way, shape (F,).
+        Largest mean depth of the triangles that share a point with it and face the same way, shape (F,).
     """
     depth, size = corners[..., 2].mean(axis=1), int(triangles.max(initial=-1)) + 1
     first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
@@ -155,7 +155,7 @@ def nearest_about(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def _crossing(
     frame: Shown, cut: np.ndarray, first: np.ndarray, second: np.ndarray, component: int, level: float
 ) -> np.ndarray:
-    """Deformed places [m] where the sides between two corners of triangles cross a level, shape (S, 3)."""
+    """Deformed positions [m] where triangle sides between two corners cross a level, shape (S, 3)."""
     a, b = frame.triangles[cut, first], frame.triangles[cut, second]
     start, end = frame.reference[a, component], frame.reference[b, component]
     fraction = ((level - start) / (end - start))[:, None]
@@ -165,17 +165,17 @@ def _crossing(
 def raster(
     corners: np.ndarray, colours: np.ndarray, strokes: np.ndarray, inks: np.ndarray, lift: float
 ) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """An image of triangles and strokes, each pixel of what is nearest to the eye.
+    """Rasterise triangles and strokes with a depth buffer.
 
     Args:
         corners: Right, up and depth of the corners of triangles, shape (F, 3, 3).
-        colours: Of the triangles: red, green, blue and opacity, shape (F, 4).
+        colours: Red, green, blue and opacity of the triangles, shape (F, 4).
         strokes: Ends of the strokes, shape (S, 2, 3).
-        inks: Of the strokes: colour and opacity, shape (S, 4).
-        lift: How far a stroke may lie behind the triangle that it belongs to.
+        inks: Colour and opacity of the strokes, shape (S, 4).
+        lift: Maximum depth of a visible stroke behind the triangle that it belongs to.
 
     Returns:
-        The image, shape (rows, columns, 4), lowest row first, and its left, right, lower and upper end.
+        The image, shape (rows, columns, 4), lowest row first, and its left, right, lower and upper limits.
     """
     low, high = corners[..., :2].min(axis=(0, 1)), corners[..., :2].max(axis=(0, 1))
     pixel = float((high - low).max()) / PIXELS
@@ -214,7 +214,7 @@ def _add_strokes(
     image: np.ndarray, nearest: np.ndarray, strokes: np.ndarray, inks: np.ndarray, lift: float,
     grid: tuple[np.ndarray, float, int],
 ) -> None:  # fmt: skip
-    """Darken the pixels of the strokes that no triangle hides, each once."""
+    """Darken the pixels of visible strokes, each once."""
     low, pixel, columns = grid
     lengths = np.linalg.norm(strokes[:, 1, :2] - strokes[:, 0, :2], axis=1)
     counts = np.clip(np.ceil(lengths / (BETWEEN * pixel)), 1, PIXELS).astype(int)

@@ -1,4 +1,4 @@
-"""Words and units of point fields and of columns of the history, as pictures and pages show them."""
+"""Labels and units of point fields and history columns, for pictures and pages."""
 
 from __future__ import annotations
 
@@ -60,18 +60,18 @@ def field_label(name: str) -> str:
 
 def column_label(name: str) -> str:
     """Name of a column of the history, such as "work of loads and supports" for external."""
-    return COLUMNS.get(name, name.replace("_", " "))
+    return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A scalar that the surface can be coloured by.
+    """A scalar for colouring the surface.
 
     Attributes:
         label: Its name.
-        unit: Its SI unit; empty for a plain number.
+        unit: Its SI unit; empty for a dimensionless number.
         field: The point field that it comes from.
-        component: Of the field; None for a scalar field, -1 for the length of a vector.
+        component: Component of the field; None for a scalar field, -1 for the length of a vector.
     """
 
     label: str
@@ -87,7 +87,7 @@ def choices(field: str, components: int) -> list[Choice]:
         field: Its name.
         components: 1 or 3.
     """
-    words, unit = FIELDS.get(field, (spoken(field), ""))
+    words, unit = FIELDS.get(field, (column_label(field), ""))
     if components == 1:
         return [Choice(words, unit, field)]
     if f"{field}_1" in FIELDS:
@@ -96,23 +96,18 @@ def choices(field: str, components: int) -> list[Choice]:
     return [Choice(words, unit, field, -1), *along]
 
 
-def spoken(name: str) -> str:
-    """A name in words."""
-    return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
-
-
 def known_units(summary: Mapping[str, Any]) -> dict[str, str]:
-    """Units of columns of the history that the summary of a run tells."""
+    """Units of columns of the history given in the summary of a run."""
     measures = {name: str(found["unit"]) for name, found in summary.get("measures", {}).items()}
     return {**summary.get("units", {}), **measures}
 
 
 def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Unit of a column of the history; empty for a number without one, or where none is known.
+    """Unit of a column of the history; empty if it is dimensionless or unknown.
 
     Args:
         name: The column.
-        units: Those that are known otherwise than by the name.
+        units: Units known from other sources than the name.
     """
     if name in units:
         return "" if units[name] in ("1", "-") else units[name]
@@ -123,28 +118,28 @@ def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> s
 
 
 def curves(columns: Sequence[str], measures: Collection[str], units: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Columns of the history that share a graph: energies, components of a vector, and each other one alone.
+    """Group columns of the history into graphs: energies, components of a vector, and single columns.
 
     Args:
         columns: Their names.
-        measures: Names of those that the scene measures.
+        measures: Names of the scene's measures.
         units: Known units, by name.
 
     Returns:
-        For each graph "label", "unit" and "columns", what the scene measures first.
+        For each graph "label", "unit" and "columns", the scene's measures first.
     """
     left = [name for name in columns if name not in ("time", "step")]
-    graphs = [_graph(spoken(name), [name], units) for name in left if name in measures]
+    graphs = [_graph(column_label(name), [name], units) for name in left if name in measures]
     left = [name for name in left if name not in measures]
     vectors = [name[:-2] for name in left if name.endswith("_x") and {name[:-1] + c for c in "yz"} <= set(left)]
-    graphs += [_graph(spoken(name), [f"{name}_{c}" for c in "xyz"], units) for name in vectors]
+    graphs += [_graph(column_label(name), [f"{name}_{c}" for c in "xyz"], units) for name in vectors]
     energies = [name for name in left if name in ENERGIES]
     if energies:
         graphs.append(_graph("energies", energies, units))
     taken = {part["column"] for graph in graphs for part in graph["columns"]}
-    return graphs + [_graph(spoken(name), [name], units) for name in left if name not in taken]
+    return graphs + [_graph(column_label(name), [name], units) for name in left if name not in taken]
 
 
 def _graph(label: str, columns: Sequence[str], units: Mapping[str, str]) -> dict[str, Any]:
-    names = [{"column": name, "label": spoken(name)} for name in columns]
+    names = [{"column": name, "label": column_label(name)} for name in columns]
     return {"label": label, "unit": column_unit(columns[0], units), "columns": names}

@@ -1,10 +1,8 @@
-"""What writers of surfaces share: colours of damage, boxes, normals, paths that can be written."""
+"""Helpers for surface writers: damage colours, bounding boxes, normals, writable paths."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -49,32 +47,14 @@ def point_normals(
     return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
 
 
-def require_writable(path: str | os.PathLike[str], endings: Sequence[str]) -> Path:
-    """The resolved path, once it is known that a file can be written there.
-
-    Raises:
-        ValueError: for another ending.
-        FileNotFoundError: for a folder that does not exist.
-        PermissionError: for a folder that cannot be written to.
-    """
-    whole = Path(path).resolve()
-    if whole.suffix not in endings:
-        raise ValueError(f"path is {path}; expected a name ending in {' or '.join(endings)}")
-    if not whole.parent.is_dir():
-        raise FileNotFoundError(f"path is {path}; expected a folder that exists, unlike {whole.parent}")
-    if not os.access(whole.parent, os.W_OK):
-        raise PermissionError(f"path is {path}; expected a folder that can be written to, unlike {whole.parent}")
-    return whole
-
-
 def camera_place(
     box: NDArray[np.float64], apertures: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Where a camera sees a whole box.
+    """Camera position from which a whole box is visible.
 
     Args:
         box: Lowest and highest corner [m], shape (2, 3).
-        apertures: Width and height of the picture over the focal length.
+        apertures: Width and height of the picture divided by the focal length.
 
     Returns:
         Eye and target [m], shape (3,), and their distance [m].
@@ -93,7 +73,7 @@ def camera_place(
 
 
 def plain_metadata(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
-    """The metadata in types USD knows: it takes no numpy numbers."""
+    """Convert metadata to types supported by USD, which does not accept NumPy numbers."""
     values: dict[str, Any] = {
         name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
     }

@@ -1,4 +1,4 @@
-"""Pictures of a sheet before anything runs."""
+"""Pictures of the undeformed sheet."""
 
 from __future__ import annotations
 
@@ -17,24 +17,23 @@ def draw_sheet(
     title: str = "",
     view: tuple[float, float] = VIEW,
 ) -> Any:
-    """Draw a sheet, flat or curved. No device is touched.
+    """Draw an undeformed sheet, flat or curved.
 
-    The picture shows triangles, points (of a sheet with a square grid: those on it, and the others), the boundary,
-    cuts, rigid inclusions, stiffened points, named parts, and in colour a thickness that varies. Where there are too
-    many points or triangles to tell apart it shows some of them and says how many. The two faces of a crack are drawn a
-    little apart.
+    The picture shows triangles, points (on and off a square grid in different colours), the boundary, cuts, rigid
+    inclusions, stiffened points, named parts, and a varying thickness in colour. If there are too many points or
+    triangles, it shows some of them and states how many. The two faces of a crack are drawn slightly apart.
 
     Args:
         sheet: The sheet.
-        path: Of the picture, .png, .pdf or .svg; None to write none.
-        title: First line above the picture.
-        view: Elevation and azimuth of the eye [degrees], for a curved sheet.
+        path: File of the picture (.png, .pdf or .svg); None writes no file.
+        title: Title of the picture.
+        view: Elevation and azimuth of the viewpoint [degrees], for a curved sheet.
 
     Returns:
         The `matplotlib.figure.Figure`.
 
     Raises:
-        InputError: for anything but a sheet, or a path that cannot be written.
+        InputError: if `sheet` is not a Sheet, or the path cannot be written.
     """
     if not isinstance(sheet, Sheet):
         raise InputError(f"sheet = {said(sheet)}: expected a Sheet")

@@ -1,12 +1,11 @@
-"""Animation of a tearing sheet in one binary USD file, for usdview, Blender, Omniverse and other renderers.
+"""Animation of a sheet in one binary USD file, for usdview, Blender, Omniverse and other renderers.
 
-One time code is one frame. The sheet keeps all its points from first to last; the triangles that a crack cuts
-leave the mesh on the frame it cuts them.
+One time code is one frame. The points of the sheet never change; triangles cut by a crack are removed from the mesh at
+that frame.
 
-A binary USD layer that is saved again is changed in place: the library overwrites the tables at its end
-before it has written new ones, and a process killed at that moment leaves a file nobody can open. So the
-frames go to a working file beside the animation, and each save puts a finished copy in the animation's place
-in one rename.
+Saving a binary USD layer again modifies it in place: the library overwrites the tables at its end before it has written
+new ones, and a process killed at that moment leaves an unreadable file. Frames are therefore written to a working file
+next to the animation, and each save replaces the animation by a finished copy with one rename.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +20,11 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, Vt
 
 from ..device.checks import InputError
 from ..interfaces.frame import Frame, Surface
-from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
+from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals
 from .usd_bodies import BALL, bind_material, define_ball, define_body, extent, poses, vectors, write_bodies
 
+# Frames that a second shows, and from one save to the next.
+FRAMES_PER_SECOND, SAVE_EVERY = 24.0, 25
 _FOCAL_LENGTH = 50.0
 _APERTURE = (36.0, 20.25)
 
@@ -35,14 +35,9 @@ _SHEET, _CAMERA = "/World/Sheet", "/World/Camera"
 
 
 class UsdAnimation:
-    """Writes frames into one binary USD file, which can be opened at any moment after the first frame.
+    """Writes frames into one binary USD file, which can be opened at any time after the first frame.
 
-    A killed run leaves the frames up to the last save. Each save copies the file, so lower `save_every` for
-    short animations only: the copies of a long one add up.
-
-    Example:
-        with UsdAnimation("animation.usd", surface) as animation:
-            animation.write(frame)
+    A killed run leaves the frames up to the last save. Each save copies the file.
     """
 
     def __init__(
@@ -50,35 +45,25 @@ class UsdAnimation:
         path: str | os.PathLike[str],
         surface: Surface,
         *,
-        frames_per_second: float = 24.0,
         seconds_per_frame: float | None = None,
-        save_every: int = 25,
         append_from: int | None = None,
     ) -> None:
-        """Begin an animation, or go on with one.
+        """Begin an animation, or continue one.
 
         Args:
-            path: The file, ending in .usd or .usdc. A file that is there is removed, unless appended to.
+            path: The file. An existing file is replaced unless `append_from` is given.
             surface: The reference sheet.
-            frames_per_second: How fast the animation plays [1/s].
-            seconds_per_frame: Simulated time from one frame to the next [s], kept in the file: with it a
-                viewer knows how much slower or faster than life the animation plays.
-            save_every: Frames from one save to the next.
-            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin a new file.
+            seconds_per_frame: Simulated time between frames [s], stored in the file so that the playback speed relative
+                to real time is known.
+            append_from: Index of the first new frame; earlier frames of the existing file are kept, later ones dropped.
+                None and 0 begin a new file.
         """
-        _require_positive("frames_per_second", frames_per_second)
-        _require_positive("save_every", save_every)
-        if seconds_per_frame is not None:
-            _require_positive("seconds_per_frame", seconds_per_frame)
-        self.path = require_writable(path, (".usd", ".usdc"))
+        self.path = Path(path).resolve()
         self.surface = surface
         self._working_path = self.path.with_name(f".{self.path.stem}.unfinished.usdc")
-        self._save_every = int(save_every)
         self._unsaved = 0
         self._frames = 0
         self._last_faces: NDArray[np.integer] | None = None
-        self._has_damage = False
         self._reference_box = bounding_box(np.asarray(surface.points, np.float64))
         self._view_box = self._reference_box
         self._reference_normals = point_normals(surface.points, surface.faces, fallback=np.array([0.0, 0.0, 1.0]))
@@ -88,7 +73,7 @@ class UsdAnimation:
             self.path.unlink(missing_ok=True)
             layer = _new_layer(self._working_path)
         self._stage: Usd.Stage | None = Usd.Stage.Open(layer)
-        _describe_stage(self._stage, surface, float(frames_per_second), seconds_per_frame)
+        _describe_stage(self._stage, surface, seconds_per_frame)
         if append_from:
             try:
                 self._continue_from(append_from)
@@ -96,35 +81,17 @@ class UsdAnimation:
                 self._discard()
                 raise
 
-    @property
-    def frames(self) -> int:
-        """Number of frames written so far, those appended to included: the index of the next frame."""
-        return self._frames
-
     def write(self, frame: Frame) -> None:
-        """Add one frame; its index must be the next one.
-
-        Args:
-            frame: The sheet's state. Whether it has damage must not change from frame to frame.
-        """
+        """Add the next frame."""
         stage = self._open_stage()
-        if frame.index != self._frames:
-            raise ValueError(f"index of the frame is {frame.index}; expected {self._frames}, the next of {self.path}")
-        frame.require_fits(self.surface)
         code = Usd.TimeCode(frame.index)
         if frame.index == 0:
-            self._has_damage = frame.damage is not None
-            _define_sheet(stage, self.surface, has_damage=self._has_damage)
+            _define_sheet(stage, self.surface, has_damage=frame.damage is not None)
             _define_lights(stage)
             if self.surface.ball_diameter is not None:
                 define_ball(stage, self.surface.ball_diameter)
             for body in self.surface.bodies:
                 define_body(stage, body)
-        if self._has_damage != (frame.damage is not None):
-            raise ValueError(
-                f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
-                "expected given on every frame, or on none"
-            )
         self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
         self._write_ball(stage, frame, code)
         write_bodies(stage, self.surface, frame, code)
@@ -133,11 +100,11 @@ class UsdAnimation:
         stage.SetEndTimeCode(frame.index)
         self._frames = frame.index + 1
         self._unsaved += 1
-        if frame.index == 0 or self._unsaved >= self._save_every:
+        if frame.index == 0 or self._unsaved >= SAVE_EVERY:
             self.save()
 
     def save(self) -> None:
-        """Put the frames written so far on disk, where a killed run cannot lose them any more."""
+        """Save the frames written so far to disk."""
         self._open_stage().GetRootLayer().Save()
         copy = self.path.with_name(f".{self.path.stem}.copy.usdc")
         shutil.copyfile(self._working_path, copy)
@@ -145,7 +112,7 @@ class UsdAnimation:
         self._unsaved = 0
 
     def close(self) -> None:
-        """Save what is not saved yet and let the file go. A frame that failed half-way is not kept."""
+        """Save unsaved frames and close the file. A partially written frame is discarded."""
         if self._stage is None:
             return
         _drop_samples(self._stage, self._frames)
@@ -160,44 +127,27 @@ class UsdAnimation:
             # Whoever in this process holds the animation open would otherwise go on seeing the past.
             published.Reload(force=True)
 
-    def __enter__(self) -> UsdAnimation:
-        """Return the animation itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the animation; the frames written before an error are kept."""
-        self.close()
-
     def _discard(self) -> None:
         self._stage = None
         self._working_path.unlink()
 
     def _open_stage(self) -> Usd.Stage:
-        if self._stage is None:
-            raise ValueError(f"animation {self.path} is closed; expected write and save before close")
+        assert self._stage is not None
         return self._stage
 
     def _continue_from(self, first: int) -> None:
-        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        """Drop the frames from `first` on, and restore the state after the frame before it."""
         stage = self._open_stage()
         mesh = UsdGeom.Mesh.Get(stage, _SHEET)
         written = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
         if not 0 < first <= written:
             raise ValueError(f"append_from is {first}; expected 0 to {written}, the number of frames in {self.path}")
-        points = np.asarray(mesh.GetPointsAttr().Get(0))
-        if len(points) != len(self.surface.points):
-            raise ValueError(
-                f"surface has {len(self.surface.points)} points; expected {len(points)}, as in {self.path}"
-            )
         _drop_samples(stage, first)
         for index in range(first):
             points = np.asarray(mesh.GetPointsAttr().Get(index))
             faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
             self._widen_view(points, faces, _ball_center(stage, index), poses(stage, self.surface.bodies, index))
         self._last_faces = faces
-        self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
         self._frames = first
         stage.SetEndTimeCode(first - 1)
 
@@ -215,7 +165,7 @@ class UsdAnimation:
             mesh.GetDisplayColorAttr().Set(vectors(damage_colours(values)), code)
 
     def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
-        """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
+        """Write the triangles if a crack has cut any since the last frame; USD keeps them otherwise."""
         if self._last_faces is not None and np.array_equal(faces, self._last_faces):
             return
         mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
@@ -235,7 +185,7 @@ class UsdAnimation:
         ball_center: NDArray[np.floating] | None,
         placed: NDArray[np.floating] | None,
     ) -> None:
-        """Widen the box the camera frames by one frame: the points that still carry a face, the ball, and bodies."""
+        """Extend the camera's bounding box by one frame: points with a face, the ball, and bodies."""
         boxes = [self._view_box]
         if len(faces):
             # In the precision of the file, so that a run that is resumed ends with the same camera.
@@ -252,13 +202,8 @@ class UsdAnimation:
         self._view_box = np.clip(bounding_box(np.concatenate(boxes)), middle - reach, middle + reach)
 
 
-def _require_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value}; expected a positive number")
-
-
 def _new_layer(path: Path) -> Sdf.Layer:
-    """An empty layer, also where a run that failed in this process still holds one of that name."""
+    """An empty layer, even if a failed run in this process still has one of that name open."""
     layer = Sdf.Layer.Find(str(path))
     if layer:
         layer.Clear()
@@ -268,9 +213,7 @@ def _new_layer(path: Path) -> Sdf.Layer:
 
 
 def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
-    """The layer of `source` in a file of its own, so that the source stays whole until the next save."""
-    if not source.is_file():
-        raise FileNotFoundError(f"path is {source}; expected a file that exists, with append_from")
+    """The layer of `source` copied to a new file, so that the source stays valid until the next save."""
     shutil.copyfile(source, path)
     layer = Sdf.Layer.Find(str(path))
     if layer:
@@ -283,13 +226,11 @@ def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
         raise InputError(f"{source}: expected a USD file that can be read") from error
 
 
-def _describe_stage(
-    stage: Usd.Stage, surface: Surface, frames_per_second: float, seconds_per_frame: float | None
-) -> None:
+def _describe_stage(stage: Usd.Stage, surface: Surface, seconds_per_frame: float | None) -> None:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(frames_per_second)
-    stage.SetFramesPerSecond(frames_per_second)
+    stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
+    stage.SetFramesPerSecond(FRAMES_PER_SECOND)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(0)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
@@ -330,7 +271,7 @@ def _define_lights(stage: Usd.Stage) -> None:
 
 
 def _aim_camera(stage: Usd.Stage, box: NDArray[np.float64]) -> None:
-    """Stand the camera where the whole box [m], shape (2, 3), just fits its picture."""
+    """Place the camera so that the whole box [m], shape (2, 3), just fits its picture."""
     camera = UsdGeom.Camera.Define(stage, _CAMERA)
     eye, target, distance = camera_place(box, (_APERTURE[0] / _FOCAL_LENGTH, _APERTURE[1] / _FOCAL_LENGTH))
     place = Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye.tolist()), Gf.Vec3d(*target.tolist()), Gf.Vec3d(0, 0, 1))
@@ -352,16 +293,16 @@ def _drop_samples(stage: Usd.Stage, first: int) -> None:
 
 
 def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
-    """Centre of the ball [m] at a frame that is written already, shape (3,)."""
+    """Centre of the ball [m] at an already written frame, shape (3,)."""
     translate = stage.GetAttributeAtPath(f"{BALL}.xformOp:translate")
     return np.array(translate.Get(index)) if translate else None
 
 
 def describe_animation(path: Path) -> str:
-    """A few lines about an animation.usd.
+    """Describe an animation.usd in a few lines.
 
     Raises:
-        InputError: for a file that USD cannot read.
+        InputError: if USD cannot read the file.
     """
     try:
         stage = Usd.Stage.Open(str(path))

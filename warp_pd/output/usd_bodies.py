@@ -1,4 +1,4 @@
-"""Rigid bodies in a USD file, and what every shape in it needs: a material, arrays of vectors, extents."""
+"""Rigid bodies in a USD file, and helpers for materials, vector arrays and extents."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BALL = "/World/Ball"
 
 
 def define_ball(stage: Usd.Stage, diameter: float) -> None:
-    """The ball of a diameter [m]."""
+    """Define the ball of a diameter [m]."""
     sphere = UsdGeom.Sphere.Define(stage, BALL)
     radius = 0.5 * float(diameter)
     sphere.CreateRadiusAttr(radius)
@@ -27,7 +27,7 @@ def define_ball(stage: Usd.Stage, diameter: float) -> None:
 
 
 def define_body(stage: Usd.Stage, body: Body) -> None:
-    """Define the shape of a body, in its own frame; as a mesh of triangles where USD lacks the shape."""
+    """Define the shape of a body in the body frame; as a triangle mesh if USD lacks the shape."""
     path, sizes = _path_of(body), body.sizes
     if body.kind == "sphere":
         shape = UsdGeom.Sphere.Define(stage, path)
@@ -57,7 +57,7 @@ def _path_of(body: Body) -> str:
 
 
 def poses(stage: Usd.Stage, bodies: Sequence[Body], index: int) -> NDArray[np.float64] | None:
-    """Positions [m] and quaternions of bodies at a frame that is written already, shape (B, 7)."""
+    """Positions [m] and quaternions of bodies at an already written frame, shape (B, 7)."""
     found = []
     for body in bodies:
         prim = stage.GetPrimAtPath(_path_of(body))
@@ -67,7 +67,7 @@ def poses(stage: Usd.Stage, bodies: Sequence[Body], index: int) -> NDArray[np.fl
 
 
 def write_bodies(stage: Usd.Stage, surface: Surface, frame: Frame, code: Usd.TimeCode) -> None:
-    """Write where the bodies are in a frame."""
+    """Write the poses of the bodies in a frame."""
     for body, pose in zip(surface.bodies, () if frame.bodies is None else frame.bodies, strict=True):
         prim = stage.GetPrimAtPath(_path_of(body))
         x, y, z, qx, qy, qz, qw = map(float, pose)
@@ -76,7 +76,7 @@ def write_bodies(stage: Usd.Stage, surface: Surface, frame: Frame, code: Usd.Tim
 
 
 def bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:
-    """Give a shape a plain surface that takes its colour from `primvars:displayColor`."""
+    """Bind a plain material that takes its colour from `primvars:displayColor`."""
     material = UsdShade.Material.Define(shape.GetPrim().GetStage(), path)
     reader = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Colour")
     reader.CreateIdAttr("UsdPrimvarReader_float3")

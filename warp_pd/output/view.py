@@ -1,4 +1,4 @@
-"""A run as one page for a browser: the sheet in space and time, its curves, measures and settings."""
+"""The browser page of a run: the sheet in 3D over time, its curves, measures and settings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import InputError, count, one_of
+from ..device.checks import count, one_of
 from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
@@ -30,13 +30,13 @@ POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
 
 @dataclass(frozen=True)
 class Limits:
-    """How much of a run a page holds.
+    """Limits on the content of a page.
 
     Attributes:
-        points: Points of the sheet, about; None for all.
-        frames: Frames; None for as many as fit.
+        points: Approximate number of points of the sheet; None for all.
+        frames: Number of frames; None for as many as fit.
         fields: Names of the fields besides the displacement; None for all.
-        bits: Precision of a number of a point. 16 bits bear zooming in; 10 are what a screen shows of a whole sheet.
+        bits: Precision of point values. 16 bits are enough for zooming in, 10 for showing the whole sheet.
     """
 
     points: int | None = POINTS
@@ -45,24 +45,24 @@ class Limits:
     bits: int = 16
 
     def __post_init__(self) -> None:
-        """Refuse fewer points than a sheet has, and fewer frames than a run has."""
+        """Check the minimum numbers of points and frames."""
         if self.points is not None:
             count("points", self.points, 4)
         if self.frames is not None:
             count("frames", self.frames, 2)
 
     def chosen_fields(self, known: Sequence[str]) -> list[str]:
-        """Names of the fields that a page shows.
+        """Names of the fields on the page.
 
         Raises:
-            InputError: for a name that the frames do not hold.
+            InputError: if the frames do not have a field of that name.
         """
         for name in self.fields or ():
             one_of("fields", name, known)
         return [name for name in known if self.fields is None or name in ("displacement", *self.fields)]
 
     def chosen_frames(self, frames: int, numbers: int) -> NDArray[np.int64]:
-        """Indices of the frames that a page shows, the first and last among them, if each has so many numbers."""
+        """Indices of the frames on the page, including the first and last, if each frame has `numbers` values."""
         fits = max(FEWEST_FRAMES, NUMBERS // numbers) if self.frames is None else self.frames
         return np.unique(np.round(np.linspace(0, frames - 1, min(frames, fits))).astype(np.int64))
 
@@ -78,17 +78,15 @@ def page(
 
     Args:
         path: frames.vtkhdf of the run.
-        summary: Content of its summary.json; empty for a run that has none.
-        history: Its history, one row per frame; empty for a run that has none.
-        limits: How much of the run the page holds.
-        shared: Address of the folder output/page of the package, for a page that loads scripts and styles from there;
-            by default they are inside.
+        summary: Contents of its summary.json; empty if there is none.
+        history: Its history, one row per frame; empty if there is none.
+        limits: Limits on the content.
+        shared: Address of the package's folder output/page, from which the page loads scripts and styles; by default
+            they are embedded.
 
     Raises:
-        InputError: for frames that are missing or damaged.
+        InputError: if the frames are damaged.
     """
-    if not path.is_file():
-        raise InputError(f"file = {str(path)!r}: expected the frames of a run")
     limits = limits or Limits()
     info = read_series(path)
     arrays = Arrays(limits.bits)
@@ -138,7 +136,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
 
 
 def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) -> dict[str, Any]:
-    """The fields at the points that are drawn, a series for each component."""
+    """The fields at the drawn points, one series per component."""
     loose = ~_joined(sheet)
     stored, offered = {}, []
     for name, series in values.items():
@@ -151,7 +149,7 @@ def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) ->
 
 
 def _joined(sheet: Drawn) -> NDArray[np.bool_]:
-    """Whether a point has an intact triangle, or there is none at all, shape (frames, points)."""
+    """Whether each point has an intact triangle (or the sheet has no triangles), shape (frames, points)."""
     joined = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
     for row, intact in zip(joined, sheet.intact, strict=True):
         row[sheet.triangles[intact]] = True
@@ -170,7 +168,7 @@ def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[s
 
 
 def _history(history: Sequence[Mapping[str, float]], summary: Mapping[str, Any], turns: bool) -> dict[str, Any]:
-    """Columns of the history, and which of them share a graph; rows are numbered where the load factor `turns`."""
+    """Columns of the history and their grouping into graphs; rows are numbered if the load factor `turns`."""
     if not history:
         return {"columns": {}, "graphs": []}
     columns = {name: [_finite(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
@@ -181,7 +179,7 @@ def _history(history: Sequence[Mapping[str, float]], summary: Mapping[str, Any],
 
 
 def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[str]:
-    """What of the run is not on the page, one line each."""
+    """Notes on parts of the run that are not on the page, one line each."""
     lines = []
     if len(sheet.points) < 0.9 * info.points:
         lines.append(
@@ -194,7 +192,7 @@ def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[
 
 
 def _finite(value: Any) -> Any:
-    """A value that JSON knows: NaN and infinity become None."""
+    """Convert a value for JSON: NaN and infinity become None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
@@ -207,7 +205,7 @@ def _part(name: str) -> str:
 
 
 def _html(content: Mapping[str, Any], arrays: Arrays, shared: str | None) -> str:
-    """The page, with styles, scripts and data in their places."""
+    """The page with styles, scripts and data inserted."""
     # Neither a name of a scene nor a note may end the element that holds it.
     data = json.dumps(content, allow_nan=False).replace("<", "\\u003c")
     texts = "\n".join(f'<script type="text/plain" id="array{k}">{text}</script>' for k, text in enumerate(arrays.texts))
@@ -223,12 +221,12 @@ def _html(content: Mapping[str, Any], arrays: Arrays, shared: str | None) -> str
 
 
 def _inside() -> tuple[str, str]:
-    """Elements with the styles and the scripts."""
+    """Elements with embedded styles and scripts."""
     style = "\n".join(map(_part, STYLES))
     return f"<style>{style}</style>", "\n".join(f"<script>{_part(name)}</script>" for name in SCRIPTS)
 
 
 def _beside(folder: str) -> tuple[str, str]:
-    """Elements that name the files of the styles and the scripts."""
+    """Elements that link to the files of the styles and scripts."""
     styles = "\n".join(f'<link rel="stylesheet" href="{folder}/{name}">' for name in STYLES)
     return styles, "\n".join(f'<script src="{folder}/{name}"></script>' for name in SCRIPTS)

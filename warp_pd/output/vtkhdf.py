@@ -1,17 +1,18 @@
-"""Frames of a tearing sheet in one VTKHDF file, which ParaView opens as it is.
+"""Frames of a sheet in one VTKHDF file, which ParaView opens directly.
 
-The file is a VTKHDF PolyData with time steps. Every array of the sheet is one long column, to which a frame
-adds its rows; `Steps` says where each frame's rows begin. A frame whose triangles are those of the frame
-before points at the rows that are there already, so a sheet that does not tear stores its triangles once.
+The file is a VTKHDF PolyData with time steps. Every array of the sheet is one long column to which each frame appends
+rows; `Steps` stores where each frame's rows begin. A frame with the same triangles as the one before refers to the
+existing rows, so a sheet that does not tear stores its triangles once.
 
-The points are deformed, so that ParaView shows the sheet where it is, beside the bodies of `bodies.vtkhdf`. The
-reference position is a point field, stored once; "Warp By Vector" by the displacement and -1 shows the reference sheet.
+Point positions are deformed, so ParaView shows the deformed sheet, consistent with the bodies in `bodies.vtkhdf`. The
+reference position is a point field, stored once; "Warp By Vector" with the displacement and the factor -1 shows the
+reference sheet.
 
-HDF5 keeps no journal. Three things make a killed run leave a readable file all the same: the file takes its
-name only when its first frame is complete; it is open only while a frame is being added; and the number of
-steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
-`Steps/Values` has more rows than there are steps, so those two go to disk together. On a path whose load factor may
-fall, `Steps/Values` are the numbers of the frames, since readers sort them, and `load_times` their times.
+HDF5 has no journal. Three measures keep the file of a killed run readable: the file gets its final name only when its
+first frame is complete; it is open only while a frame is being added; and the number of steps, without which readers
+ignore the new rows, is written last. VTK's reader overruns its memory if `Steps/Values` has more rows than there are
+steps, so both are written together. If the load factor may decrease, `Steps/Values` are the indices of the frames,
+since readers sort them, and `load_times` their times.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import h5py
@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
 from .point_fields import plain_value, point_fields, same_arrays
-from .shapes import require_writable
 
 VERSION = (2, 2)
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
@@ -51,7 +50,7 @@ _MOST_BYTES = 2**30
 
 @dataclass(frozen=True, eq=False)
 class SeriesInfo:
-    """What a VTKHDF file of frames holds.
+    """Contents of a VTKHDF file of frames.
 
     Attributes:
         frames: Number of frames.
@@ -59,7 +58,7 @@ class SeriesInfo:
         points: Number of points of the sheet.
         faces: Number of intact triangles at each frame, shape (frames,).
         fields: Names of the point data.
-        metadata: Configuration, version, units, as given with the surface.
+        metadata: Configuration, version and units, as given with the surface.
     """
 
     frames: int
@@ -71,108 +70,63 @@ class SeriesInfo:
 
 
 class NotASeriesError(Exception):
-    """The file is HDF5, but what it holds does not fit together as a series of frames."""
+    """The file is HDF5, but not a consistent series of frames."""
 
 
 class VtkHdfSeries:
-    """Writes frames into one VTKHDF file, which can be read at any moment after the first frame.
+    """Writes frames into one VTKHDF file, which can be read at any time after the first frame.
 
-    Every frame is on disk when `write` returns. Others may read the file while it grows.
-
-    Example:
-        with VtkHdfSeries("frames.vtkhdf", surface) as series:
-            series.write(frame)
+    Every frame is on disk when `write` returns. Other programs may read the file while it grows.
     """
 
     def __init__(
         self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None,
         fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
-        """Begin a series, or go on with one.
+        """Begin a series, or continue one.
 
         Args:
-            path: The file, ending in .vtkhdf or .hdf. A file that is there is removed, unless appended to.
+            path: The file. An existing file is replaced unless `append_from` is given.
             surface: The reference sheet.
-            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin a new file.
-            fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
+            append_from: Index of the first new frame; earlier frames of the existing file are kept, later ones dropped.
+                None and 0 begin a new file.
+            fields: Names of the point fields to store besides the displacement; None for all fields of a frame.
         """
-        self.path = require_writable(path, (".vtkhdf", ".hdf"))
+        self.path = Path(path).resolve()
         self.surface = surface
         self._chosen = fields
-        self._frames = 0
-        self._fields: tuple[str, ...] = ()
         self._last_faces: NDArray[np.integer] | None = None
         self._last_intact: NDArray[np.bool_] | None = None
-        self._closed = False
         if append_from:
             self._continue_from(append_from)
         else:
             self.path.unlink(missing_ok=True)
 
-    @property
-    def frames(self) -> int:
-        """Number of frames written so far, those appended to included: the index of the next frame."""
-        return self._frames
-
     def write(self, frame: Frame) -> None:
-        """Add one frame; its index must be the next one.
-
-        Args:
-            frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
-        """
-        self._require_next(frame)
+        """Add the next frame, with the same fields as the one before."""
         fields = point_fields(frame, self._chosen)
         if frame.index == 0:
             self._create(frame, fields)
         else:
-            self._require_same_fields(frame, fields)
             with h5py.File(self.path, "r+", locking=False) as file:
                 self._add(file, frame, fields)
-        self._frames = frame.index + 1
 
     def save(self) -> None:
-        """Nothing to do: every frame is on disk once it is written."""
+        """Do nothing, because every frame is already on disk."""
 
     def close(self) -> None:
-        """Refuse further frames. Those written are on disk already."""
-        self._closed = True
-
-    def __enter__(self) -> VtkHdfSeries:
-        """Return the series itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the series; the frames written before an error are kept."""
-        self.close()
-
-    def _require_next(self, frame: Frame) -> None:
-        if self._closed:
-            raise ValueError(f"series {self.path} is closed; expected write before close")
-        if frame.index != self._frames:
-            raise ValueError(f"index of the frame is {frame.index}; expected {self._frames}, the next of {self.path}")
-        frame.require_fits(self.surface)
-
-    def _require_same_fields(self, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-        if set(fields) != set(self._fields):
-            raise ValueError(
-                f"fields of frame {frame.index} are {', '.join(sorted(fields))}; "
-                f"expected {', '.join(sorted(self._fields))}, as on the frames before it"
-            )
+        """Do nothing, as in `save`."""
 
     def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
-        """Write the first frame into a file of another name, and rename that once it is whole."""
+        """Write the first frame to a temporary file, and rename it when complete."""
         unfinished = self.path.with_name(f".{self.path.name}.unfinished")
         with h5py.File(unfinished, "w", locking=False) as file:
             _lay_out(file, self.surface, frame, fields)
             self._add(file, frame, fields)
         os.replace(unfinished, self.path)
-        self._fields = tuple(fields)
 
     def _add(self, file: h5py.File, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-        """Add the rows of one frame, and only then the frame to the number of steps."""
+        """Add the rows of one frame, and then increment the number of steps."""
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
@@ -211,15 +165,11 @@ class VtkHdfSeries:
         self._last_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
-        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        """Drop the frames from `first` on, and restore the state after the frame before it."""
         info = read_series(self.path)
         if not 0 < first <= info.frames:
             raise ValueError(
                 f"append_from is {first}; expected 0 to {info.frames}, the number of frames in {self.path}"
-            )
-        if info.points != len(self.surface.points):
-            raise ValueError(
-                f"surface has {len(self.surface.points)} points; expected {info.points}, as in {self.path}"
             )
         with h5py.File(self.path, "r+", locking=False) as file:
             root = file["VTKHDF"]
@@ -229,16 +179,14 @@ class VtkHdfSeries:
             _cut(root, first)
             begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
             self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
-        self._fields = info.fields
-        self._frames = first
 
 
 def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
-    """Say what a VTKHDF file of frames holds, without reading the frames.
+    """Read the contents of a VTKHDF file of frames without the frames themselves.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: The file is damaged, or not one that `VtkHdfSeries` wrote.
+        FileNotFoundError: if the file does not exist.
+        ValueError: if the file is damaged, or was not written by `VtkHdfSeries`.
     """
     if not Path(path).is_file():
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
@@ -247,7 +195,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
             return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
         reason = " ".join(str(error).strip("'\"").split())
-        raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
+        raise InputError(f"{path}: expected a complete VTKHDF file of frames ({reason})") from error
 
 
 def read_frame(
@@ -256,16 +204,14 @@ def read_frame(
     """One frame of a VTKHDF file.
 
     Returns:
-        Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (number of them, 3); and the
-        point data by name, each of shape (N,) or (N, 3).
+        Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (F, 3); and the point data by name, each
+        of shape (N,) or (N, 3).
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: There is no such frame, or the file is damaged or not one that `VtkHdfSeries` wrote.
+        FileNotFoundError: if the file does not exist.
+        ValueError: if the file is damaged or was not written by `VtkHdfSeries`.
     """
     info = read_series(path)
-    if not 0 <= index < info.frames:
-        raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
@@ -275,24 +221,25 @@ def read_frame(
         return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
 
 
-def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.float64], float] | None:
-    """Centre [m], shape (3,), and diameter [m] of the ball in one frame of a VTKHDF file; None without a ball."""
-    with h5py.File(path, "r", locking=False) as file:
-        if "ball_diameter" not in file["warp_pd"].attrs:
-            return None
-        return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
-
-
-def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
-    """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
-    with h5py.File(path, "r", locking=False) as file:
-        return _bodies_in(file, index)
-
-
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
-    """The ball and other rigid bodies of a VTKHDF file, each with its poses, shape (frames, 7)."""
+    """The ball, a sphere without vertices, and other rigid bodies of a VTKHDF file.
+
+    Returns:
+        Each body, with its position [m] and quaternion, shape (frames, 7).
+    """
+    found = []
     with h5py.File(path, "r", locking=False) as file:
-        return _outlines_in(file)
+        own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
+        if "ball_diameter" in own.attrs:
+            centres = columns["ball_center"][:]
+            poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
+            radius = 0.5 * float(own.attrs["ball_diameter"])
+            found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
+        for name, stored in own.items():
+            kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
+            body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
+            found.append((body, columns[f"{POSE}{name}"][:]))
+    return found
 
 
 def _read_info(file: h5py.File) -> SeriesInfo:
@@ -321,7 +268,7 @@ def _read_info(file: h5py.File) -> SeriesInfo:
 
 
 def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-    """Create every group and column, all without rows."""
+    """Create all groups and empty columns."""
     points = len(surface.points)
     root = file.create_group("VTKHDF")
     root.attrs["Version"] = np.array(VERSION, np.int64)
@@ -363,7 +310,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
 
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
-    """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
+    """Add the triangles of a frame, shape (F, 3), and the other, empty kinds of cells."""
     _add_rows(root["NumberOfPoints"], [points])
     for kind in KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
@@ -375,14 +322,14 @@ def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> Non
 
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
-    """Rows that stand before the latest triangles, one number a kind of cells."""
+    """Number of rows before the latest triangles, for each kind of cells."""
     before = [0] * len(KINDS)
     before[POLYGONS] = int(np.sum(root["Polygons"][count][:-1]))
     return before
 
 
 def _cut(root: h5py.Group, frames: int) -> None:
-    """Remove all rows that the first frames do not use."""
+    """Remove all rows not used by the first `frames` frames."""
     steps = root["Steps"]
     parts = int(steps["PartOffsets"][frames - 1]) + 1 if frames else 0
     points = int(root["NumberOfPoints"][0]) if frames else 0
@@ -425,31 +372,6 @@ def _add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
         _add_rows(steps["FieldDataSizes"][column], [[7, 1]])
 
 
-def _bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
-    """Vertices [m], shape (V, 3), and triangles of each body in a frame."""
-    found = []
-    for name, stored in file["warp_pd"].items():
-        body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
-        found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
-    return found
-
-
-def _outlines_in(file: Any) -> list[tuple[Body, NDArray[np.float64]]]:
-    """The ball, a sphere without vertices, and each body, with its position [m] and quaternion, shape (frames, 7)."""
-    found = []
-    own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
-    if "ball_diameter" in own.attrs:
-        centres = columns["ball_center"][:]
-        poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
-        radius = 0.5 * float(own.attrs["ball_diameter"])
-        found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
-    for name, stored in own.items():
-        kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
-        body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
-        found.append((body, columns[f"{POSE}{name}"][:]))
-    return found
-
-
 def _create_column(
     group: Any,
     name: str,
@@ -457,7 +379,7 @@ def _create_column(
     row_shape: tuple[int, ...] = (),
     rows_per_frame: int = 1,
 ) -> None:
-    """A column without rows that can grow."""
+    """Create an empty, resizable column."""
     row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
     # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
     frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
@@ -481,6 +403,6 @@ def _columns(group: Any) -> list[Any]:
 
 
 def _shorten(column: Any, rows: int) -> None:
-    """Remove all but the first rows."""
+    """Truncate a column to its first `rows` rows."""
     if len(column) > rows:
         column.resize(rows, axis=0)

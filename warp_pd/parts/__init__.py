@@ -1,4 +1,4 @@
-"""The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
+"""The parts of a scene: supports, loads, contact, rupture. Each file has the user's class and its built counterpart."""
 
 from .bodies import RigidBody
 from .body_mesh import TriangleMesh
@@ -8,6 +8,7 @@ from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
 from .loads import BodyForce, PointForce, Pressure
+from .newton_world import newton_bodies
 from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
@@ -44,6 +45,7 @@ __all__ = [
     "TriangleMesh",
     "horizon_for_tears",
     "length_for_tears",
+    "newton_bodies",
     "notes_on_criterion",
     "stretch_or_energy",
     "stretching_edges",

@@ -1,4 +1,4 @@
-"""Contact with rigid bodies of any shape, on a path or free, with friction."""
+"""Contact with rigid bodies of any shape, moving on a path or freely, with friction."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ UNBOUNDED = 1e30
 class RigidBody(Contact):
     """A rigid body of any shape that moves along a path, or freely.
 
-    Points inside it are moved out, and lose the part of their velocity that points into it; with friction they also
-    lose tangential velocity. See kernels/body_contact.py. Points held by a support or in a rigid inclusion do not feel
-    the body, and bodies do not feel each other.
+    Points inside it are moved out and lose the velocity component into the body; with friction they also lose
+    tangential velocity. See kernels/body_contact.py. Points held by a support or in a rigid inclusion ignore the body,
+    and bodies do not interact with each other.
 
     Attributes:
         shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
@@ -61,6 +61,7 @@ class RigidBody(Contact):
     surface: bool = False
 
     half_steps: ClassVar[bool] = True
+    meets_others: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
@@ -83,16 +84,16 @@ class RigidBody(Contact):
         """Check that no other body has the same name.
 
         Raises:
-            InputError: if one has.
+            InputError: if another body has it.
         """
         if any(getattr(other, "name", None) == self.name for other in others):
-            raise InputError(f"contact: two bodies are called {self.name!r}: expected different names")
+            raise InputError(f"contact: two bodies have the name {self.name!r}; expected different names")
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """The same part: it refers to no points of the sheet.
 
         Raises:
-            InputError: for a free body, which all points move.
+            InputError: for a free body or with `surface`, which need all points in one process.
         """
         if self.motion.free:
             raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
@@ -101,7 +102,7 @@ class RigidBody(Contact):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """The body on a device."""
+        """Build the body on a device."""
         return BuiltBody(self, context, law)
 
 
@@ -109,11 +110,12 @@ class BuiltBody(BuiltContact):
     """A body on a device.
 
     Attributes:
-        motion: Its motion.
+        motion: The built motion.
     """
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
+        self.meets_others = part.meets_others
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body passes between points.
         if part.shape.bounded and not part.surface:
@@ -150,10 +152,10 @@ class BuiltBody(BuiltContact):
                 self.loss = context.array(f"{name}_loss", name, wp.float64, shape=sheet.size, restart=True)
 
     def _check_apart(self) -> None:
-        """Refuse a body that begins in the sheet.
+        """Check that the body does not touch the sheet at the start.
 
         Raises:
-            InputError: for the deepest point inside it, or the nearest triangle.
+            InputError: with the deepest point inside the body, or the nearest triangle.
         """
         part, context = self.part, self.context
         if self._surface is not None:
@@ -227,19 +229,19 @@ class BuiltBody(BuiltContact):
         }  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """What the points were given; the motion of a free body has summed it up."""
+        """Impulses given to the points; for a free body the built motion has summed them."""
         found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
         own = {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
         return own | self.motion.sums()
 
     def column_names(self) -> Sequence[str]:
-        """Force, torque, place and motion; what contact lost, and the energies of a free body."""
+        """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
         name, motion = self.part.name, self.motion.columns()
         lost = [f"{name}_{what}" for what in self._losses()]
         return [*(f"{name}_{what}_{c}" for what in ("force", "torque") for c in "xyz"), *motion, *lost]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Force [N] and torque about the centre [N m] on the body since the last frame; its place and motion."""
+        """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
         name = self.part.name
         row = {
             f"{name}_{what}_{c}": -totals[f"{name}_{given}_{c}"] / elapsed if elapsed > 0.0 else 0.0
@@ -255,7 +257,7 @@ class BuiltBody(BuiltContact):
         return ["loss", "rubbed"] if self._rubs else ["loss"]
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force [N] and torque [N m] since the row before."""
+        """Mean force [N] and torque [N m] since the previous row."""
         name = self.part.name
         sums = {
             f"{name}_{what}_{c}": f"{name}_{given}_{c}"
@@ -293,7 +295,7 @@ class BuiltBody(BuiltContact):
         return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel:.3g} spacings")
 
     def outline(self) -> Body:
-        """How it is drawn."""
+        """Surface for drawing."""
         shape = self.part.shape
         vertices, triangles = shape.outline(float(np.ptp(self.context.whole.positions, axis=0).max()))
         return Body(self.part.name, shape.kind, shape.sizes(), vertices, triangles)
@@ -303,14 +305,14 @@ class BuiltBody(BuiltContact):
         return np.concatenate([self.motion.place.numpy()[0], self.motion.rotation.numpy()[0]])
 
     def thickness(self) -> float | None:
-        """Least extent of a bounded body [m]."""
+        """Smallest extent [m] of a bounded body, otherwise None."""
         return self.part.shape.thinnest() if self.part.shape.bounded else None
 
     def between_points(self) -> bool:
-        """Whether it may pass between points."""
+        """Whether the body could pass between points of the sheet."""
         return not self.part.surface
 
     def distance_from(self, points: np.ndarray) -> np.ndarray:
-        """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,)."""
+        """Signed distances [m], shape (N,), of points, shape (N, 3), from its surface at a frame."""
         pose = self.pose()
         return self._distances(points, pose[:3], pose[3:])

@@ -1,4 +1,4 @@
-"""What contact does not prevent: bodies that pass through each other, and thin ones that pass between points."""
+"""Checks for cases that contact does not prevent: overlapping bodies, and thin bodies passing between points."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from .contact import MIN_DIAMETER
 
 
 def body_checks(context: Context, law: BuiltLaw, contacts: Sequence[BuiltContact]) -> list[BodyChecks]:
-    """The checks of a scene with rigid bodies; none in others."""
+    """The checks of a scene with rigid bodies; empty for other scenes."""
     bodies = [contact for contact in contacts if contact.outline() is not None]
     return [BodyChecks(context, law, bodies)] if bodies else []
 
 
 class BodyChecks(BuiltPart):
-    """Compares bodies with each other and with the stretched sheet at every frame; what it finds becomes notes.
+    """Checks bodies against each other and the stretched sheet at every frame, and reports problems as notes.
 
-    What it finds is a field, so that a resumed run has the notes of a run that was never stopped.
+    The results are stored in a field, so that a resumed run has the same notes as an uninterrupted one.
 
     Attributes:
-        bodies: Those of the scene that have an outline.
+        bodies: The bodies of the scene that have an outline.
     """
 
     label = "contact"
@@ -42,11 +42,11 @@ class BodyChecks(BuiltPart):
         self._intact = None if law.intact is None else law.intact.numpy()
 
     def _possible(self) -> dict[tuple[str, ...], str]:
-        """The notes that there may be, by what they are about."""
+        """All possible notes, by subject."""
         texts: dict[tuple[str, ...], str] = {}
-        for one, other in itertools.combinations(self.bodies, 2):
+        for one, other in self._strangers():
             texts[one.label, other.label] = (
-                f"{one.label} and {other.label} overlap: rigid bodies do not feel each other"
+                f"{one.label} and {other.label} overlap: rigid bodies do not interact with each other"
             )
         for body in self.bodies:
             texts["thin", body.label] = (
@@ -60,7 +60,7 @@ class BodyChecks(BuiltPart):
         return texts
 
     def end_frame(self) -> None:
-        """Compare them now."""
+        """Run the checks for this frame."""
         found = self._found.numpy()
         found[0] += 1
         met = self._overlaps()
@@ -73,17 +73,21 @@ class BodyChecks(BuiltPart):
         self._found.assign(found)
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """What was found, the first time of each."""
+        """Notes on the problems found, each with the time of its first occurrence."""
         _, *frames = self._found.numpy().tolist()
         found = zip(self._texts.values(), frames, strict=True)
         return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
 
-    def _overlaps(self) -> set[tuple[str, ...]]:
+    def _strangers(self) -> list[tuple[BuiltContact, BuiltContact]]:
+        """Pairs of bodies that do not feel each other."""
         pairs = itertools.combinations(self.bodies, 2)
-        return {(a.label, b.label) for a, b in pairs if max(self._depth(a, b), self._depth(b, a)) > 0.0}
+        return [(a, b) for a, b in pairs if not (a.meets_others and b.meets_others)]
+
+    def _overlaps(self) -> set[tuple[str, ...]]:
+        return {(a.label, b.label) for a, b in self._strangers() if max(self._depth(a, b), self._depth(b, a)) > 0.0}
 
     def _depth(self, one: BuiltContact, other: BuiltContact) -> float:
-        """How deep the vertices of a body lie in another one [m]; those of an unbounded body do not count."""
+        """Largest depth [m] of the vertices of a body in another body; vertices of unbounded bodies are ignored."""
         drawn, pose = self._drawn[one.label], one.pose()
         if drawn is None or pose is None or one.thickness() is None:
             return 0.0
@@ -113,7 +117,7 @@ class BodyChecks(BuiltPart):
         return met
 
     def _widest_near(self, body: BuiltContact, near: float, position: np.ndarray, corners: np.ndarray) -> float:
-        """Largest spacing of triangles nearer to a body than `near` [m]; 0 if there are none."""
+        """Largest point spacing [m] of the triangles nearer to a body than `near` [m]; 0 if there are none."""
         distance = body.distance_from(position)
         if distance is None:
             return 0.0
@@ -123,7 +127,7 @@ class BodyChecks(BuiltPart):
         return float(sides[:, 1].max(initial=0.0))
 
     def _passed(self, before: np.ndarray, now: np.ndarray, corners: np.ndarray) -> bool:
-        """Whether the centre of a body, the origin, passed an intact triangle on straight ways, (F, 3, 3) each [m]."""
+        """Whether the body's centre (the origin) crossed an intact triangle; corners (F, 3, 3) [m] move straight."""
         side, side_now = np.linalg.det(before), np.linalg.det(now)
         crossed = np.flatnonzero(side * side_now < 0.0)
         if self._intact is not None and self.law.intact is not None:

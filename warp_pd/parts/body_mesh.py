@@ -18,15 +18,15 @@ from .body_shapes import BodyShape, Outline, convex_edges
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh(BodyShape):
-    """The inside of a closed surface of triangles. Its frame has its origin at the centre of mass, `centroid`.
+    """A solid bounded by a closed triangle surface; the origin of its frame is the centre of mass, `centroid`.
 
     Attributes:
         vertices: Positions [m], shape (V, 3).
         triangles: Vertex indices, counter-clockwise seen from outside, shape (F, 3).
-        centroid: Centre of mass of a uniform density, in the coordinates of `vertices` [m], shape (3,).
+        centroid: Centre of mass for uniform density, in the coordinates of `vertices` [m], shape (3,).
 
     Raises:
-        InputError: for a surface with a boundary, degenerate or flipped triangles, or one whose inside is outside.
+        InputError: for a surface with a boundary, degenerate or flipped triangles, or triangles that face inwards.
     """
 
     vertices: Any
@@ -40,7 +40,7 @@ class TriangleMesh(BodyShape):
         where = "TriangleMesh"
         points, triangles = numbers(f"{where}.vertices", self.vertices), np.asarray(self.triangles)
         if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"{where}.vertices has shape {points.shape}: expected (V, 3)")
+            raise InputError(f"{where}.vertices: expected shape (V, 3), got {points.shape}")
         if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise InputError(
                 f"{where}.triangles is {triangles.dtype} of shape {triangles.shape}: expected indices, (F, 3)"
@@ -60,10 +60,10 @@ class TriangleMesh(BodyShape):
 
     @staticmethod
     def from_file(path: str | os.PathLike[str], *, unit: str | float | None = None) -> TriangleMesh:
-        """The closed surface of a file; see `warp_pd.read_mesh`.
+        """Read the closed surface from a file; see `warp_pd.read_mesh`.
 
         Raises:
-            InputError: for a file that cannot be read, or a surface that is not closed.
+            InputError: if the file cannot be read or the surface is not closed.
         """
         mesh = read_mesh(path, unit=unit, closed=True)
         return TriangleMesh(mesh.vertices, mesh.triangles)
@@ -77,11 +77,11 @@ class TriangleMesh(BodyShape):
         return float(np.linalg.norm(self.vertices - self.centroid, axis=1).max())
 
     def thinnest(self) -> float:
-        """Least extent along x, y or z [m]."""
+        """Smallest extent along x, y or z [m]."""
         return float(np.ptp(self.vertices, axis=0).min())
 
     def inertia(self) -> np.ndarray:
-        """By the integrals over the tetrahedra below the triangles [m^2]."""
+        """Inertia tensor divided by mass [m^2], integrated over the tetrahedra between origin and triangles."""
         volume, _, second = _moments(self.vertices - self.centroid, self.triangles)
         return np.asarray((np.trace(second) * np.eye(3) - second) / volume)
 
@@ -99,7 +99,7 @@ class TriangleMesh(BodyShape):
 
 
 def _moments(points: np.ndarray, triangles: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Volume [m^3], centre of mass [m], shape (3,), and integral of x x [m^5], shape (3, 3), of a closed surface."""
+    """Volume [m^3], centre of mass [m], (3,), and integral of x (x) x [m^5], (3, 3), of a closed surface."""
     corners = points[triangles]
     volumes = np.linalg.det(corners) / 6.0
     volume, total = float(volumes.sum()), corners.sum(axis=1)

@@ -1,4 +1,4 @@
-"""How rigid bodies move: along a path, or freely."""
+"""Motions of rigid bodies: along a path, or free."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LEAST_INERTIA = 1e-9
 
 @runtime_checkable
 class BodyMotion(Protocol):
-    """How a rigid body moves.
+    """Motion of a rigid body (base class).
 
     Attributes:
-        free: Whether it feels the sheet.
+        free: Whether the sheet moves the body.
     """
 
     free: ClassVar[bool]
@@ -34,27 +34,27 @@ class BodyMotion(Protocol):
         ...
 
     def speed(self, radius: float) -> float:
-        """Largest speed of a point at a distance [m] from the centre, as far as it is known [m/s]."""
+        """Largest known speed [m/s] of a point of the body at the distance `radius` [m] from its centre."""
         ...
 
     def check(self, shape: BodyShape) -> None:
-        """Raise InputError for a shape that cannot move so."""
+        """Raise InputError if the shape cannot have this motion."""
         ...
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
-        """The motion on a device, of a body with a coefficient of friction."""
+        """Build the motion on a device; `friction` is the body's friction coefficient."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPath(BodyMotion):
-    """A motion that is prescribed, whatever the sheet does: linear in time between knots, still before and after them.
+    """A prescribed motion: linear in time between knots, at rest before the first and after the last.
 
     Attributes:
         times: Knots [s], increasing, shape (K,).
-        positions: Of the centre of mass [m], shape (K, 3).
-        rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots it turns
-            uniformly, the shorter way. None: it does not turn.
+        positions: Positions of the centre of mass [m], shape (K, 3).
+        rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots the body turns
+            uniformly, the shorter way. None for no rotation.
     """
 
     times: Any
@@ -67,18 +67,18 @@ class BodyPath(BodyMotion):
         """Check the knots.
 
         Raises:
-            InputError: for times that do not rise, other shapes, numbers that are not finite, or no rotation.
+            InputError: if times do not increase, shapes differ, numbers are not finite, or quaternions are not unit.
         """
         times = numbers("BodyPath.times", self.times)
         if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-            raise InputError(f"BodyPath.times = {said(self.times)}: expected increasing times, at least one")
+            raise InputError(f"BodyPath.times = {said(self.times)}: expected one or more increasing times")
         positions = numbers("BodyPath.positions", self.positions)
         if positions.shape != (len(times), 3):
-            raise InputError(f"BodyPath.positions has shape {positions.shape}: expected ({len(times)}, 3)")
+            raise InputError(f"BodyPath.positions: expected shape ({len(times)}, 3), got {positions.shape}")
         given = np.tile(NOT_TURNED, (len(times), 1)) if self.rotations is None else self.rotations
         rotations = numbers("BodyPath.rotations", given)
         if rotations.shape != (len(times), 4):
-            raise InputError(f"BodyPath.rotations has shape {rotations.shape}: expected ({len(times)}, 4)")
+            raise InputError(f"BodyPath.rotations: expected shape ({len(times)}, 4), got {rotations.shape}")
         rotations = np.array([unit_quaternion("BodyPath.rotations", q) for q in rotations])
         # A quaternion and its opposite are one rotation: the closer one is the shorter way.
         signs = np.cumprod([1.0, *np.where(np.sum(rotations[1:] * rotations[:-1], axis=1) < 0.0, -1.0, 1.0)])
@@ -88,12 +88,12 @@ class BodyPath(BodyMotion):
 
     @staticmethod
     def still(position: Vector, rotation: Vector = NOT_TURNED) -> BodyPath:
-        """No motion at all, at a position [m]."""
+        """Path of a body at rest at a position [m]."""
         return BodyPath([0.0], [position], [rotation])
 
     @staticmethod
     def straight(start: Vector, velocity: Vector, duration: float, rotation: Vector = NOT_TURNED) -> BodyPath:
-        """From a position [m] at a velocity [m/s] for a duration [s], which begins at 0."""
+        """Straight path from a position [m] at a velocity [m/s], from time 0 for a duration [s]."""
         begin, speed = (np.array(vector(f"BodyPath {n}", v, 3)) for n, v in (("start", start), ("velocity", velocity)))
         end = positive("BodyPath duration", duration)
         return BodyPath([0.0, end], [begin, begin + end * speed], [rotation, rotation])
@@ -122,26 +122,26 @@ class BodyPath(BodyMotion):
         return float(((moved + radius * turned) / np.diff(self.times)).max())
 
     def check(self, shape: BodyShape) -> None:
-        """Any shape can follow a path."""
+        """Accept any shape."""
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
-        """The motion on a device."""
+        """Build the motion on a device."""
         return OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
 
 
 @dataclass(frozen=True)
 class Free(BodyMotion):
-    """A body that moves under gravity and what the sheet gives it. Bodies do not feel each other.
+    """Free motion under gravity and the forces of the sheet. Bodies do not interact with each other.
 
     Attributes:
-        mass: [kg].
-        position: Of the centre of mass at time 0 [m].
+        mass: Mass [kg].
+        position: Position of the centre of mass at time 0 [m].
         rotation: Unit quaternion (x, y, z, w) at time 0, from the frame of the body.
-        velocity: At time 0 [m/s].
+        velocity: Velocity at time 0 [m/s].
         spin: Angular velocity at time 0 [1/s], in the coordinates of the sheet.
-        inertia: Moments of inertia in the frame of the body [kg m^2], three or a symmetric matrix; None: those of a
+        inertia: Moments of inertia in the frame of the body [kg m^2], three numbers or a symmetric matrix; None for
             uniform density.
-        gravity: [m/s^2].
+        gravity: Acceleration of gravity [m/s^2].
     """
 
     mass: float
@@ -158,7 +158,7 @@ class Free(BodyMotion):
         """Check the numbers.
 
         Raises:
-            InputError: for a mass or inertia that is not positive, or vectors that are not finite.
+            InputError: if mass or inertia is not positive, or a vector is not finite.
         """
         positive("Free.mass", self.mass)
         for name in ("position", "velocity", "spin", "gravity"):
@@ -178,33 +178,33 @@ class Free(BodyMotion):
         return matrix
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position [m] and quaternion at the start; later ones only the run knows."""
+        """Position [m] and quaternion at time 0; later poses are known only to the run."""
         return np.array(self.position, float), unit_quaternion("Free.rotation", self.rotation)
 
     def speed(self, radius: float) -> float:
-        """Largest speed at the start of a point at a distance [m] from the centre [m/s]."""
+        """Largest speed [m/s], at time 0, of a point of the body at the distance `radius` [m] from its centre."""
         return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
 
     def check(self, shape: BodyShape) -> None:
-        """Check that the shape has a mass.
+        """Check that the shape has a finite mass.
 
         Raises:
-            InputError: if it has none, as a plane.
+            InputError: if it has not, such as a plane.
         """
         if not shape.bounded:
-            raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a BodyPath")
+            raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
-        """The motion on a device."""
+        """Build the motion on a device."""
         inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
         return InFlight(name, self.pose(0.0), self, inertia, context, friction)
 
 
 def unit_quaternion(name: str, value: Any) -> np.ndarray:
-    """A quaternion of length 1, shape (4,).
+    """Check and convert a unit quaternion, shape (4,).
 
     Raises:
-        InputError: for numbers that are not finite, or all zero.
+        InputError: if the numbers are not finite or the length is not 1.
     """
     found = np.array(vector(name, value, 4))
     length = float(np.linalg.norm(found))

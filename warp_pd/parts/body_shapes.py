@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies: what their distance needs, their inertia, and how they are drawn."""
+"""Shapes of rigid bodies: arguments of their distance functions, inertia, and outlines for drawing."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ AROUND, ARCS = 32, 16
 
 @runtime_checkable
 class BodyShape(Protocol):
-    """Shape of a rigid body in a frame of its own, whose origin is its centre of mass.
+    """Shape of a rigid body in the body frame, whose origin is the centre of mass.
 
     Attributes:
-        kind: Its name in results.
+        kind: Name of the shape in results.
         distance: Warp function of its signed distance, see kernels/distances.py.
-        bounded: Whether it has a mass of its own; half spaces have none.
+        bounded: Whether the body is bounded and so has a finite mass; a half space is not.
     """
 
     kind: ClassVar[str]
@@ -32,7 +32,7 @@ class BodyShape(Protocol):
     bounded: ClassVar[bool] = True
 
     def sizes(self) -> tuple[float, ...]:
-        """What the distance takes as sizes, four numbers at most."""
+        """Sizes for the distance function, at most four numbers."""
         ...
 
     def radius(self) -> float:
@@ -40,19 +40,19 @@ class BodyShape(Protocol):
         ...
 
     def thinnest(self) -> float:
-        """Least extent along a direction [m]."""
+        """Smallest extent along any direction [m]."""
         ...
 
     def inertia(self) -> np.ndarray:
-        """Moments of inertia over mass about the centre of mass [m^2], shape (3, 3), of a uniform density."""
+        """Inertia tensor about the centre of mass divided by mass [m^2], shape (3, 3), for uniform density."""
         ...
 
     def outline(self, extent: float) -> Outline:
-        """Vertices [m], shape (V, 3), and triangles, shape (F, 3), to be drawn; `extent` [m] is that of the scene."""
+        """Vertices [m], (V, 3), and triangles, (F, 3), for drawing; `extent` [m] is the size of the scene."""
         ...
 
     def surface(self) -> Outline | None:
-        """Vertices and triangles that the distance searches, or None."""
+        """Vertices and triangles of a mesh, which its distance function searches; None for other shapes."""
         return None
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
@@ -89,18 +89,18 @@ class Sphere(BodyShape):
         return np.zeros((1, 3)), np.array([[0, 0]]), self.radius()
 
     def inertia(self) -> np.ndarray:
-        """Two fifths of the radius squared [m^2]."""
+        """Two fifths of the squared radius [m^2], isotropic."""
         return 0.4 * self.radius() ** 2 * np.eye(3)
 
     def outline(self, extent: float) -> Outline:
-        """Circles of latitude."""
+        """Surface of revolution from circles of latitude."""
         polar = np.linspace(0.0, math.pi, ARCS + 1)
         return _turned(self.radius() * np.sin(polar), self.radius() * np.cos(polar))
 
 
 @dataclass(frozen=True)
 class Plane(BodyShape):
-    """Everything below a plane through the origin, which has the outward normal `normal`."""
+    """The half space below a plane through the origin with the outward normal `normal`."""
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
@@ -110,7 +110,7 @@ class Plane(BodyShape):
 
     def __post_init__(self) -> None:
         if not np.any(vector("Plane.normal", self.normal, 3)):
-            raise InputError(f"Plane.normal = {self.normal!r}: expected a vector of some length")
+            raise InputError(f"Plane.normal = {self.normal!r}: expected a nonzero vector")
 
     def sizes(self) -> tuple[float, ...]:
         """The unit normal."""
@@ -126,15 +126,15 @@ class Plane(BodyShape):
         return math.inf
 
     def inertia(self) -> np.ndarray:
-        """None: it has no mass.
+        """Raise, because a half space has no mass.
 
         Raises:
             InputError: always.
         """
-        raise InputError("Plane: a half space has no mass: expected a motion along a Path")
+        raise InputError("Plane: a half space has no mass: expected a motion along a BodyPath")
 
     def outline(self, extent: float) -> Outline:
-        """A square of twice the extent."""
+        """Square with sides of twice the extent."""
         normal = np.array(self.sizes())
         across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
         across /= np.linalg.norm(across)
@@ -145,7 +145,7 @@ class Plane(BodyShape):
 
 @dataclass(frozen=True)
 class Capsule(BodyShape):
-    """A cylinder along z with half balls at its ends; `length` [m] is that of the axis, without them."""
+    """A cylinder along z with hemispherical ends; `length` [m] is that of the axis, without the ends."""
 
     diameter: float
     length: float
@@ -162,7 +162,7 @@ class Capsule(BodyShape):
         return 0.5 * self.diameter, 0.5 * self.length
 
     def radius(self) -> float:
-        """Half of the whole length [m]."""
+        """Half of the total length [m]."""
         return 0.5 * (self.diameter + self.length)
 
     def thinnest(self) -> float:
@@ -175,7 +175,7 @@ class Capsule(BodyShape):
         return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), np.array([[0, 1]]), radius
 
     def inertia(self) -> np.ndarray:
-        """That of the cylinder and of the half balls [m^2]."""
+        """Sum for the cylinder and the hemispheres, divided by mass [m^2]."""
         r, h = self.sizes()
         tube, ball = 2.0 * h * math.pi * r**2, 4.0 / 3.0 * math.pi * r**3
         along = 0.5 * tube * r**2 + 0.4 * ball * r**2
@@ -183,7 +183,7 @@ class Capsule(BodyShape):
         return np.diag([across, across, along]) / (tube + ball)
 
     def outline(self, extent: float) -> Outline:
-        """Circles along the axis."""
+        """Surface of revolution from circles along the axis."""
         polar = np.linspace(0.0, math.pi, ARCS + 2)
         r, h = self.sizes()
         z = r * np.cos(polar) + np.where(polar < 0.5 * math.pi, h, -h)
@@ -209,21 +209,21 @@ class Cylinder(BodyShape):
         return 0.5 * self.diameter, 0.5 * self.length
 
     def radius(self) -> float:
-        """That of the edges [m]."""
+        """Distance of the edges from the centre [m]."""
         return 0.5 * math.hypot(self.diameter, self.length)
 
     def thinnest(self) -> float:
-        """Diameter or length [m]."""
+        """Diameter or length, whichever is smaller [m]."""
         return min(self.diameter, self.length)
 
     def inertia(self) -> np.ndarray:
-        """About the axes [m^2]."""
+        """Diagonal inertia tensor divided by mass [m^2]."""
         r, h = self.sizes()
         across = 0.25 * r**2 + h**2 / 3.0
         return np.diag([across, across, 0.5 * r**2])
 
     def outline(self, extent: float) -> Outline:
-        """The circles of the edges."""
+        """Surface of revolution between the circular edges."""
         r, h = self.sizes()
         return _turned(np.array([0.0, r, r, 0.0]), np.array([h, h, -h, -h]))
 
@@ -242,7 +242,7 @@ class Box(BodyShape):
             positive("Box.sides", float(side))
 
     def sizes(self) -> tuple[float, ...]:
-        """Half of the sides."""
+        """Half lengths of the sides."""
         return tuple(0.5 * side for side in self.sides)
 
     def radius(self) -> float:
@@ -254,12 +254,12 @@ class Box(BodyShape):
         return min(self.sides)
 
     def inertia(self) -> np.ndarray:
-        """About the axes [m^2]."""
+        """Diagonal inertia tensor divided by mass [m^2]."""
         squares = np.array(self.sides) ** 2
         return np.diag((squares.sum() - squares) / 12.0)
 
     def outline(self, extent: float) -> Outline:
-        """Eight corners."""
+        """Triangles on the eight corners."""
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * self.sizes()
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
@@ -308,7 +308,7 @@ def _unit_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
-    """A profile, from top to bottom, turned around z; its first and last radius are zero."""
+    """Surface of revolution of a profile, from top to bottom, about z; its first and last radius are zero."""
     angle = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
     circles = np.stack(
         [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.repeat(heights[:, None], AROUND, axis=1)],
@@ -336,7 +336,7 @@ def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.
 
 
 def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]:
-    """What the distance of a shape takes, and the mesh that must live as long."""
+    """Arguments of the shape's distance function, and the Warp mesh that must stay alive with them."""
     made = distances.BodyShape()
     sizes = shape.sizes()
     made.size = wp.vec4d(*sizes, *[0.0] * (4 - len(sizes)))
@@ -358,13 +358,13 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
 def signed_distances(
     shape: BodyShape, points: np.ndarray, device: wp.Device, made: tuple[Any, wp.Mesh | None] | None = None
 ) -> np.ndarray:
-    """Signed distances [m] of points in the frame of a shape, shape (N, 3), and their normals: shape (N, 4).
+    """Normals (columns 1 to 3) and signed distances [m] (4) of points in the frame of a shape, shape (N, 4).
 
     Args:
         shape: The shape.
-        points: [m], shape (N, 3).
-        device: Where they are computed.
-        made: The shape as `on_device` made it there; None makes it again.
+        points: Positions [m], shape (N, 3).
+        device: Device for the computation.
+        made: Result of `on_device` for this shape and device; None to create it.
     """
     body, mesh = made or on_device(shape, device)
     kernel = distances.distances(shape.distance)

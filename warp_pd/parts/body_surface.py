@@ -1,4 +1,4 @@
-"""Triangles of the sheet that press on a rigid body."""
+"""Contact of triangles of the sheet with a rigid body."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class BodySurface:
         """Refuse a body that begins nearer than the layer, or with a side of a triangle through it.
 
         Raises:
-            InputError: for the nearest triangle.
+            InputError: with the nearest triangle.
         """
         context, sheet = self.context, self.context.sheet
         corners = in_frame(sheet.positions + context.initial_displacement, place, rotation)[sheet.triangles]
@@ -119,7 +119,7 @@ class BodySurface:
             )
 
     def add(self, stage: Stage, at_end: bool, **body: Any) -> None:
-        """Add the launches that fill `changes` and `rubbing`; `body` is what the struct of the kernels takes of it."""
+        """Add the launches that fill `changes` and `rubbing`; `body` has the body's members of the kernel struct."""
         name, context, made, state = self.name, self.context, self._kernels, self.context.state
         if self._intact is not None and not at_end:
             stage.launch(

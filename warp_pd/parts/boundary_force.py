@@ -25,22 +25,22 @@ OWNER = "BoundaryForce"
 class BoundaryForce(Load):
     """The empirical force that pulls edge points back to their local plane (BA eq. 45).
 
-    Each bond of a point i that carries it has the force density w_ij A (Y_ij . d_i) n, with d_i the unit normal
-    of the deformation gradient of the whole family of i. As ever, it acts on both points with opposite signs.
-    The energy balance counts its work as external.
+    Each bond of a point i with the force has the force density w_ij A (Y_ij . d_i) n, where d_i is the unit normal of
+    the deformation gradient of the complete family of i. It acts on both points with opposite signs. The energy balance
+    counts its work as external.
 
     Attributes:
-        value: A [N/m^7], 0 or more; empirical, the paper gives none.
-        points: Indices of the points that carry it, or None: those less than one horizon away from an edge,
-            clamped or free, a hole or a cut. Where bonds can break, points that lost one always join.
+        value: A [N/m^7], at least 0. Empirical: the paper gives no value.
+        points: Indices of the points with the force. None selects the points less than one horizon from an edge
+            (clamped or free), a hole or a cut. Points with a broken bond always get the force.
         form: Direction n of the force.
-            "normal": n = d_i, which is what the paper says in words: perpendicular to the local plane. It
-                restores, and is linear in small deflections, with a symmetric tangent. Forces that are not
-                central conserve angular momentum to second order in the deflection, not to round-off.
-            "printed": n = Y_ij / |Y_ij|, as in the formula. Its normal component A w (Y . d)^2 / |Y| is never
-                negative, so it pushes to the side of d, up, whichever way the point lies off the plane; to first
-                order in a deflection it acts in the plane instead. The mirrored state has minus the mirrored
-                force: the choice of the sheet's upper side decides. Offered for comparison.
+            "normal": n = d_i, perpendicular to the local plane, as the text of the paper says. The force is restoring
+                and, for small deflections, linear with a symmetric tangent. It is not central, so it conserves angular
+                momentum to second order in the deflection, not to round-off.
+            "printed": n = Y_ij / |Y_ij|, as in the printed formula. Its normal component A w (Y . d)^2 / |Y| is never
+                negative, so it pushes towards the upper side (along d), whichever side of the plane the point is on; to
+                first order in the deflection it acts in the plane. The force thus depends on which side of the sheet is
+                the upper one. Offered for comparison.
     """
 
     mends_edges: ClassVar[bool] = True
@@ -54,35 +54,35 @@ class BoundaryForce(Load):
         one_of("BoundaryForce.form", self.form, FORMS)
 
     def check(self, others: Sequence[Part]) -> None:
-        """Refuse a second one.
+        """Check that there is only one BoundaryForce.
 
         Raises:
-            InputError: if there is one.
+            InputError: if there is a second one.
         """
         if any(getattr(other, "mends_edges", False) for other in others):
-            raise InputError("loads holds more than one BoundaryForce: expected one, with all its points")
+            raise InputError("loads: more than one BoundaryForce; expected one, with the points of all")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
-        """Indices of the points that carry it while nothing is broken, shape (P,), int32.
+        """Indices of the points that have the force while no bond is broken, shape (P,), int32.
 
         Args:
             sheet: The sheet.
-            horizon: [m].
+            horizon: Horizon [m].
 
         Raises:
-            InputError: if there is no point, or an index does not exist.
+            InputError: if there are no points, or an index does not exist.
         """
         if self.points is None:
             return near_edges(sheet, horizon)
         return point_indices("BoundaryForce.points", self.points, sheet.size)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The force on a device."""
+        """Build the force on a device."""
         return BuiltBoundaryForce(self, context, law)
 
 
 class BuiltBoundaryForce(BuiltLoad):
-    """The boundary force on a device: normals of the points that carry it, the points that feel it."""
+    """The boundary force on a device."""
 
     follows_displacement = True
 
@@ -127,8 +127,8 @@ class BuiltBoundaryForce(BuiltLoad):
 def near_edges(sheet: Sheet, distance: float) -> np.ndarray:
     """Indices of the points less than `distance` [m] away from the edges of the sheet, shape (P,), int32.
 
-    Edges are the sides that one triangle alone has, so those of holes and cuts count. The family of a point at
-    just one horizon from an edge is complete, hence "less than".
+    Edges are the sides that belong to only one triangle, including those of holes and cuts. The family of a point
+    exactly one horizon from an edge is complete, hence "less than".
     """
     from scipy.spatial import cKDTree
 

@@ -21,26 +21,26 @@ SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss",
 
 
 class Thrown(Protocol):
-    """What a free body begins with; see `body_motion.Free`."""
+    """Initial state of a free body; see `body_motion.Free`."""
 
     @property
     def mass(self) -> float:
-        """[kg]."""
+        """Mass [kg]."""
         ...
 
     @property
     def velocity(self) -> tuple[float, float, float]:
-        """[m/s]."""
+        """Velocity at time 0 [m/s]."""
         ...
 
     @property
     def spin(self) -> tuple[float, float, float]:
-        """[1/s]."""
+        """Angular velocity at time 0 [1/s]."""
         ...
 
     @property
     def gravity(self) -> tuple[float, float, float]:
-        """[m/s^2]."""
+        """Acceleration of gravity [m/s^2]."""
         ...
 
 
@@ -70,10 +70,10 @@ class BuiltMotion:
         """Add the launches that move the body."""
 
     def before_projection(self, stage: Stage) -> None:
-        """Add launches after points have been found inside, before they are moved out."""
+        """Add launches between the search for points inside the body and their projection."""
 
     def before_separation(self, stage: Stage) -> None:
-        """Add launches after touching points have been found, before they are separated."""
+        """Add launches between the search for touching points and their separation."""
 
     def after(self, stage: Stage, **when: Any) -> None:
         """Add launches after points have got their impulses; `when` says when they need not run."""
@@ -86,7 +86,7 @@ class BuiltMotion:
         """Add the launch that changes velocity and spin, in the step with the place, before points get impulses."""
 
     def sums(self) -> dict[str, Array]:
-        """Momentum that the sheet was given since the last frame, and the loss; by name, if the motion knows them."""
+        """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
         return {}
 
     def columns(self) -> dict[str, float]:
@@ -97,20 +97,27 @@ class BuiltMotion:
         return row | {f"{self.name}_spin_{c}": float(x) for c, x in zip("xyz", moving[1], strict=True)}
 
     def end_frame(self) -> None:
-        """Set the sums of a frame to zero."""
+        """Reset the sums of a frame."""
 
 
 class OnPath(BuiltMotion):
     """A prescribed motion on a device."""
 
     def __init__(
-        self, name: str, pose: tuple[np.ndarray, np.ndarray], knots: tuple[np.ndarray, ...], context: Context
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        knots: tuple[np.ndarray, ...],
+        context: Context,
+        led: bool = False,
     ) -> None:
+        """Allocate the knots; `led`: another simulation writes new ones during the run."""
         super().__init__(name, pose, context)
         times, positions, rotations = knots
-        self.knots = self._array("times", wp.float64, times, False, "table")
-        self.places = self._array("places", wp.vec3d, positions, False, "table")
-        self.rotations = self._array("rotations", wp.quatd, rotations, False, "table")
+        per = "body" if led else "table"
+        self.knots = self._array("times", wp.float64, times, led, per)
+        self.places = self._array("places", wp.vec3d, positions, led, per)
+        self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
         # The clock runs where there are schedules.
         context.clock.register(Schedule(np.array([0.0]), positions[:1]))
 
@@ -129,14 +136,14 @@ class InFlight(BuiltMotion):
     """A free body on a device.
 
     Attributes:
-        need: Speed into the body that each point must lose [m/s], or -1, (N,) float64.
-        rows: Normal, and arm times normal, of the points that must, (N,) vec6d.
-        push: What each point got in the last half step [N s], (N,) vec3d.
-        arms: From the centre to the point [m], (N,) vec3d.
-        slips: Velocity of the points that must, relative to the body [m/s], (N,) vec3d, or None without friction.
-        push_work: Its work [J], (N,) float64, or None.
-        rub: The part of `push` by friction [N s], (N,) vec3d, or None.
-        rub_work: Its work [J], (N,) float64, or None.
+        need: Speed into the body that each point must lose [m/s], -1 for none, (N,) float64.
+        rows: Normal, and arm x normal, of these points, (N,) vec6d.
+        push: Impulse on each point in the last half step [N s], (N,) vec3d.
+        arms: Vector from the centre to each point [m], (N,) vec3d.
+        slips: Velocity of these points relative to the body [m/s], (N,) vec3d, or None without friction.
+        push_work: Work of `push` [J], (N,) float64, or None.
+        rub: The part of `push` caused by friction [N s], (N,) vec3d, or None.
+        rub_work: Work of `rub` [J], (N,) float64, or None.
     """
 
     def __init__(
@@ -195,12 +202,12 @@ class InFlight(BuiltMotion):
             )  # fmt: skip
 
     def before_projection(self, stage: Stage) -> None:
-        """Find how the body yields to the points inside it, and move it so."""
+        """Add the launches that compute the response of the body to the points inside it, and move it."""
         self._solve(stage, at_end=False)
         self.give_way(stage, self._changes, at_end=False)
 
     def before_separation(self, stage: Stage) -> None:
-        """Find how the body yields to the points that touch it."""
+        """Add the launches that compute the response of the body to the touching points."""
         self._solve(stage, at_end=True)
         self.give_way(stage, self._changes, at_end=True)
 
@@ -250,7 +257,7 @@ class InFlight(BuiltMotion):
         )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:
-        """Momentum and angular momentum given to the sheet since the last frame; energies lost in contact so far."""
+        """Momentum and angular momentum given to the sheet since the last frame; total energies lost in contact."""
         return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(self._sums_given)}
 
     def columns(self) -> dict[str, float]:
@@ -264,7 +271,7 @@ class InFlight(BuiltMotion):
         return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
 
     def end_frame(self) -> None:
-        """Set the sums of a frame to zero, but not the energies lost in contact."""
+        """Reset the sums of a frame, but not the energies lost in contact."""
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)

@@ -9,7 +9,7 @@ from ..interfaces.phases import Phase
 
 
 class Ticking(BuiltPart):
-    """Moves the time in a step, between what moves and what is loaded, and evaluates the schedules."""
+    """Advances the time between the motions and the loads of a step, and evaluates the schedules."""
 
     def __init__(self, context: Context) -> None:
         self.context = context

@@ -29,19 +29,19 @@ MIN_DIAMETER, TOUCHING = 1.42, 1e-6
 
 @dataclass(frozen=True)
 class RigidBall(Contact):
-    """A rigid, frictionless ball that moves at constant velocity, whatever the sheet does.
+    """A rigid, frictionless ball that moves at a prescribed constant velocity.
 
-    Points inside it are put on the nearest point of its surface and lose the part of their velocity that
-    points into it. The momentum this takes is the ball's reaction. Points held by a support or in a rigid
-    inclusion do not feel the ball. Source: NN paper, section 6.4.
+    Points inside it are moved to the nearest point of its surface and lose the velocity component into the ball. The
+    reaction on the ball is the momentum that they lose. Points held by a support or in a rigid inclusion ignore the
+    ball. Source: NN paper, section 6.4.
 
     Attributes:
-        diameter: [m].
+        diameter: Diameter [m].
         start: Position of the centre at time 0 [m].
-        velocity: [m/s].
+        velocity: Velocity [m/s].
 
     Raises:
-        InputError: for a diameter that is not positive, or vectors that are not three finite numbers.
+        InputError: if the diameter is not positive, or a vector does not have three finite components.
     """
 
     diameter: float
@@ -64,16 +64,16 @@ class RigidBall(Contact):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """The ball on a device."""
+        """Build the ball on a device."""
         return BuiltBall(self, context)
 
 
 class RigidContact(BuiltContact):
-    """Contact with a body of some shape that moves at constant velocity.
+    """Contact with a rigid body that moves at constant velocity.
 
     Attributes:
-        column: What the columns of the history with the force on the body begin with.
-        impulse: What the body gave each point since the last frame [N s], vec3.
+        column: Prefix of the history columns of the force on the body.
+        impulse: Impulse on each point since the last frame [N s], vec3.
     """
 
     column = "contact_force"
@@ -87,15 +87,15 @@ class RigidContact(BuiltContact):
         start: np.ndarray,
         velocity: np.ndarray,
     ) -> None:
-        """Put the path on the clock.
+        """Allocate the arrays, and register the path as a schedule of the clock.
 
         Args:
             owner: Name of the body.
-            context: Where to put arrays.
+            context: Context in which arrays are allocated.
             shape: Factory of the shape, see kernels/contact.py.
             constants: At most four constants of the shape.
             start: Position of its centre at time 0 [m], shape (3,).
-            velocity: [m/s], shape (3,).
+            velocity: Its velocity [m/s], shape (3,).
         """
         self.label, self.owner, self.context, self.shape = f"contact = {owner}", owner, context, shape
         types = context.types
@@ -139,11 +139,11 @@ class RigidContact(BuiltContact):
         return [f"{self.column}_{c}" for c in "xyz"]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Force on the body since the last frame [N]."""
+        """Mean force on the body since the last frame [N]."""
         return {f"{self.column}_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force since the row before [N], from the impulse since the last frame."""
+        """Mean force since the previous row [N], from the impulse since the last frame."""
         given = {name: totals[name] - before.get(name, 0.0) for name in (f"impulse_{c}" for c in "xyz")}
         return self.columns(given, elapsed)
 
@@ -152,7 +152,7 @@ class RigidContact(BuiltContact):
         return dict.fromkeys(self.column_names(), "N")
 
     def end_frame(self) -> None:
-        """Set the sums of a frame to zero."""
+        """Reset the sums of a frame."""
         self.impulse.zero_()
 
 
@@ -171,10 +171,10 @@ class BuiltBall(RigidContact):
         self._check_apart()
 
     def _check_apart(self) -> None:
-        """Refuse a ball that begins in the sheet.
+        """Check that the ball does not touch the sheet at the start.
 
         Raises:
-            InputError: for the first point inside it.
+            InputError: with the deepest point inside the ball.
         """
         sheet, radius = self.context.sheet, 0.5 * self.body.diameter
         place = sheet.positions + self.context.initial_displacement
@@ -182,12 +182,12 @@ class BuiltBall(RigidContact):
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * radius:
             raise InputError(
-                f"RigidBall.start = {said(tuple(self.body.start))}: expected a ball outside the sheet; point "
+                f"RigidBall.start = {said(tuple(self.body.start))}: expected a ball outside the sheet, but point "
                 f"{self.context.number(deepest)} is {depth[deepest]:.3g} m inside it"
             )
 
     def step_limit(self) -> StepLimit | None:
-        """The ball moves a quarter of a spacing, or of its radius, at most; an eighth if bonds can break."""
+        """Time in which the ball moves a quarter (an eighth if bonds can break) of a spacing or of its radius."""
         speed = math.hypot(*self.body.velocity)
         if speed == 0.0:
             return None
@@ -200,5 +200,5 @@ class BuiltBall(RigidContact):
         return self.body.diameter
 
     def centre(self, time: float) -> np.ndarray:
-        """Centre at a time [m], shape (3,)."""
+        """Position of the centre at a time [m], shape (3,)."""
         return self.body.centre(time)

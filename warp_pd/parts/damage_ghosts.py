@@ -1,7 +1,8 @@
-"""The ghost points of a damage field on several processes.
+"""Ghost points of a damage field on several processes.
 
-Every other step exchanges the damage and what drives it once. The sweeps then run over ghost points, too: each makes
-one layer of them wrong, from the outside, and after LAYERS sweeps the halo is still right.
+The damage and its driving energy are exchanged once every other step. The sweeps then also run over ghost points. Each
+sweep invalidates one more layer of them, from the outside; after LAYERS sweeps the layers next to the own points are
+still correct.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ LAYERS = 8
 
 
 class DamageGhosts:
-    """What the field of one of several processes does besides.
+    """Additional launches and data of a damage field on one of several processes.
 
     Attributes:
         own: Points that this process owns.
@@ -35,14 +36,14 @@ class DamageGhosts:
         self._unlist, self._list = ghost_kernels(context.bits)
 
     def areas(self, represented: np.ndarray) -> np.ndarray:
-        """Areas that the bonds of each point stand for [m^2], (N,): those of ghost points are their owners'."""
+        """Areas represented by the bonds of each point [m^2], (N,); ghost points get the areas of their owners."""
         known = np.where(self.partition.near, represented, self.context.sheet.areas)
         areas = self.context.array("represented_area", self.owner, wp.float64, known)
         self._exchange(areas).function()
         return to_host(areas)
 
     def couplings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Neighbours and couplings of the points here, as of `gradient_couplings`; those elsewhere are left out."""
+        """Neighbours and couplings of the local points, as in `gradient_couplings`; other points are left out."""
         neighbours, couplings = gradient_couplings(self.context.whole, self.partition.points)
         there, places = self.partition.here(neighbours.ravel())
         found = np.tile(np.arange(neighbours.shape[1], dtype=np.int32), (len(neighbours), 1))
@@ -52,12 +53,12 @@ class DamageGhosts:
         return found, left
 
     def add_unlisting(self, stage: Stage, driving: Array) -> None:
-        """Add the launch that takes the own points off the list."""
+        """Add the launch that removes the own points from the list."""
         own = self.own
         stage.launch(self.owner, self._unlist, own.stop - own.start, begin=own.start, driving=driving)
 
     def add_listing(self, stage: Stage, threads: int, **arrays: Any) -> None:
-        """Add the launch that lists ghost points, by so many threads of a GPU; arrays as of the kernel."""
+        """Add the launch that lists ghost points; `threads` are those of a GPU, `arrays` the kernel's arguments."""
         # Warp's atomics are none between the threads of a CPU.
         threads = threads if self.context.device.is_cuda else 1
         stage.launch(
@@ -65,7 +66,7 @@ class DamageGhosts:
         )
 
     def add_exchange(self, stage: Stage, *arrays: Array) -> None:
-        """Add the exchange of arrays of points."""
+        """Add the exchange of point arrays."""
         stage.call(self._exchange(*arrays))
 
     def _exchange(self, *arrays: Array) -> Call:

@@ -1,4 +1,4 @@
-"""Pressure of what a closed surface encloses: a gas, or a prescribed volume."""
+"""Pressure inside a closed surface, from a gas or a prescribed volume."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ TOLERANCE = 1e-9
 
 
 class Enclosed(Load):
-    """A pressure on the inner side of a sheet that closes a volume, a function of that volume.
+    """A pressure inside an enclosed volume that depends on that volume (base class).
 
-    The sheet is a closed surface, or its edges are held: a flat cap then closes every ring of edges. Held are all
-    components of a ring, or those across a coordinate plane in which it lies. The force on a point is the pressure
-    times the exact derivative of the volume of the triangles, so a closed surface feels no net force and no torque.
+    The sheet is a closed surface, or its edges are held and every ring of edges is closed by a cap. All components of a
+    ring must be held, or, if it is in a coordinate plane, those normal to the plane. The force on a point is the
+    pressure times the exact derivative of the volume of the triangles, so the net force and torque on a closed surface
+    vanish.
 
-    Pressure acts on triangles that no crack has cut; the volume counts all triangles. A sheet encloses one volume.
+    Pressure acts only on triangles not cut by a crack; the volume includes all triangles. A sheet encloses one volume.
     """
 
     encloses: ClassVar[bool] = True
@@ -50,31 +51,31 @@ class Enclosed(Load):
         """Check that no other part encloses a volume.
 
         Raises:
-            InputError: if one does.
+            InputError: if another part does.
         """
         if any(getattr(other, "encloses", False) for other in others):
-            raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes: expected one")
+            raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes; expected one")
 
     def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
-        """Law of the pressure and its constants, four at most, if the volume at the start [m^3] is `volume`."""
-        raise NotImplementedError(f"{type(self).__name__}.law: an enclosed volume needs a law of its pressure")
+        """Pressure law and its constants (at most four), for the initial volume `volume` [m^3]."""
+        raise NotImplementedError(f"{type(self).__name__}.law: expected an implementation that returns a pressure law")
 
     def schedule(self) -> Schedule | None:
-        """What the law takes as its factor; None for 1."""
+        """Schedule of the factor of the pressure law; None for 1."""
         return None
 
     @property
     def extra(self) -> float:
-        """Volume besides that under the sheet [m^3]."""
+        """Additional volume, not under the sheet [m^3]."""
         return 0.0
 
     @property
     def outflow(self) -> tuple[float, float]:
-        """Discharge coefficient [-] of what cracks open, 0 if nothing flows, and density outside [kg/m^3]."""
+        """Discharge coefficient of crack openings [-] (0: no leak), and gas density outside [kg/m^3]."""
         return 0.0, 1.0
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The volume on a device."""
+        """Build the volume on a device."""
         return BuiltEnclosed(self, context, law)
 
 
@@ -82,19 +83,19 @@ class Enclosed(Load):
 class EnclosedGas(Enclosed):
     """A gas inside the sheet: (p + ambient) (V / m)^n is constant, with the amount of gas m.
 
-    Newton's method does not scale it with the load factor: change `amount` in load time instead.
+    The load factor of static solvers does not scale it: vary `amount` in load time instead.
 
     Attributes:
-        gauge: Pressure above the ambient one at the start [Pa].
-        ambient: Pressure outside [Pa], absolute.
-        exponent: n: 1 at constant temperature, 1.4 for air without exchange of heat.
-        amount: Pairs (time [s], amount of gas over that at the start), or None: it stays. Gas that is pumped in has
-            the entropy (n = 1: the temperature) of the gas inside.
-        chamber: Volume besides that under the sheet [m^3], such as that of a rigid vessel that a flat sheet closes.
-        leak: Discharge coefficient of the torn triangles [-], 0.6 to 1: gas flows through them as through an orifice,
-            dm/dt = -leak A sqrt(2 p rho). 0: the gas stays in the torn sheet, which then drives its pieces
-            too hard. Only the solver Explicit takes a leak.
-        density: Density of the gas at the ambient pressure [kg/m^3], for the leak.
+        gauge: Initial pressure above ambient [Pa].
+        ambient: Absolute pressure outside [Pa].
+        exponent: Polytropic exponent n: 1 for isothermal, 1.4 for adiabatic air.
+        amount: Pairs (time [s], amount of gas divided by the initial amount), or None for constant 1. Added gas has the
+            entropy (n = 1: the temperature) of the gas inside.
+        chamber: Additional volume [m^3], such as that of a rigid vessel closed by a flat sheet.
+        leak: Discharge coefficient of torn triangles [-], 0.6 to 1: gas flows through them as through an orifice, dm/dt
+            = -leak A sqrt(2 p rho). With 0 the gas stays inside a torn sheet and accelerates its pieces too much. Only
+            with the solver Explicit.
+        density: Density of the gas at ambient pressure [kg/m^3], for the leak.
     """
 
     gauge: float = 0.0
@@ -109,7 +110,7 @@ class EnclosedGas(Enclosed):
         """Check the numbers.
 
         Raises:
-            InputError: for an absolute pressure, exponent or amount that is not above zero, or a negative chamber.
+            InputError: if the absolute pressure, exponent or amount is not positive, or the chamber is negative.
         """
         finite("EnclosedGas.gauge", self.gauge)
         not_negative("EnclosedGas.ambient", self.ambient)
@@ -118,7 +119,7 @@ class EnclosedGas(Enclosed):
         not_negative("EnclosedGas.chamber", self.chamber)
         positive("EnclosedGas.density", self.density)
         if not_negative("EnclosedGas.leak", self.leak) > 0.0 and self.ambient == 0.0:
-            raise InputError(f"EnclosedGas.leak = {self.leak!r}: expected 0 without an ambient pressure")
+            raise InputError(f"EnclosedGas.leak = {self.leak!r}: expected 0 if the ambient pressure is 0")
         schedule = self.schedule()
         for value in () if schedule is None else schedule.values[:, 0]:
             positive("EnclosedGas.amount", float(value))
@@ -141,11 +142,11 @@ class EnclosedGas(Enclosed):
         """The law of the gas.
 
         Raises:
-            InputError: for a volume that is not above zero.
+            InputError: if the volume is not positive.
         """
         if volume <= 0.0:
             raise InputError(
-                f"EnclosedGas: the sheet encloses {volume:.4g} m^3 at the start: expected a positive volume; "
+                f"EnclosedGas: the sheet encloses {volume:.4g} m^3 at the start; expected a positive volume: "
                 "give `chamber`, the volume below a flat sheet, or turn triangles that face inwards"
             )
         return polytropic_gas, (self.ambient + self.gauge, volume, self.ambient, self.exponent)
@@ -153,14 +154,15 @@ class EnclosedGas(Enclosed):
 
 @dataclass(frozen=True)
 class EnclosedVolume(Enclosed):
-    """A volume that is prescribed in time, as by a pump for liquid: p = stiffness (volume wanted - V).
+    """A prescribed volume, as from a liquid pump: p = stiffness (prescribed volume - V).
 
-    The pressure may rise and fall along the path: so static solvers pass a maximum of the pressure.
+    The pressure may rise and fall along the path, so static solvers can pass a maximum of the pressure.
 
     Attributes:
         volume: Pairs (time [s], volume under the sheet [m^3]).
-        stiffness: [Pa/m^3]: bulk modulus of the liquid over its volume. The volume falls short of the wanted one by
-            p / stiffness. Static paths are stable if it is larger than the pressure's steepest fall with the volume.
+        stiffness: Bulk modulus of the liquid divided by its volume [Pa/m^3]. The volume is less than prescribed by p /
+            stiffness. Static paths are stable if the stiffness exceeds the steepest decrease of the pressure with
+            volume.
     """
 
     volume: Sequence[tuple[float, float]]
@@ -170,18 +172,18 @@ class EnclosedVolume(Enclosed):
         """Check the numbers.
 
         Raises:
-            InputError: for a stiffness that is not above zero, or no pairs.
+            InputError: if the stiffness is not positive, or there are no pairs.
         """
         positive("EnclosedVolume.stiffness", self.stiffness)
         if self.schedule() is None:
             raise InputError("EnclosedVolume.volume = None: expected pairs (time, volume)")
 
     def schedule(self) -> Schedule | None:
-        """The volume wanted."""
+        """The prescribed volume."""
         return factor_schedule("EnclosedVolume.volume", self.volume)
 
     def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
-        """A spring."""
+        """Pressure proportional to the missing volume."""
         return prescribed_volume, (self.stiffness,)
 
 
@@ -189,17 +191,17 @@ class BuiltEnclosed(BuiltLoad):
     """An enclosed volume on a device.
 
     Attributes:
-        enclosed: Pressure [Pa], volume [m^3], and the change of the pressure along the last direction.
+        enclosed: Pressure [Pa], volume [m^3], and derivative of the pressure along the last direction.
     """
 
     follows_displacement = True
     symmetric = True
 
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
-        """Close the surface.
+        """Close the surface and allocate the arrays.
 
         Raises:
-            InputError: for a surface that does not enclose a volume.
+            InputError: if the surface does not enclose a volume, or has a leak but bonds cannot break.
         """
         self.owner = type(load).__name__
         self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
@@ -222,7 +224,7 @@ class BuiltEnclosed(BuiltLoad):
         breakable, self._outflow = law.intact is not None, load.outflow
         leaks = self._outflow[0] > 0.0
         if leaks and not breakable:
-            raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 where nothing can break")
+            raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 if bonds cannot break")
         key = (context.bits, pressure_law, self._schedule is not None, leaks)
         self._set_pressure = enclosed_pressure(*key)
         self._add_force, self._add_tangent = enclosed_force(types.bits, breakable)
@@ -233,12 +235,12 @@ class BuiltEnclosed(BuiltLoad):
     def _allocate_surface(
         self, positions: np.ndarray, faces: np.ndarray, triangles: np.ndarray, breakable: bool
     ) -> None:
-        """Allocate the triangles, closed ones too, and where cracks can cut them whether they have.
+        """Allocate the triangles, including caps, and, if bonds can break, flags for cut triangles.
 
         Args:
-            positions: From the middle of the surface [m], shape (N, 3).
+            positions: Positions relative to the centre of the surface [m], shape (N, 3).
             faces: Triangles of the sheet, shape (F, 3).
-            triangles: Those and the ones that close it, shape (T, 3).
+            triangles: Triangles of the sheet and of the caps, shape (T, 3).
             breakable: Whether bonds can break.
         """
         context = self.context
@@ -256,14 +258,14 @@ class BuiltEnclosed(BuiltLoad):
             self._intact = context.array("pressed_faces", self.owner, wp.uint8, shape=len(faces), per="table")
 
     def _allocate_sums(self, triangles: int) -> None:
-        """Allocate the sums of a volume over so many triangles, in blocks and blocks of blocks."""
+        """Allocate the partial sums of the volume: blocks of triangles, and blocks of blocks."""
         context, blocks = self.context, -(-triangles // BLOCK)
         self._blocks = context.array("volume_of_blocks", self.owner, wp.float64, shape=(2, blocks), per="block")
         self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // BLOCK)), per="block")
         self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
 
     def _allocate_leak(self, faces: int, leaks: bool) -> None:
-        """Allocate the gas that is left, and the open areas of so many triangles, if gas can flow out."""
+        """Allocate the remaining fraction of the gas and the sums of open areas, if gas can leak."""
         self._left = self._open_blocks = self._open = None
         if leaks:
             context, blocks = self.context, -(-faces // BLOCK)
@@ -273,14 +275,14 @@ class BuiltEnclosed(BuiltLoad):
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
 
     def _caps(self) -> list[np.ndarray]:
-        """Triangles that close the edges of the sheet, ring by ring.
+        """Triangles of the caps that close the edges of the sheet, ring by ring.
 
         Raises:
-            InputError: for a sheet without triangles, or an edge that is not held.
+            InputError: if the sheet has no triangles, or an edge is not held.
         """
         sheet, held = self.context.sheet, self.context.held
         if len(sheet.triangles) == 0:
-            raise InputError(f"{self.owner}: the sheet has no triangles: expected a surface that encloses a volume")
+            raise InputError(f"{self.owner}: the sheet has no triangles; expected a surface that encloses a volume")
         place = sheet.positions + self.context.initial_displacement
         extent = float(np.ptp(place, axis=0).max())
         caps = []
@@ -322,7 +324,7 @@ class BuiltEnclosed(BuiltLoad):
         )  # fmt: skip
 
     def _add_torn(self, stage: Stage) -> None:
-        """Add the launch that finds the triangles that cracks have cut, if there can be any."""
+        """Add the launch that finds the triangles cut by cracks, if bonds can break."""
         if self._intact is not None:
             context, law = self.context, self._family_law
             stage.launch(
@@ -331,7 +333,7 @@ class BuiltEnclosed(BuiltLoad):
             )  # fmt: skip
 
     def _add_leak(self, stage: Stage) -> None:
-        """Add the launches of the gas that flows out in a step."""
+        """Add the launches of the gas leak in a step."""
         context, displacement = self.context, self.context.state.displacement
         assert self._open_blocks is not None and self._open is not None
         sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None)
@@ -356,7 +358,7 @@ class BuiltEnclosed(BuiltLoad):
         return {**self._table, **given}
 
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
-        """Add the launches of the change of pressure and of the surface along a direction."""
+        """Add the launches of the derivative of the force along a direction."""
         if self._intact is not None:
             return False
         self._add_pressure(stage, displacement, direction)
@@ -365,7 +367,7 @@ class BuiltEnclosed(BuiltLoad):
         return True
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of the leak, and those of the volume and the pressure that the history shows."""
+        """Add the launches of the leak, and those of the volume and pressure for the history."""
         if phase is Phase.INTERNAL_VARIABLES and self._left is not None:
             self._add_leak(stage)
         if phase is Phase.FRAME:
@@ -376,6 +378,6 @@ class BuiltEnclosed(BuiltLoad):
         return ("pressure", "volume")
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Pressure above the ambient one [Pa] and volume [m^3], that of a chamber included."""
+        """Pressure above ambient [Pa] and volume [m^3], including the chamber."""
         pressure, volume, _ = self.enclosed.numpy().tolist()
         return {"pressure": pressure, "volume": volume}

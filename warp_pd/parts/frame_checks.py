@@ -1,4 +1,4 @@
-"""What every frame looks at: whether the state is finite, how fast it moves, energies, and the sums of the history."""
+"""Quantities computed at every frame: finiteness check, speeds, energies, and the sums of the history."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ class FrameChecks(BuiltPart):
     """Kinetic energy, largest speed, and a check for NaN and infinite values, at every frame.
 
     Attributes:
-        not_finite: Lowest index of a NaN or infinite point in each block of points; the number of points if none is.
+        not_finite: Lowest index of a NaN or infinite point in each block of points; the number of points if all are
+            finite.
         fastest: Largest squared speed in each block of points [m^2/s^2].
         kinetic_energy: Kinetic energy of each point [J], (N,) float64.
-        half_step_kinetic: Kinetic energy of each point [J] from the velocities half a step earlier and later, for the
+        half_step_kinetic: Kinetic energy of each point [J] from the velocities half a step before and after, for the
             energy balance; None without a balance, or with a contact whose work is not exact at half steps.
     """
 
@@ -41,7 +42,7 @@ class FrameChecks(BuiltPart):
         self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of kinetic energy and of the look at the motion."""
+        """Add the launches of the kinetic energy and the motion checks."""
         if phase is not Phase.FRAME:
             return
         context, state, f = self.context, self.context.state, self.context.features
@@ -66,12 +67,12 @@ class FrameChecks(BuiltPart):
         return {"kinetic": self.kinetic_energy, "half_step_kinetic": self.half_step_kinetic}
 
     def first_not_finite(self) -> int | None:
-        """Index of the first point whose displacement or velocity is NaN or Inf, as of the last frame; or None."""
+        """Index of the first point whose displacement or velocity was NaN or Inf at the last frame, or None."""
         lowest = int(self._in_whole(self.context.whole_array(self.not_finite)).min())
         return None if lowest == self.context.whole.size else lowest
 
     def _in_whole(self, lowest: np.ndarray) -> np.ndarray:
-        """Per block, the number of a point in the whole sheet, or that of all points, where blocks know own points."""
+        """Convert local indices of points, one per block, to indices in the whole sheet (its size for none)."""
         partition, points = self.context.partition, self.context.whole.size
         if partition is None:
             return lowest
@@ -80,7 +81,7 @@ class FrameChecks(BuiltPart):
         return np.where(found < begins + BLOCK, found, points)
 
     def top_speed(self) -> float:
-        """Largest speed [m/s], as of the last frame."""
+        """Largest speed at the last frame [m/s]."""
         return float(np.sqrt(self.context.whole_array(self.fastest).max()))
 
 
@@ -89,7 +90,7 @@ class EnergyBalance(BuiltPart):
 
     Attributes:
         work: External work of each point [J], (N,) float64, or None.
-        dissipated: Energy that damping took from each point [J], (N,) float64, or None.
+        dissipated: Energy dissipated by damping at each point [J], (N,) float64, or None.
     """
 
     def __init__(self, context: Context, law: BuiltLaw, does_work: bool) -> None:
@@ -115,7 +116,7 @@ class EnergyBalance(BuiltPart):
         )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Energies [J]; work and losses if they are tracked, 0 for those that the scene cannot have."""
+        """Energies [J]; work and losses if tracked, 0 for kinds that the scene does not have."""
         names = ("kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction")
         row = {name: totals[name] for name in names if name in totals}
         if not self.context.features.tracked:
@@ -128,29 +129,29 @@ class EnergyBalance(BuiltPart):
         return row
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """The same columns: all are sums."""
+        """The columns of `columns`, since all are sums."""
         return self.columns(totals, elapsed)
 
     def column_units(self) -> Mapping[str, str]:
-        """Joule, but for the error."""
+        """Joules, except for the dimensionless error."""
         return {**dict.fromkeys(self.column_names(), "J"), "balance_error": "1"}
 
 
 class Sums:
-    """Sums of arrays over all points at frames: blocks on the device, in order, the rest on the host."""
+    """Sums of arrays over all points at frames: blocks are summed in order on the device, the rest on the host."""
 
     def __init__(self, context: Context, parts: Iterable[BuiltPart]) -> None:
-        """Collect what the parts want summed up.
+        """Collect the arrays that the parts want summed.
 
         Raises:
-            ValueError: if two parts sum up under one name.
+            ValueError: if two parts use the same name for a sum.
         """
         self.context = context
         self.arrays: dict[str, Array] = {}
         for part in parts:
             for name, array in part.sums().items():
                 if name in self.arrays:
-                    raise ValueError(f"two parts sum up {name!r}")
+                    raise ValueError(f"sums: two parts use the name {name!r}; expected different names")
                 self.arrays[name] = array
         self._rows: list[str] = []
         for name, array in self.arrays.items():
@@ -160,7 +161,7 @@ class Sums:
         self._sums = self._all = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
 
     def add(self, stage: Stage) -> None:
-        """Add the launches, after those that fill the arrays."""
+        """Add the launches of the sums, which must follow those that fill the arrays."""
         checks, row = frame_checks(self.context.bits), 0
         for values in self.arrays.values():
             scalar = values.dtype is wp.float64
@@ -169,12 +170,12 @@ class Sums:
             row += 1 if scalar else 3
 
     def totals(self, kept: Array | None = None) -> dict[str, float]:
-        """Sums as of the last frame, by name; or those that `keep` gave."""
+        """Sums by name, of the last frame or of `kept`, a result of `keep`."""
         sums = self.context.whole_array(self._sums) if kept is None else kept.numpy()
         return dict(zip(self._rows, sums.sum(axis=1).tolist(), strict=True))
 
     def keep(self) -> Array:
-        """A copy of the sums on the device, of the whole sheet; the host waits for nothing."""
+        """A copy, on the device, of the sums over the whole sheet; the host does not wait for it."""
         stage = self._gathering
         if stage is None:
             context = self.context

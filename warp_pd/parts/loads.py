@@ -28,13 +28,13 @@ Ramp = Sequence[tuple[float, float]] | None
 
 @dataclass(frozen=True)
 class Pressure(Load):
-    """Pressure on one side of the sheet, positive towards the side of +z, outward on a curved sheet.
+    """Pressure on one side of the sheet, positive along +z, on a curved sheet positive outward.
 
     Attributes:
-        value: [Pa].
-        follower: Whether it turns and grows with the surface (F e1 x F e2), or stays along the reference normal on
-            the reference area (dead).
-        ramp: Pairs (time [s], factor), or None for a constant pressure from the start.
+        value: Pressure [Pa].
+        follower: Whether it acts along the current normal on the current area (F e1 x F e2); otherwise along the
+            reference normal on the reference area (dead load).
+        ramp: Pairs (time [s], factor), or None for a constant pressure.
     """
 
     value: float
@@ -50,7 +50,7 @@ class Pressure(Load):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The pressure on a device."""
+        """Build the pressure on a device."""
         if self.follower:
             ramp = factor_schedule("Pressure", self.ramp) or context.clock.default_ramp
             return FollowerPressure(self.value, context.clock.register(ramp), context, law)
@@ -60,11 +60,11 @@ class Pressure(Load):
 
 @dataclass(frozen=True)
 class BodyForce(Load):
-    """A constant force per reference volume.
+    """A force per reference volume, constant or ramped.
 
     Attributes:
-        value: [N/m^3]; gravity is density times acceleration.
-        ramp: Pairs (time [s], factor), or None.
+        value: Force density [N/m^3]; for gravity, density times acceleration.
+        ramp: Pairs (time [s], factor), or None for a constant force.
     """
 
     value: tuple[float, float, float]
@@ -78,7 +78,7 @@ class BodyForce(Load):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The force on a device."""
+        """Build the force on a device."""
         sheet = context.sheet
         force = np.outer(sheet.areas * sheet.thickness, np.array(self.value, dtype=np.float64))
         return DeadLoad("BodyForce", context, np.arange(sheet.size, dtype=np.int32), force, self.ramp)
@@ -86,12 +86,12 @@ class BodyForce(Load):
 
 @dataclass(frozen=True, eq=False)
 class PointForce(Load):
-    """A constant force, distributed over the given points in proportion to their areas.
+    """A force, constant or ramped, distributed over the given points in proportion to their areas.
 
     Attributes:
         points: Point indices.
         value: Total force [N].
-        ramp: Pairs (time [s], factor), or None.
+        ramp: Pairs (time [s], factor), or None for a constant force.
     """
 
     points: Any
@@ -102,18 +102,18 @@ class PointForce(Load):
         vector("PointForce.value", self.value, 3)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The force on a device."""
+        """Build the force on a device."""
         points, force = self.forces(context.sheet)
         return DeadLoad("PointForce", context, points, force, self.ramp)
 
     def forces(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
-        """Its points, shape (P,), and the force of each [N], shape (P, 3)."""
+        """Indices of its points, shape (P,), and the force on each [N], shape (P, 3)."""
         points = point_indices("PointForce.points", self.points, sheet.size)
         part = sheet.areas[points] / sheet.areas[points].sum()
         return points, np.outer(part, np.array(self.value, dtype=np.float64))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """The forces on those of its points that this process has."""
+        """The forces on the points of this process."""
         points, force = self.forces(sheet)
         at, here = partition.here(points)
         return ForcesHere(here, force[at], self.ramp)
@@ -121,12 +121,12 @@ class PointForce(Load):
 
 @dataclass(frozen=True, eq=False)
 class ForcesHere(Load):
-    """The part of a PointForce that one of several processes has.
+    """The part of a PointForce on one of several processes.
 
     Attributes:
         points: Point indices, shape (P,).
-        force: Of each [N], shape (P, 3).
-        ramp: As of the PointForce.
+        force: Force on each point [N], shape (P, 3).
+        ramp: The ramp of the PointForce.
     """
 
     points: np.ndarray
@@ -134,22 +134,22 @@ class ForcesHere(Load):
     ramp: Ramp = None
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """The force on a device."""
+        """Build the force on a device."""
         return DeadLoad("PointForce", context, self.points, self.force, self.ramp)
 
 
 class DeadLoad(BuiltLoad):
-    """A force that does not depend on the displacement, constant or times a factor."""
+    """A force that does not depend on the displacement, optionally times a schedule."""
 
     def __init__(self, owner: str, context: Context, points: np.ndarray, force: np.ndarray, ramp: Ramp) -> None:
-        """Put the force on a device, unless it never changes.
+        """Allocate the force on the device unless it is constant in time.
 
         Args:
             owner: Name of the load.
-            context: Where to put arrays.
+            context: Context in which arrays are allocated.
             points: Indices of loaded points, shape (P,).
-            force: [N], shape (P, 3).
-            ramp: Pairs (time [s], factor), or None.
+            force: Force on each point [N], shape (P, 3).
+            ramp: Pairs (time [s], factor), or None for a constant force.
         """
         self.label, self.owner, self.context = f"loads: {owner}", owner, context
         self._points, self._force = points, force
@@ -160,7 +160,7 @@ class DeadLoad(BuiltLoad):
             self._loaded_force = context.array("loaded_force", owner, vec3, force, per="table")
 
     def constant_force(self) -> np.ndarray | None:
-        """The force [N], shape (N, 3), without a schedule."""
+        """The force [N], shape (N, 3), if it has no schedule; otherwise None."""
         if self._schedule is not None:
             return None
         total = np.zeros((self.context.sheet.size, 3))
@@ -168,7 +168,7 @@ class DeadLoad(BuiltLoad):
         return total
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launch that adds the force times its factor."""
+        """Add the launch that adds the force times the factor of its schedule."""
         context = self.context
         stage.launch(
             self.owner, dead_load(context.bits), len(self._points),
@@ -203,13 +203,13 @@ class FollowerPressure(BuiltLoad):
         stage.pointwise("Pressure", kernel, points, **self._arguments(displacement), external=out)
 
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
-        """Add the launch that adds the change of the pressure's force."""
+        """Add the launch that adds the derivative of the pressure's force along a direction."""
         kernel, points = follower_pressure_tangent(*self._key), self.context.sheet.size
         stage.launch("Pressure", kernel, points, **self._arguments(displacement), direction=direction, change=out)
         return True
 
     def tangent_matrix(self, displacement: np.ndarray) -> Any:
-        """Its change with the displacement on a flat sheet without broken bonds; None on others."""
+        """Tangent matrix for a flat sheet without broken bonds, otherwise None."""
         if self.context.sheet.frames is not None or self.law.intact is not None:
             return None
         factor = 1.0
@@ -224,17 +224,17 @@ class FollowerPressure(BuiltLoad):
         return point_gradient(self.law.families)
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
-        """A pressure knows no points."""
+        """Build the same pressure on a coarser lattice."""
         return FollowerPressure(self._value, self._schedule, context, law)
 
 
 class ExternalForce(External):
-    """The sum of all loads: what never changes is added up once, the rest by launches.
+    """The sum of all loads: constant loads are summed once, the others by launches.
 
     Attributes:
-        constant: Sum of the loads that never change [N], shape (N, 3); None if there are none.
+        constant: Sum of the constant loads [N], shape (N, 3); None if there are none.
         changing: The other loads.
-        following: Those of them that follow the displacement.
+        following: Those of `changing` that depend on the displacement.
     """
 
     def __init__(self, context: Context, loads: Sequence[BuiltLoad]) -> None:
@@ -256,12 +256,12 @@ class ExternalForce(External):
         self._dead: Array | None = None
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches that renew the external force; none if it never changes."""
+        """Add the launches that recompute the external force; none if it is constant."""
         if phase is Phase.EXTERNAL_FORCE and self.context.state.external is not None:
             self.add_force(stage, self.context.state.displacement, self.context.state.external)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the external force [N]; none if it never changes."""
+        """Add the launches that fill `out` with the external force [N]; none if it is constant."""
         if not self.changing:
             return
         if self._dead is None:
@@ -274,7 +274,7 @@ class ExternalForce(External):
             self.add_following(stage, displacement, out)
 
     def keep_dead_apart(self) -> Array | None:
-        """Let `add_force` keep the sum of the loads that do not follow the displacement [N]; None if all or none do."""
+        """Make `add_force` store the sum of displacement-independent loads [N]; None if all or no loads are such."""
         if not self.following:
             return None
         if self._dead is None and len(self.following) < len(self.changing):
@@ -287,13 +287,13 @@ class ExternalForce(External):
         stage.pointwise("loads", begin, self.context.sheet.size, constant=constant, external=out)
 
     def add_dead(self, stage: Stage, out: Array) -> None:
-        """Add the launches that fill `out` with the force of the loads that do not follow the displacement [N]."""
+        """Add the launches that fill `out` with the force of the displacement-independent loads [N]."""
         self._add_begin(stage, self._constant, out)
         for load in self.changing:
             if load not in self.following:
                 load.add_force(stage, self.context.state.displacement, out)
 
     def add_following(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that add to `out` the force of the loads that follow the displacement [N]."""
+        """Add the launches that add the force of the displacement-dependent loads to `out` [N]."""
         for load in self.following:
             load.add_force(stage, displacement, out)

@@ -1,4 +1,4 @@
-"""The force of a support in the history, summed on the device."""
+"""The force of a support, summed on the device, as columns of the history."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ OWNER = "Reaction"
 
 @dataclass(frozen=True, eq=False)
 class Reaction(Part):
-    """The force of a support on the points that it holds: columns NAME_x, NAME_y and NAME_z of the history [N].
+    """Output of the force of a support on its points: columns NAME_x, NAME_y and NAME_z of the history [N].
 
-    It acts on nothing. It is minus the sum of the internal force, as `warp_pd.measures.support_force`; inertia is left
-    out. The device sums it, so the finer rows of `Explicit(history_every=)` have it as well.
+    It does not change the simulation. The force is minus the sum of the internal force, as in
+    `warp_pd.measures.support_force`, without inertia. It is summed on the device, so the rows between frames
+    (`Explicit(history_every=)`) have it as well.
 
     Attributes:
         points: Point indices, such as those of a `Fixed` or a `Motion`.
-        name: Of the columns.
+        name: Prefix of the columns.
 
     Raises:
-        InputError: for a name that is not a word.
+        InputError: if the name is not a single word.
     """
 
     points: Any
@@ -41,27 +42,27 @@ class Reaction(Part):
     def __post_init__(self) -> None:
         """Check the name."""
         if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise InputError(f"Reaction.name = {self.name!r}: expected a word, such as 'pull'")
+            raise InputError(f"Reaction.name = {self.name!r}: expected a single word, such as 'pull'")
 
     @property
     def reaction(self) -> str:
-        """The name, which no other reaction may have."""
+        """The name, which must be unique among reactions."""
         return self.name
 
     def check(self, others: Sequence[Part]) -> None:
-        """Refuse two of one name.
+        """Check that no other reaction has the same name.
 
         Raises:
-            InputError: if there are.
+            InputError: if one has.
         """
         if any(getattr(other, "reaction", None) == self.name for other in others):
-            raise InputError(f"Reaction.name = {self.name!r}: two have it; expected another name")
+            raise InputError(f"Reaction.name = {self.name!r}: another Reaction has this name; expected different names")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """The sum on a device.
 
         Raises:
-            InputError: for a point that does not exist.
+            InputError: if a point does not exist.
         """
         return BuiltReaction(self.name, np.asarray(point_indices("Reaction.points", self.points, context.sheet.size)),
                              context)  # fmt: skip
@@ -71,7 +72,7 @@ class BuiltReaction(BuiltPart):
     """The sum on a device.
 
     Attributes:
-        pull: Force of the support on each of its points [N], vec3.
+        pull: Force of the support on each point [N], (P,) vec3.
     """
 
     label = "loads = Reaction"

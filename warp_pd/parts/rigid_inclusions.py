@@ -1,4 +1,4 @@
-"""Rigid inclusions of a sheet: points that move as one body, moved by the sum of the forces on them."""
+"""Rigid inclusions of a sheet: points that move as one rigid body under the sum of the forces on them."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ class RigidInclusions(Part):
     """The rigid inclusions of a sheet, see `Sheet.inclusion`.
 
     Attributes:
-        groups: Point indices of each.
-        velocity: Of all points at time 0 [m/s], shape (N, 3).
+        groups: Point indices of each inclusion.
+        velocity: Velocity of all points of the sheet at time 0 [m/s], shape (N, 3).
     """
 
     groups: tuple[np.ndarray, ...]
     velocity: np.ndarray
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
-        """All components of the points of each."""
+        """Constraints on all components of the points of each inclusion."""
         return [Constraint("rigid inclusion", members, RIGID) for members in self.groups]
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The bodies on a device.
+        """Build the bodies on a device.
 
         Raises:
-            InputError: for an initial displacement or velocity of an inclusion that is not that of a rigid body.
+            InputError: if the initial displacement or velocity of an inclusion is not a rigid-body motion.
         """
         return BuiltInclusions(self.groups, self.velocity, context)
 
 
 class BuiltInclusions(BuiltPart):
-    """The bodies on a device: masses, arms, and their place, momenta and rotation."""
+    """The bodies on a device: masses, arms, positions, momenta and rotations."""
 
     label = "sheet.inclusions"
 
@@ -114,7 +114,7 @@ class BuiltInclusions(BuiltPart):
 
 
 def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """The rotation that takes arms nearest to their shifted ends, exactly the identity without a shift."""
+    """The rotation that best fits the shifted arms (mass-weighted), exactly the identity for zero shift."""
     if not shift.any():
         return np.eye(3)
     found, _ = Rotation.align_vectors(arms + shift, arms, masses)

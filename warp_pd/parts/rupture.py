@@ -1,6 +1,7 @@
-"""Rupture: criteria, and how bonds break, which is the same for all of them.
+"""Rupture: criteria, and the breaking of bonds, which is common to all criteria.
 
-A criterion of your own inherits from BondCriterion and gives its device function; see docs/write-your-own-part.md.
+To write your own criterion, inherit from BondCriterion and provide its device function; see
+docs/write-your-own-part.md.
 """
 
 from __future__ import annotations
@@ -31,39 +32,41 @@ AT_REST = "whenever the sheet is in static equilibrium"
 
 
 class BondCriterion(Rupture):
-    """A criterion that looks at one bond at a time."""
+    """A criterion evaluated for each bond separately (base class)."""
 
     @property
     def squared_stretch(self) -> float | None:
-        """Squared stretch |Y|^2/|X|^2 [-] up to which no bond exceeds the criterion, or None if there is none."""
+        """Squared stretch |Y|^2/|X|^2 [-] below which no bond exceeds the criterion, or None without such a bound."""
         return None
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion: it finds the spared points that are here when it is built."""
+        """The same criterion; `build` selects the spared points of this process."""
         return self
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""
-        raise NotImplementedError(f"{type(self).__name__}.criterion: a criterion needs a device function")
+        raise NotImplementedError(
+            f"{type(self).__name__}.criterion: expected an implementation that returns a device function"
+        )
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """The criterion on a device."""
+        """Build the criterion on a device."""
         return BreakingBonds(type(self).__name__, self, context, law)
 
 
 @dataclass(frozen=True, eq=False)
 class CriticalStretch(BondCriterion):
-    """A bond breaks for good when its stretch |Y|/|X| passes a critical one. Source: BA and NN papers.
+    """A bond breaks permanently when its stretch |Y|/|X| exceeds a critical value. Source: BA and NN papers.
 
-    The energy that breaking releases is the drop of the strain energy at the moment of breaking. It is mostly
-    positive; where a torn family is left with its most strained intersections it can be slightly negative.
+    The released energy is the drop of the strain energy at the moment of breaking. It is usually positive, but can be
+    slightly negative where a damaged family retains its most strained intersections.
 
     Attributes:
         stretch: Critical stretch s_c, greater than 1.
-        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+        spared: Points whose bonds never break, such as those in a clamp; None for none.
 
     Raises:
-        InputError: otherwise.
+        InputError: if the stretch is not greater than 1 or is too large.
     """
 
     stretch: float
@@ -72,7 +75,8 @@ class CriticalStretch(BondCriterion):
     def __post_init__(self) -> None:
         if not 1.0 < finite("CriticalStretch.stretch", self.stretch) < MAX_STRETCH:
             raise InputError(
-                f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch above 1 and below {MAX_STRETCH:g}"
+                f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch greater than 1 and less than "
+                f"{MAX_STRETCH:g}"
             )
 
     @property
@@ -90,19 +94,19 @@ class CriticalStretch(BondCriterion):
 
 @dataclass(frozen=True, eq=False)
 class CriticalEnergy(BondCriterion):
-    """A bond breaks for good when the energy release rate of its interaction passes Gc / Nc. Source: VE, section 4.3.
+    """A bond breaks permanently when its energy release rate exceeds Gc / Nc. Source: VE, section 4.3.
 
-    At each end of a bond, the energy release rate is half of the work of its force divided by the crack surface h dx
-    that the bond represents. Nc is the number of interactions across such a surface, 36 at a horizon of
-    3.015 spacings. The work counts from the start, including that of any tension that the law has in the undeformed
-    sheet. Explicit dynamics only.
+    Each end of a bond contributes half of the work of the bond force, divided by the crack surface h dx that the bond
+    represents. Nc is the number of interactions across such a surface, 36 at a horizon of 3.015 spacings. The work is
+    summed from the start, including that of any tension of the law in the undeformed sheet. Only with the solver
+    Explicit.
 
     Attributes:
         energy: Critical energy release rate Gc [N/m].
-        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+        spared: Points whose bonds never break, such as those in a clamp; None for none.
 
     Raises:
-        InputError: for an energy that is not positive.
+        InputError: if the energy is not positive.
     """
 
     energy: float
@@ -112,10 +116,10 @@ class CriticalEnergy(BondCriterion):
         positive("CriticalEnergy.energy", self.energy)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
-        """The critical energy release rate of an interaction, and the array of what each bond has released.
+        """The critical energy release rate of an interaction, and the array of the energy released by each bond.
 
         Raises:
-            InputError: for a graded sheet, or a thickness that varies.
+            InputError: for a graded sheet or a varying thickness.
         """
         found = critical_energy(context.layout)
         values = found.struct()
@@ -124,26 +128,28 @@ class CriticalEnergy(BondCriterion):
             "energy_release", "CriticalEnergy", context.types.real, shape=shape, per="bond", restart=True
         )
         if context.sheet.spacings is not None:
-            raise InputError("damage = CriticalEnergy: expected a sheet of one spacing, got a graded one")
+            raise InputError("damage = CriticalEnergy: expected a sheet of uniform spacing, got a graded sheet")
         if np.ndim(context.sheet.thickness):
-            raise InputError("damage = CriticalEnergy: expected a sheet of one thickness; take TearingEnergy")
+            raise InputError(
+                "damage = CriticalEnergy: expected a sheet of uniform thickness, or TearingEnergy as the criterion"
+            )
         values.critical = self.energy / crossing_bonds(law.horizon_ratio)
         return found, values
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """The criterion on a device.
+        """Build the criterion on a device.
 
         Raises:
-            InputError: for a law that does not keep the forces of its bonds.
+            InputError: if the force law does not store bond forces.
         """
         return BreakingByEnergy("CriticalEnergy", self, context, law)
 
 
 def crossing_bonds(horizon: float) -> int:
-    """Nc: bonds of a square lattice that cross a line, on average a spacing of it, each counted from both ends.
+    """Nc: mean number of bonds of a square lattice that cross one spacing of a line, counted from both ends.
 
     Args:
-        horizon: Over the spacing [-].
+        horizon: Horizon divided by the spacing [-].
     """
     reach = int(horizon)
     return sum(
@@ -155,13 +161,13 @@ def crossing_bonds(horizon: float) -> int:
 
 
 class Damaged(BuiltRupture):
-    """The damage that broken bonds leave.
+    """Damage of the sheet by broken bonds (base class).
 
     Attributes:
         owner: Name of the criterion.
-        spared: Whether a point is spared, (N,) uint8, or None.
-        released: Energy lost with broken bonds [J], (N,) float64; None where it is not summed up.
-        tracked_energy: Warp function of the energy that is lost, or None.
+        spared: Whether each point is spared, (N,) uint8, or None.
+        released: Energy released by broken bonds [J], (N,) float64; None if it is not tracked.
+        tracked_energy: Warp function of the family energy whose loss is tracked, or None.
         memory: The bits of intact bonds.
     """
 
@@ -193,14 +199,16 @@ class Damaged(BuiltRupture):
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that breaks bonds."""
-        raise NotImplementedError(f"{type(self).__name__}.add_breaking: a criterion needs a kernel")
+        raise NotImplementedError(
+            f"{type(self).__name__}.add_breaking: expected an implementation that launches a kernel"
+        )
 
     def prepare_at_rest(self) -> None:
         """Compose the stage that breaks bonds in static equilibrium."""
         self.add_breaking(self.context.stage("rupture", AT_REST))
 
     def break_at_rest(self, again: bool) -> bool:
-        """Break what exceeds the criterion; whether anything did."""
+        """Break the bonds that exceed the criterion, and return whether there were any."""
         before = self.memory[0].numpy().copy()
         self.context.run("rupture")
         return bool((self.memory[0].numpy() != before).any())
@@ -223,7 +231,7 @@ class Damaged(BuiltRupture):
         self.add_faces(stage)
 
     def add_faces(self, stage: Stage) -> None:
-        """Add the launch that finds the faces that no crack cuts."""
+        """Add the launch that finds the triangles not cut by a crack."""
         stage.launch(
             self.owner, face_damage(self.context.layout), len(self.context.sheet.triangles), family=self.law.struct,
             intact=self.law.intact, triangles=self._triangles, intact_faces=self.intact_faces,
@@ -244,11 +252,11 @@ class Damaged(BuiltRupture):
 
 
 class BreakingBonds(Damaged):
-    """Bonds that break by a criterion.
+    """Bonds that break by a bond criterion.
 
     Attributes:
-        criterion: Struct of the criterion.
-        screens: Whether a CPU looks at each bond of a lattice once before it breaks any.
+        criterion: Filled struct of the criterion.
+        screens: Whether, on a CPU, each lattice bond is checked once before bonds are broken.
     """
 
     screens = True
@@ -280,7 +288,7 @@ class BreakingBonds(Damaged):
 
 
 class BreakingByEnergy(BreakingBonds):
-    """The same, and the launch that sums up the work of every bond."""
+    """BreakingBonds with a launch that sums the work of every bond."""
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase."""

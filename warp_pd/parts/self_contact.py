@@ -36,22 +36,22 @@ LAYERS = 4
 
 @dataclass(frozen=True)
 class SelfContact(Contact):
-    """Points that share no bond push each other away when they come too near, also those of two pieces.
+    """Repulsion between points that share no bond, within a piece and between pieces.
 
-    The energy of a pair is stiffness (d - r)^2 / 2 at a distance r below d. d is `distance`, but within a piece no more
-    than 0.7 of the reference distance of the pair: nothing is pushed in the reference state. Bonds that broke are let
-    in. Source: short-range forces of Silling and Askari (2005). With the solver Explicit.
+    The energy of a pair is stiffness (d - r)^2 / 2 at a distance r below d. d is `distance`; within a piece it is
+    limited to 0.7 times the reference distance of the pair, so there is no contact in the reference state. Pairs with a
+    broken bond are included. Source: short-range forces of Silling and Askari (2005). Only with the solver Explicit.
 
     Attributes:
-        distance: Distance that points keep [m]; by default 1.5 spacings. A point cannot slip through a mesh of
-            triangles that is stretched by less than 1.4 distance / spacing.
-        stiffness: Of two points that stand for a square of the spacing each [N/m]; by default a tenth of thickness
-            times the modulus of pure shear. A larger one makes the step shorter.
-        friction: Coulomb's coefficient between surfaces that slide over each other. Contacts that stick creep: a
-            tangential force T slips at about n T dt / m, for n contacts at a point.
+        distance: Contact distance [m]; by default 1.5 spacings. A point cannot pass through the sheet while its stretch
+            is less than 1.4 distance / spacing.
+        stiffness: Contact stiffness of two points that each represent one spacing squared [N/m]; by default a tenth of
+            the thickness times the modulus in pure shear. A larger stiffness shortens the time step.
+        friction: Coefficient of Coulomb friction. Sticking contacts creep: under a tangential force T they slip at
+            about n T dt / m, with n contacts at a point.
 
     Raises:
-        InputError: for a distance or stiffness that is not above zero, or a negative friction.
+        InputError: if distance or stiffness is not positive, or friction is negative.
     """
 
     distance: float | None = None
@@ -78,13 +78,13 @@ class SelfContact(Contact):
         """Check that the scene has no second SelfContact.
 
         Raises:
-            InputError: if it has.
+            InputError: if it has one.
         """
         if any(getattr(other, "within_sheet", False) for other in others):
-            raise InputError("contact: SelfContact is given twice: expected one")
+            raise InputError("contact: more than one SelfContact; expected one")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """The contact on a device."""
+        """Build the contact on a device."""
         return BuiltSelfContact(self, context, law)
 
 
@@ -92,9 +92,9 @@ class BuiltSelfContact(BuiltContact):
     """Self-contact on a device.
 
     Attributes:
-        distance: Distance that points keep [m].
-        stiffness: Of a pair [N/m].
-        energy: Half the energy of the contacts of each point as of the last frame [J], (N,) float64.
+        distance: Contact distance [m].
+        stiffness: Contact stiffness of a pair [N/m].
+        energy: Contact energy of each point (half of each pair's) at the last frame [J], (N,) float64.
     """
 
     label = "contact = SelfContact"
@@ -103,12 +103,12 @@ class BuiltSelfContact(BuiltContact):
         """Allocate the lists.
 
         Raises:
-            InputError: for a law that has no modulus, if no stiffness is given, or friction on rigid inclusions.
+            InputError: if no stiffness is given and the law has no modulus, or for friction with rigid inclusions.
         """
         self.part, self.context, self.law = part, context, law
         sheet = context.sheet
         if part.friction > 0.0 and (context.held & RIGID).any():
-            raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not feel it")
+            raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not support it")
         self.distance = DISTANCE * sheet.spacing if part.distance is None else part.distance
         self.stiffness = self._default_stiffness() if part.stiffness is None else part.stiffness
         self._skin = SKIN * sheet.spacing
@@ -124,7 +124,7 @@ class BuiltSelfContact(BuiltContact):
         )
 
     def _allocate_points(self, pieces: bool) -> None:
-        """Allocate what pairs ask of points: where they lay, their areas, and their pieces."""
+        """Allocate the point data for pairs: reference positions, areas and pieces."""
         context, sheet = self.context, self.context.sheet
         points = pair_functions(context.bits, pieces).Points()
         points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
@@ -136,7 +136,7 @@ class BuiltSelfContact(BuiltContact):
         self._points = points
 
     def _allocate_lists(self, capacity: int) -> None:
-        """Allocate buckets of cells, and for each point the list of at most `capacity` near ones."""
+        """Allocate the cell buckets and, for each point, a list of at most `capacity` nearby points."""
         context, n = self.context, self.context.sheet.size
         self._buckets = 1 << (2 * n - 1).bit_length()
         self._status = context.array("status", OWNER, wp.int32, _FRESH, per="once")
@@ -149,7 +149,7 @@ class BuiltSelfContact(BuiltContact):
         self.energy = context.array("contact_energy", OWNER, wp.float64, shape=n)
 
     def _allocate_friction(self, rubbing: bool) -> None:
-        """Allocate what friction needs, if there is some."""
+        """Allocate the arrays for friction, if there is any."""
         context, n = self.context, self.context.sheet.size
         self._touching = self._contact_force = self._impulse = self._rubbed = None
         if rubbing:
@@ -165,10 +165,12 @@ class BuiltSelfContact(BuiltContact):
             below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
         except InputError:
             law = type(self.law).__name__.removesuffix("Force")
-            raise InputError(f"SelfContact.stiffness = None: expected a number with the law {law}") from None
+            raise InputError(
+                f"SelfContact.stiffness = None: expected a number, because the law {law} has no default"
+            ) from None
         modulus = float(below - 2.0 * none + above) / step**2
         if not modulus > 0.0:
-            raise InputError("SelfContact.stiffness = None: expected a number with a material that has no stiffness")
+            raise InputError("SelfContact.stiffness = None: expected a number, because the material has no stiffness")
         sheet = self.context.sheet
         softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
         return STIFFNESS * softest * modulus * float(np.min(sheet.thickness))
@@ -176,7 +178,7 @@ class BuiltSelfContact(BuiltContact):
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
 
-        It is a bound for points that touch as much sheet as lies in a circle of radius `distance`.
+        It is an upper bound if each point touches no more sheet than fits in a circle of radius `distance`.
         """
         sheet = self.context.sheet
         mass = float(np.min(sheet.spacing**2 * sheet.thickness * sheet.density))
@@ -256,15 +258,15 @@ class BuiltSelfContact(BuiltContact):
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """Energy of contact, and what friction took."""
+        """Contact energy, and energy dissipated by friction."""
         found = {"contact": self.energy, "sheet_friction": self._rubbed}
         return {name: array for name, array in found.items() if array is not None}
 
     def end_frame(self) -> None:
-        """Look whether a list was full.
+        """Check that no list of pairs has overflowed.
 
         Raises:
-            InputError: if it was.
+            InputError: if one has.
         """
         if self._status.numpy()[CROWDED]:
             raise InputError(

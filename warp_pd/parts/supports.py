@@ -1,4 +1,4 @@
-"""Supports: points that stay where they are, and points that move as prescribed."""
+"""Supports: fixed points, and points with a prescribed motion."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ AXES = "xyz"
 
 
 class Support(Part):
-    """A part that only holds or moves points: what it asks of the device is done for all supports together."""
+    """A part that only holds or moves points (base class); MovedPoints does the device work for all supports."""
 
     does_work = True
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
-        """The same part: its constraints are divided among the processes instead."""
+        """The same part; its constraints are divided among the processes instead."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """Nothing of its own."""
+        """Build a placeholder: MovedPoints does the work."""
         return BuiltSupport()
 
 
 class BuiltSupport(BuiltPart):
-    """Adds no launch: see MovedPoints."""
+    """A support on a device; it adds no launches, see MovedPoints."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fixed(Support):
-    """Points that keep their place.
+    """Points held at their initial positions.
 
     Attributes:
         points: Point indices.
-        components: Which components are held, letters out of "xyz".
+        components: Held components, letters from "xyz".
     """
 
     points: Any
@@ -57,13 +57,13 @@ class Fixed(Support):
         """Check the components."""
         names = self.components
         if not isinstance(names, str) or not names or set(names) - set(AXES) or len(set(names)) < len(names):
-            raise InputError(f"Fixed.components = {said(names)}: expected letters out of 'xyz', each once")
+            raise InputError(f"Fixed.components = {said(names)}: expected distinct letters from 'xyz'")
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The held components.
 
         Raises:
-            InputError: for a point that does not exist.
+            InputError: if a point does not exist.
         """
         bits = sum(1 << AXES.index(c) for c in set(self.components))
         return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]
@@ -71,9 +71,9 @@ class Fixed(Support):
 
 @dataclass(frozen=True, eq=False)
 class Motion(Support):
-    """Points that move together as prescribed, component by component.
+    """Points with a common prescribed motion, component by component.
 
-    Each of x, y, z is None (free), a number (held at that displacement [m]) or one displacement per time.
+    Each of x, y, z is None (free), a number (constant displacement [m]) or one displacement per time.
 
     Attributes:
         points: Point indices.
@@ -93,7 +93,7 @@ class Motion(Support):
         """The moved components.
 
         Raises:
-            InputError: if no component moves, for a wrong schedule, or a point that does not exist.
+            InputError: if no component is prescribed, the schedule is invalid, or a point does not exist.
         """
         bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
         if bits == 0:
@@ -105,7 +105,7 @@ class Motion(Support):
         """The motion as a schedule; free components are zero.
 
         Raises:
-            InputError: for times that do not rise, or another number of displacements.
+            InputError: if times do not increase, or the number of displacements differs.
         """
         times = np.atleast_1d(numbers("Motion.times", self.times))
         knots = times.size
@@ -121,12 +121,12 @@ class Motion(Support):
 
 
 def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
-    """Edges of a square about the origin and all points outside, moved in the plane as an equal stretch of it.
+    """Motions of the edges of a square about the origin, and of all points outside it, for an equibiaxial stretch.
 
     Args:
         sheet: The sheet, with layers of points outside the square.
         half: Half the side of the square [m].
-        times: Rising [s].
+        times: Increasing times [s].
         stretches: One per time.
     """
     outside = np.flatnonzero((np.abs(sheet.points) > half - 1e-3 * sheet.spacing).any(axis=1))
@@ -163,13 +163,13 @@ def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarr
 
 
 def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
-    """Say which point two parts would move or hold.
+    """Raise an error that names a point constrained by two parts.
 
     Raises:
         InputError: always.
     """
     if name == "rigid inclusion":
-        raise InputError("two rigid inclusions share a point: expected inclusions apart from each other")
+        raise InputError("two rigid inclusions share a point; expected disjoint inclusions")
     place = ", ".join(f"{x:.4g}" for x in sheet.points[point])
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
     what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
@@ -182,7 +182,7 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
 class MovedPoints(BuiltPart):
     """All prescribed motions on a device.
 
-    A point has a row for each motion that moves it: two edges may move their common corner in different components.
+    A point has one row per motion that moves it: two edges may move different components of their common corner.
     """
 
     def __init__(self, context: Context, constraints: Sequence[Constraint]) -> None:
@@ -191,13 +191,13 @@ class MovedPoints(BuiltPart):
         self._schedules = [context.clock.register(motion) for _, motion in self._moving]
 
     def check_begin(self, horizon: float) -> None:
-        """Look where motions begin.
+        """Check the initial displacement of the motions.
 
         Args:
-            horizon: [m].
+            horizon: Horizon [m].
 
         Raises:
-            InputError: if that is further than a horizon from where their points are: no step can take them there.
+            InputError: if it is more than a horizon from the current position of a point: no step can close the gap.
         """
         there = self.context.initial_displacement
         if self.context.placement is not None:
@@ -208,8 +208,8 @@ class MovedPoints(BuiltPart):
                 jump = float(np.abs(begin[c] - there[constraint.points, c]).max(initial=0.0))
                 if jump > horizon:
                     raise InputError(
-                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from where its "
-                        f"points are: expected at most the horizon, {horizon:.3g} m"
+                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from its "
+                        f"points; expected at most the horizon, {horizon:.3g} m"
                     )
 
     def add(self, phase: Phase, stage: Stage) -> None:

@@ -1,4 +1,4 @@
-"""A tearing energy as the criterion of rupture: a damage field of points, by which the sheet tears."""
+"""Tearing energy as the rupture criterion, using a damage field."""
 
 from __future__ import annotations
 
@@ -52,35 +52,34 @@ MUCH_DAMAGE = 0.3
 
 @dataclass(frozen=True, eq=False)
 class TearingEnergy(Rupture):
-    """A crack advances when the energy release rate reaches the tearing energy of the material, Gc.
+    """A rupture criterion: a crack advances when the energy release rate reaches the tearing energy Gc.
 
-    A damage field d of the points, 0 to 1 and never healing, takes stiffness from the sheet; its own energy over the
-    area of a tear is Gc (kernels/damage_field.py). Its length says over what width: half a tear is twice the length
-    wide. It is a property of the material, or of the model, not of the grid: with the tearing energy it sets the
-    energy density at which intact material is damaged, its strength, about 3 Gc / (16 length). Bonds break where the
-    field has passed.
+    A damage field d of the points, 0 to 1 and irreversible, reduces the stiffness of the sheet; its energy per area of
+    a tear is Gc (kernels/damage_field.py). `length` sets the width of the damaged zone, two lengths on each side of a
+    tear. It is a property of the material or the model, not of the grid: together with the tearing energy it determines
+    the strength, the energy density at which intact material is damaged, about 3 Gc / (16 length). Bonds break where
+    the field is near 1.
 
     Attributes:
-        energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber; one for each point, shape (N,), or a function
-            of the coordinates of the points as for `Sheet`, for seams that are weaker than the sheet. Where it varies,
-            the strength varies with it, and the length is one.
-        length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
-            and at least 1.25 horizons.
-        strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
-            spacing cannot resolve that, it is the default length, and a note says what spacing would. Together with
-            a length it is a constant of its own, at most 3 Gc / (16 length).
-        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
-            strength.
-        spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
-        cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
-            are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
-        initial_damage: Damage of the points at the start besides that of cuts, (N,), such as a place that was pricked.
-        screened: Whether to look only at points near damage, or with a stretched bond; otherwise at all in every
-            step, which is slow and must give the same.
+        energy: Tearing energy Gc [J/m^2], for example 1e4 for natural rubber: a number, an array of shape (N,), or a
+            function of the point coordinates as for `Sheet`, for example for weak seams. If it varies, the strength
+            varies with it and the length is uniform.
+        length: Length of the field [m]; by default it follows from the strength, or, without a strength, is four
+            spacings of the sheet and at least 1.25 horizons.
+        strength: Energy density at which intact material begins to tear [J/m^3]. Given without a length, it determines
+            the length; if the spacing cannot resolve that length, the default length is used and a note names the
+            required spacing. Given with a length it is an independent constant, at most 3 Gc / (16 length).
+        stretch_at_break: Uniaxial stretch at which intact material begins to tear [-], instead of the strength.
+        spared: Points that cannot be damaged, such as those in a clamp; None for none.
+        cut_profile: Whether cuts of the sheet are initially surrounded by the damage of a crack. Otherwise they are
+            notches, from which a tear starts at 1.2 to 1.3 Gc.
+        initial_damage: Initial damage of the points in addition to that of cuts, shape (N,), for example of a puncture.
+        screened: Whether to check only points near damage or with a strongly stretched bond; checking all points in
+            every step is slow and gives the same result.
 
     Raises:
-        InputError: for values that are not positive, both strength and stretch_at_break, or one of them with an energy
-            that varies.
+        InputError: if a value is not positive, both strength and stretch_at_break are given, or one of them is given
+            with a varying energy.
     """
 
     energy: ByPoint
@@ -104,9 +103,11 @@ class TearingEnergy(Rupture):
         for name, value in given.items():
             positive(f"TearingEnergy.{name}", value)
         if varies and given.keys() & {"strength", "stretch_at_break"}:
-            raise InputError(f"TearingEnergy: expected one number as energy, or a length, with {given}")
+            raise InputError(
+                f"TearingEnergy: {given} with a varying energy; expected a uniform energy, or only a length"
+            )
         if "strength" in given and "stretch_at_break" in given:
-            raise InputError(f"TearingEnergy: expected strength or stretch_at_break, got {given}")
+            raise InputError(f"TearingEnergy: {given}; expected only one of strength and stretch_at_break")
         if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
             raise InputError(
                 f"TearingEnergy.stretch_at_break = {self.stretch_at_break!r}: expected a stretch greater than 1"
@@ -115,14 +116,14 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.screened", self.screened, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion: it finds the points that are here when it is built."""
+        """The same criterion; `build` selects the points of this process."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """The field on a device.
+        """Build the field on a device.
 
         Raises:
-            InputError: for a law without a stress, or a length that the families cannot resolve.
+            InputError: if the law has no stress, or the families cannot resolve the length.
         """
         return DamageField(self, context, law)
 
@@ -131,12 +132,12 @@ class DamageField(Damaged):
     """The damage field on a device.
 
     Attributes:
-        field: Damage of the points, (N,), in the precision of the device.
+        field: Damage of the points, (N,), in the precision of the simulation.
         constants: Its length and strength.
         length: Its length [m].
-        limit: Energy density at which intact material begins to tear [J/m^3], the least of all points.
-        sweeps: Sweeps in one of INTERVAL steps.
-        memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
+        limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
+        sweeps: Number of sweeps every INTERVAL steps.
+        memory: State for restarts: the bits of intact bonds, the field, and data derived during a tear.
     """
 
     close_enough = CLOSE_ENOUGH
@@ -231,13 +232,13 @@ class DamageField(Damaged):
         self._reach = context.array("severed_reach", self.owner, real, reach)
 
     def assign(self, damage: np.ndarray) -> None:
-        """Give all points a damage, (N,)."""
+        """Set the damage of all points, (N,)."""
         self.field.assign(damage)
         if self._softening is not self.field:
             self._softening.assign(self.constants.softened(damage))
 
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
-        """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
+        """Initial damage, (N,), including that around cuts, and a mask of the points beyond the ends of cuts."""
         damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
@@ -259,9 +260,10 @@ class DamageField(Damaged):
         return damage, ahead
 
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
-        """Members whose bonds tell where energy is high, and the squared stretches between which it is low.
+        """Members to check for high energy, and the squared stretches between which the energy is low.
 
-        On a lattice the shortest bonds in four directions are enough: one of them is within 22.5 degrees of any other.
+        On a lattice the shortest bonds in four directions are enough: every direction is within 22.5 degrees of one of
+        them.
         """
         stiffness = self.context.whole.stiffness
         stiffest = 1.0 if stiffness is None else float(stiffness.max())
@@ -296,7 +298,7 @@ class DamageField(Damaged):
             )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find the damage of a step, and break bonds."""
+        """Add the launches that compute the damage of a step and break bonds."""
         with stage.every(INTERVAL):
             self._add_sweeps(stage, self.sweeps)
             self._add_severing(stage)
@@ -310,10 +312,10 @@ class DamageField(Damaged):
         self._add_severing(self.context.stage("rupture", AT_REST))
 
     def break_at_rest(self, again: bool) -> bool:
-        """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+        """Minimise the energy over the damage at the current displacement, and break bonds near full damage.
 
-        The damage is at least what it was at the last loads, or when a bond of the point broke. Sweeps begin there,
-        as they only raise it.
+        The damage of a point is bounded below by its value at the last load step, or when one of its bonds broke.
+        Sweeps start from these bounds because they only increase the damage.
 
         Returns:
             Whether the damage changed by more than SETTLED, or a bond broke.
@@ -341,14 +343,14 @@ class DamageField(Damaged):
         return changed
 
     def _add_rousing(self, stage: Stage) -> None:
-        """Add the launch that finds what is awake."""
+        """Add the launch that marks awake points."""
         stage.launch(
             self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours, damage=self.field,
             awake=self._awake,
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
-        """Add the launches that list points, and sweep over them."""
+        """Add the launches that list points and sweep over them."""
         k, shared = self.kernels, self._shared()
         self._add_list(stage)
         if self._ghosts is not None:
@@ -369,10 +371,10 @@ class DamageField(Damaged):
             source, target = target, source
 
     def _relaxations(self, sweeps: int) -> list[float]:
-        """Factors of sweeps by which they converge as the square of a Chebyshev polynomial.
+        """Relaxation factors of the sweeps, for which the error is reduced by the square of a Chebyshev polynomial.
 
-        A square, as an error that changes its sign is too much damage, which never heals. Newton's steps, for a sheet
-        of less strength, are not linear: they come from below by themselves alone.
+        The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength
+        the sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
         """
         if self._fastest > 2.0:
             return sweeps * [1.0]
@@ -394,7 +396,7 @@ class DamageField(Damaged):
         self._add_empty(stage)
 
     def _shared(self) -> dict[str, Any]:
-        """Arguments of all launches on listed points."""
+        """Arguments common to all launches on listed points."""
         return {
             "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
             # A graph that holds exchanges has no conditions.
@@ -402,14 +404,14 @@ class DamageField(Damaged):
         }  # fmt: skip
 
     def _add_empty(self, stage: Stage) -> None:
-        """Add the launch that empties the list, with the rest of its group; `pack` begins a new one."""
+        """Add the launch that empties the list; on a CPU `pack` begins a new list instead."""
         if self._found is None:
             stage.launch(
                 self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=self._ghosts is None
             )
 
     def _add_list(self, stage: Stage) -> None:
-        """Add the launches that list points, and find what drives their damage."""
+        """Add the launches that list points and compute their driving energy."""
         k, given, own = self.kernels, self.arguments(), self._own
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         if self._ghosts is not None:
@@ -436,10 +438,10 @@ class DamageField(Damaged):
         self.add_faces(stage)
 
     def begin(self) -> None:
-        """Check that no intact material would tear at the start.
+        """Check that no intact material would tear in the initial state.
 
         Raises:
-            InputError: if some would.
+            InputError: if any would.
         """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
@@ -454,17 +456,17 @@ class DamageField(Damaged):
             )
 
     def fingerprint(self) -> str:
-        """A hash of the tearing energies, where they vary: a function of the same name may give others."""
+        """A hash of the tearing energies if they vary, because functions of the same name may differ."""
         if not callable(self.rupture.energy):
             return ""
         return hashlib.sha1(np.asarray(self._energy).tobytes()).hexdigest()[:12]
 
     def sums(self) -> Mapping[str, Array]:
-        """The energy that was released, and that of the field."""
+        """The released energy and the energy of the field."""
         return {**super().sums(), "fracture": self.fracture}
 
     def column_names(self) -> Sequence[str]:
-        """Those of damage, and the energy of the field."""
+        """Columns of the damage, and the energy of the field."""
         return (*super().column_names(), "fracture")
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
@@ -472,11 +474,11 @@ class DamageField(Damaged):
         return {**super().columns(totals, elapsed), "fracture": totals["fracture"] - self._fracture_at_start}
 
     def column_units(self) -> Mapping[str, str]:
-        """Joule."""
+        """Joules for the energy of the field."""
         return {"fracture": "J"}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """What the tearing energy stands for, and damage of much of the sheet."""
+        """Notes on the length and strength in use, and on damage spread over much of the sheet."""
         said = self.constants.notes()
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved
@@ -484,7 +486,7 @@ class DamageField(Damaged):
         gained = history[-1]["mean_damage"] - self._profile_mean
         if gained > MUCH_DAMAGE:
             said.append(
-                f"the mean damage grew by {gained:.0%}: most of the sheet is beyond its strength of {self.limit:.3g} "
-                f"J/m^3, not a tear alone"
+                f"the mean damage grew by {gained:.0%}: most of the sheet, not only a tear, exceeds its strength of "
+                f"{self.limit:.3g} J/m^3"
             )
         return said

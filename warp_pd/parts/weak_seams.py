@@ -1,4 +1,4 @@
-"""What a tear takes in a seam of low tearing energy that is narrower than its damage."""
+"""Energy of a tear in a weak seam that is narrower than the damaged zone of the tear."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ MIXED = 0.05
 
 
 def narrow_seam(energy: np.ndarray, places: np.ndarray, spacing: float, length: float, resolved: float) -> list[str]:
-    """A note where the energy is low over less than what a tear damages, 2 lengths to each side; none elsewhere.
+    """Note if the energy is low over a width less than that damaged by a tear (2 lengths to each side); else none.
 
     Args:
         energy: Tearing energy of each point [J/m^2], shape (N,).
         places: The points [m], shape (N, 2) or (N, 3).
-        spacing: Of the sheet [m].
-        length: Of the damage field [m].
+        spacing: Spacing of the sheet [m].
+        length: Length of the damage field [m].
         resolved: The length that the spacing resolves [m].
     """
     from scipy.optimize import brentq
@@ -38,14 +38,14 @@ def narrow_seam(energy: np.ndarray, places: np.ndarray, spacing: float, length: 
 
 
 def seam_energy(ratio: float, half: float) -> float:
-    """Least energy of a tear in the middle of a straight seam over the tearing energy there.
+    """Minimum energy of a tear in the middle of a straight seam, divided by the tearing energy of the seam.
 
-    The energy of the field, with d = 1 in the middle, is least for d'' = 1/2 in lengths, with a kink at the edge of the
-    seam, and d = d' = 0 where the damage ends.
+    The energy of the field with d = 1 in the middle is minimal for d'' = 1/2 (in units of the length), with a kink at
+    the edge of the seam, and d = d' = 0 at the end of the damage.
 
     Args:
-        ratio: Tearing energy beside the seam over the one in it.
-        half: Half the width of the seam over the length.
+        ratio: Tearing energy beside the seam divided by that in the seam.
+        half: Half the width of the seam divided by the length.
     """
     if half >= 2.0:
         return 1.0

@@ -1,4 +1,4 @@
-"""Arguments of a scene's `build` as the command line gives them: text becomes what the argument takes."""
+"""Conversion of command-line text to the argument types of a scene's `build`."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0":
 
 
 def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter]) -> Any:
-    """`value` as the argument `key` takes it: in the type of its default; without one, what the text is in Python.
+    """Convert `value` to the type of the default of argument `key`; without a default, parse it as a Python literal.
 
     Raises:
-        InputError: for a name that the scene does not know, or text that does not fit.
+        InputError: if the scene has no argument `key`, or the text cannot be converted.
     """
     if key not in parameters:
         nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
         if key == "duration" and {"speed", "travel"} <= set(parameters):
             hint = " (the duration is travel / speed)"
-        raise InputError(f"{key} is not an argument of this scene: expected one of {', '.join(parameters)}{hint}")
+        raise InputError(f"{key} is not an argument of this scene; expected one of {', '.join(parameters)}{hint}")
     default = parameters[key].default
     if isinstance(default, tuple | list) and isinstance(value, str | list):
         return type(default)(_sequence(key, value, default))
@@ -38,21 +38,19 @@ def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter])
 
 
 def plain(value: Any) -> Any:
-    """A setting as JSON keeps it: text, a number, or lists of them; None for what it cannot keep."""
-    if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
-    return value if isinstance(value, str | int | float | bool | None) else None
+    """A setting that `is_plain` as JSON keeps it: tuples become lists."""
+    return [plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def is_plain(value: Any) -> bool:
-    """Whether JSON keeps a setting as it is."""
+    """Whether JSON preserves a setting exactly."""
     if isinstance(value, tuple | list):
         return all(is_plain(item) for item in value)
     return isinstance(value, str | int | float | bool | None)
 
 
 def split_values(text: str) -> list[str]:
-    """Values separated by commas; a comma inside brackets belongs to its value."""
+    """Split text at commas, except at commas inside brackets."""
     found, depth = [""], 0
     for letter in text:
         depth += (letter in "([") - (letter in ")]")
@@ -64,7 +62,7 @@ def split_values(text: str) -> list[str]:
 
 
 def _as_number(key: str, text: str, default: Any, annotation: str) -> int | float | None:
-    """A whole number for a whole default; for None a whole number stays whole, unless the argument is a float."""
+    """Convert to int or float, depending on the default or, if it is None, on the annotation and the text."""
     number = _number(text)
     if isinstance(default, int):
         if not isinstance(number, int):
@@ -87,7 +85,7 @@ def _number(text: str) -> int | float | None:
 
 
 def _python_value(text: str) -> Any:
-    """The number, truth value, None or tuple that a text is; else the text."""
+    """Parse text as a number, bool, None or tuple; return the text itself if it is none of these."""
     number = _number(text)
     if number is not None:
         return number
@@ -100,7 +98,7 @@ def _python_value(text: str) -> Any:
 
 
 def _sequence(key: str, value: Any, default: Any) -> Any:
-    """Numbers, tuples of them, or texts, as the default has them."""
+    """Convert to a sequence of the same kind as the default: numbers, tuples of numbers, or texts."""
     example = ",".join(str(item) for item in default) or "0.1,0.2"
     error = InputError(f"--set {key} = {value!r}: expected values separated by commas, such as {example}")
     if isinstance(value, str):
@@ -127,7 +125,7 @@ def _is_literal(text: str) -> bool:
 
 
 def _fits(value: Any, default: Any) -> bool:
-    """Whether the items are of the kind that the default has: numbers, texts, or sequences."""
+    """Whether the items are of the same kind as those of the default: numbers, texts or sequences."""
     if not default:
         return True
     nested = isinstance(default[0], tuple | list)

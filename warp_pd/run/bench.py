@@ -1,7 +1,7 @@
-"""Time per step: cases, timing, tables.
+"""Benchmark of the time per step: cases, timing, tables.
 
-The sheet is stretched and rough, and the step is so short that it hardly moves: every run of a case does the same
-work, however long it is measured. The benchmark writes nothing and takes no frames.
+The sheet is stretched and rough, and the time step is so short that the sheet hardly moves, so every step of a case
+does the same work. The benchmark writes no files and records no frames.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ STEP = 1e-12
 
 @dataclass(frozen=True)
 class Case:
-    """A case to be timed.
+    """One benchmark case.
 
     Attributes:
         points: Points along a side of a square sheet, or around and along a tube.
         horizon: Horizon in spacings.
         precision: 32 or 64.
         features: A selection from FEATURES and DAMAGE_FIELD.
-        layout: One of LAYOUTS; "hole" is a grid with a hole in its middle, "tube" a curved cloud, the square rolled up.
+        layout: One of LAYOUTS; "hole" is a grid with a central hole, "tube" a curved cloud (the square rolled up).
         weights: As for `BondAssociated`.
-        damaged: Fraction of the points that have lost a bond, with "rupture"; with DAMAGE_FIELD the fraction that has
-            damage, around cuts.
+        damaged: With "rupture", the fraction of points with a broken bond; with DAMAGE_FIELD, the fraction of points
+            with damage, around cuts.
         fast: Whether to use the fast kernels.
         law: "bond_associated" (Gent) or "bond_based" (one modulus).
     """
@@ -109,13 +109,13 @@ class Case:
         )
 
     def rupture(self) -> Rupture | None:
-        """The criterion of rupture; the sheet is far from both."""
+        """The rupture criterion, if any; the sheet stays far below it."""
         if DAMAGE_FIELD in self.features:
             return TearingEnergy(100.0)
         return CriticalStretch(1e3) if "rupture" in self.features else None
 
     def cuts(self, spacing: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-        """Cuts across the sheet around which the given fraction of the points has damage."""
+        """Cuts across the sheet such that the fraction `damaged` of the points, those around the cuts, has damage."""
         if DAMAGE_FIELD not in self.features or self.damaged == 0.0:
             return []
         # The damage around a cut is four lengths wide, and the length is four spacings by default.
@@ -197,7 +197,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
 
 
 def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
-    """Median time of a step [s] of a sheet that hardly moves, and half the interquartile range divided by it."""
+    """Median time of a step [s] of a sheet that hardly moves, and half the interquartile range over the median."""
     assert built.state.step is not None
     built.state.step.fill_(STEP)
     built.set_clock(STEP, 1.0)
@@ -239,7 +239,7 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
 
 
 def break_some(built: Built, fraction: float, seed: int = 0) -> None:
-    """Break one bond, at both ends, of enough points that about this fraction of all have lost one."""
+    """Break single bonds, at both ends, until about this fraction of the points has a broken bond."""
     families, rng = built.law.families, np.random.default_rng(seed)
     assert built.law.intact is not None
     intact = built.law.intact.numpy()
@@ -258,8 +258,8 @@ def multiply_adds(built: Built) -> float:
     """Multiply-adds of a step as counted from the formulas, on a sheet without edges.
 
     The bond-associated law takes 12 per member of each intersection for its gradient, as many for its forces, and 100
-    per stress; the bond-based law takes 20 per bond. The fast kernels need fewer, so the ratio to the peak rate
-    overestimates theirs.
+    per stress; the bond-based law takes 20 per bond. The fast kernels need fewer, so the computed fraction of the peak
+    rate is too high for them.
     """
     families = built.law.families
     if families.common.size == 0:
@@ -271,9 +271,9 @@ def multiply_adds(built: Built) -> float:
 
 
 def arithmetic_rate(device: Any, bits: int) -> float:
-    """Multiply-adds per second of independent sums in registers [1/s], the limit of any kernel on a GPU.
+    """Multiply-adds per second of independent sums in registers [1/s], the upper limit for any kernel on a GPU.
 
-    On a CPU it says little: there the compiler vectorises some kernels, but not these sums.
+    On a CPU it is not a limit: the compiler vectorises some kernels, but not these sums.
     """
     from ..kernels.peak_flops import multiply_add
 
@@ -342,24 +342,8 @@ def _fraction(timing: Timing, counted: dict[int, float] | None) -> str:
 
 
 def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[int]) -> list[Case]:
-    """Cases of growing size, points along a side; neither loads nor supports."""
+    """Cases of increasing size (points along a side), without loads or supports."""
     return [Case(points, m, bits) for bits in precisions for m in horizons for points in sizes]
-
-
-def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
-    """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
-    alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
-    torn = [Case(points, horizon, precision, features=("rupture",), damaged=fraction) for fraction in (0.01, 1.0)]
-    torn += [Case(points, horizon, precision, features=(DAMAGE_FIELD,), damaged=part) for part in (0.0, 0.01, 0.05)]
-    return [
-        Case(points, horizon, precision),
-        *alone,
-        Case(points, horizon, precision, features=FEATURES),
-        *torn,
-        Case(points, horizon, precision, layout="hole"),
-        Case(points, horizon, precision, layout="cloud"),
-        Case(points, horizon, precision, fast=False),
-    ]
 
 
 def _time(seconds: float) -> str:
@@ -375,12 +359,12 @@ def _rough(sheet: Sheet) -> np.ndarray:
 
 
 def chosen_features(names: str) -> tuple[str, ...]:
-    """Features by their names, with commas between them; "all" stands for all."""
+    """Features from a comma-separated list of names; "all" selects all."""
     return FEATURES if names == "all" else tuple(name.strip() for name in names.split(",") if name.strip())
 
 
 def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
-    """Table, as text, of the cost of cases of one precision on a device, below its copy rate.
+    """The device's copy rate and a table of the cost of cases of one precision, as text.
 
     Raises:
         InputError: for a device that does not exist, or a case that cannot be built.

@@ -32,7 +32,7 @@ class Built(System):
     Attributes:
         simulation: The scene that was built.
         solver: The solver on the device.
-        checks: Checks of every frame.
+        checks: Checks made at every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
         contacts: Contacts on the device; `contact` is the first one, or None.
@@ -68,13 +68,13 @@ class Built(System):
 def compose(
     scene: Scene, device: str | None = None, precision: int | None = None, communicator: Communicator | None = None
 ) -> Built:
-    """Allocate arrays and declare kernels and launches of a scene; compiles nothing yet.
+    """Allocate the arrays and declare the kernels and launches of a scene, without compiling.
 
     Args:
         scene: What to build.
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
-        communicator: The processes among which the sheet is divided; None: this one alone.
+        communicator: The processes that share the sheet; None for a single process.
 
     Raises:
         InputError: for parts that do not fit together, or a device that does not exist.
@@ -118,7 +118,7 @@ def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> Bu
 
 
 def parts_of(scene: Scene) -> list[Part]:
-    """All parts in the order in which they act: rigid inclusions, supports and loads, contact, rupture.
+    """All parts of a scene in the order in which they act: rigid inclusions, supports and loads, contact, rupture.
 
     Raises:
         InputError: for parts that cannot be combined.
@@ -133,17 +133,17 @@ def parts_of(scene: Scene) -> list[Part]:
 
 
 def _require_divisible(built: Built) -> None:
-    """Check that the solver can run on as many processes as this run has.
+    """Check that the solver supports several processes if the run has several.
 
     Raises:
-        InputError: if it cannot.
+        InputError: if it does not.
     """
     if built.context.partition is not None and not built.solver.divides:
         raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
 
 
 def _check_columns(scene: Scene, built: Built) -> None:
-    """Refuse measures with the names of other columns of the history.
+    """Check that no measure has the name of another column of the history.
 
     Raises:
         InputError: for the first of them.
@@ -155,7 +155,7 @@ def _check_columns(scene: Scene, built: Built) -> None:
 
 
 def _add_stages(built: Built) -> None:
-    """Compose the stages common to all solvers, and those of this one."""
+    """Compose the stages common to all solvers and those of this solver."""
     context = built.context
     built.add([Phase.START], context.stage("start", "once at the start"))
     built.add(SETUP, context.stage("setup", "once at the start or a restart"))

@@ -1,4 +1,4 @@
-"""Simulations, plans and results as text."""
+"""Text descriptions of simulations, plans and results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UNITS = {"time": "s", "step": "s", "largest_damage": "1", "mean_damage": "1", "p
 
 
 def short(part: Any) -> str:
-    """A part in one line: arrays of points as their number, arguments at their default left out."""
+    """A part in one line: point arrays are shown by their size, arguments at their default are omitted."""
     if isinstance(part, np.ndarray | range) or (isinstance(part, Sequence) and not isinstance(part, str | tuple)):
         return f"{len(part)} values"
     if isinstance(part, float):
@@ -43,7 +43,7 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def scene_rows(scene: Scene) -> list[tuple[str, str]]:
-    """Names and values of what a scene is."""
+    """Names and values that describe a scene."""
     rows = [("sheet", repr(scene.sheet)), ("force", short(scene.force)), ("solver", short(scene.solver))]
     rows += [("load", short(part)) for part in scene.loads]
     rows += [("contact", short(part)) for part in scene.contacts]
@@ -54,7 +54,7 @@ def scene_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def result_rows(summary: Mapping[str, Any], folder: Any) -> list[tuple[str, str]]:
-    """Names and values of how a run ended, and its measures beside their references."""
+    """Names and values that describe how a run ended, and its measures with their references."""
     rows = [("status", summary["status"] + (f": {summary['message']}" if summary["message"] else ""))]
     rows.append(("points", f"{summary['points']}, horizon {summary['horizon']:g}, {summary['weights']} weights"))
     rows.append(("device", f"{summary['device']}, float{summary['precision']}"))
@@ -77,7 +77,7 @@ def measured(found: Mapping[str, Any]) -> str:
 
 
 def units_of(built: Built) -> dict[str, str]:
-    """Units of the columns of the history, as far as they are known."""
+    """Known units of the columns of the history, by column name."""
     units = dict(UNITS)
     for part in (built.energy, *built.parts):
         units |= part.column_units()
@@ -85,9 +85,9 @@ def units_of(built: Built) -> dict[str, str]:
 
 
 def plan(built: Built) -> str:
-    """Every array and every launch of a simulation, and who asked for it.
+    """Every array and every launch of a simulation, with the part that owns it, as text.
 
-    Two tables: arrays (name, shape, type, bytes, owner, what for) and launches (name, threads, owner, how often).
+    The two tables are arrays (name, shape, type, bytes, owner, purpose) and launches (name, threads, owner, frequency).
     """
     context, points = built.context, built.context.sheet.size
     lines = [f"{built.simulation.scene}: {points} points, float{context.bits}"]

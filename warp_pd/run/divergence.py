@@ -1,4 +1,4 @@
-"""Whether the state of a run is still sound, and what to suspect where it is not."""
+"""Checks that the state of a run is sound, and names the likely cause if it is not."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ MAX_GAIN = 0.5
 
 
 class DivergedError(RuntimeError):
-    """The state became NaN or Inf, or moves faster than it can; the message says where, when, and the likely cause."""
+    """The state became NaN or Inf, or moves impossibly fast; the message gives the place, time and likely cause."""
 
 
 class Soundness:
-    """Looks at the state of a run at its frames.
+    """Checks the state of a run at its frames.
 
     Attributes:
-        stable_dt: Newest stable step [s], or None.
+        stable_dt: Latest stable step [s], or None.
         last_time: Time of the last sound frame [s]; None before the first.
     """
 
@@ -31,7 +31,7 @@ class Soundness:
         self.last_time: float | None = None
 
     def require_finite(self, index: int, now: float, dt: float, totals: Mapping[str, float]) -> None:
-        """Raise DivergedError for a state that is NaN or Inf, or moves more than a horizon in a step."""
+        """Raise DivergedError if the state is NaN or Inf, or a point moves more than a horizon in a step."""
         built = self.built
         bad = built.checks.first_not_finite()
         if bad is None and np.isfinite(totals.get("strain", 0.0)):
@@ -60,17 +60,17 @@ class Soundness:
             )
 
     def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
-        """Raise DivergedError for a sheet that holds more energy than was ever put in."""
+        """Raise DivergedError if the sheet has more energy than was ever put in."""
         if row.get("balance_error", 0.0) > MAX_GAIN:
             raise DivergedError(
-                f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet holds more energy than was ever put "
+                f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet has more energy than was ever put "
                 f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt, row['time'])}"
             )
 
     def cause(self, dt: float, now: float) -> str:
-        """What to suspect at a time [s] after a step of dt [s]."""
+        """Likely cause of divergence at time `now` [s] with the step dt [s]."""
         if self.last_time is None:
-            return "the initial displacement strains the sheet more than its material bears"
+            return "the initial displacement strains the sheet more than its material allows"
         if self.built.simulation.load_duration is not None:
             ramp = getattr(self.built.simulation.solver, "ramp_steps", None)
             slower = "" if ramp is None else f", or more ramp_steps, over which a load step is applied (here {ramp})"
@@ -86,7 +86,8 @@ class Soundness:
             speed = max((c.motion.top_speed(now) for c in self.built.constraints if c.motion is not None), default=0.0)
             if speed > wave:
                 return (
-                    f"points are moved at {speed:.4g} m/s, faster than any wave in this sheet (below {wave:.4g} m/s); "
+                    f"supports move points at {speed:.4g} m/s, faster than any wave in this sheet (below {wave:.4g} "
+                    "m/s); "
                     "try a slower motion"
                 )
         # Half the step; where nothing resisted so far no step was unstable.
@@ -94,7 +95,7 @@ class Soundness:
 
 
 def free_motions(built: Built) -> int:
-    """Number of ways in which a sheet can move as a rigid body, past its supports; 0 to 6."""
+    """Number of rigid-body motions that the supports leave free, 0 to 6."""
     at = built.context.whole.positions
     at = at - at.mean(axis=0)
     held = np.zeros(at.shape, bool)

@@ -1,4 +1,4 @@
-"""The files of a run: which formats and fields they hold, and how they grow with its frames. The root writes them."""
+"""The files of a run: their formats and fields, and how they are written frame by frame, by the root process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
 @dataclass(frozen=True)
 class Files:
-    """What a run writes besides history, summary and restart files.
+    """The files that a run writes besides history and summary.
 
     Attributes:
         usd: Whether to write animation.usd.
@@ -44,13 +44,13 @@ class Files:
     restarts: bool = True
 
     def require_same(self, folder: Path) -> None:
-        """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
+        """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete.
 
         Args:
-            folder: The folder.
+            folder: The folder of the run.
 
         Raises:
-            InputError: for a file that is there and should not be, or the other way.
+            InputError: if a file exists that this run would not write, or the other way round.
         """
         for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
             begun = (folder / name).is_file()
@@ -58,14 +58,14 @@ class Files:
             if begun != wanted and (begun or name != "frames.vtkhdf"):
                 there = "holds" if begun else "lacks"
                 expected = f"{option} = {begun}, {'without ' if begun else ''}--no-{option}"
-                raise InputError(f"resume in {str(folder)!r}: it {there} {name}; expected {expected}, as it began")
+                raise InputError(f"resume in {str(folder)!r}: it {there} {name}; expected {expected}, as at the start")
 
 
 def stored_fields(built: Built) -> frozenset[str] | None:
-    """Names of the point fields that files hold besides the displacement; None: all of a frame.
+    """Names of the point fields stored in files besides the displacement; None for all fields of a frame.
 
     Raises:
-        InputError: for a name that the frames of this scene do not have.
+        InputError: if the frames of this scene have no field of that name.
     """
     scene = built.simulation
     there = [stored.field.output for stored in built.context.fields.shown()]
@@ -80,20 +80,20 @@ def stored_fields(built: Built) -> frozenset[str] | None:
 
 
 def arrays_of(names: Sequence[str]) -> list[str]:
-    """Names of the arrays of some fields: "stretch" gives "stretch_1" and "stretch_2"."""
+    """Names of the arrays of the given fields: "stretch" gives "stretch_1" and "stretch_2"."""
     return [array for name in names for array in GROUPS.get(name, (name,))]
 
 
 def require_gatherable(points: FramePoints, restarts: bool, most: int = MOST_POINTS) -> None:
-    """Refuse what would bring too many points to the first process.
+    """Check that the first process does not have to gather too many points.
 
     Args:
-        points: Those of the frames.
+        points: The points of the frames.
         restarts: Whether restart files are written.
-        most: Number of points that it can hold.
+        most: Number of points that one process can store.
 
     Raises:
-        InputError: for frames, restart files or measures of more points.
+        InputError: if frames, restart files or measures need more points.
     """
     built = points.built
     size = built.context.whole.size
@@ -110,20 +110,20 @@ def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
     fields: frozenset[str] | None, append_from: int | None,
 ) -> None:  # fmt: skip
-    """Let the recorder of the first process write frames, history and restart files.
+    """Make the recorder of the first process write frames, history and restart files.
 
-    A thread writes them beside the computation.
+    A separate thread writes them during the computation.
 
     Args:
-        recorder: Of the run.
-        folder: Of its files; None writes none.
-        known: What its restart files belong to.
-        chosen: Which files are wanted.
-        fields: Names of the fields that frames.vtkhdf holds; None for all.
-        append_from: Number of the first frame that a run which goes on writes; None for a new one.
+        recorder: Recorder of the run.
+        folder: Folder of the files; None writes none.
+        known: Identity of the run, for its restart files.
+        chosen: The files to write.
+        fields: Names of the fields stored in frames.vtkhdf; None for all.
+        append_from: Index of the first frame that a resumed run writes; None for a new run.
 
     Raises:
-        InputError: for frames of other points than those of the run that goes on.
+        InputError: if the frames of the resumed run have different points.
     """
     if folder is None or known is None:
         return
@@ -150,17 +150,19 @@ def add_files(
 
 
 def _require_same_stride(points: FramePoints, path: Path, append_from: int | None) -> None:
-    """Refuse to go on with frames of other points."""
+    """Check that a resumed run stores the same points in its frames."""
     from ..output.vtkhdf import read_series
 
     if append_from is not None and path.is_file():
         begun, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
         if begun != given:
-            raise InputError(f"stride = {given}: expected {begun}, as the run in {str(path.parent)!r} began")
+            raise InputError(
+                f"stride = {given}: expected {begun}, the stride with which the run in {str(path.parent)!r} began"
+            )
 
 
 def _add_history(recorder: Recorder, folder: Path, append_from: int | None) -> None:
-    """The history after every frame."""
+    """Write the history after every frame."""
     fine = recorder.fine
     if fine is not None and append_from is not None and (folder / FINE).is_file():
         fine.resume(read_history(folder / FINE), recorder.time)
@@ -174,7 +176,7 @@ def _add_history(recorder: Recorder, folder: Path, append_from: int | None) -> N
 
 
 def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
-    """Room for two frames of the points that they hold, restart files and the small files [bytes]."""
+    """Disk space for two frames, restart files and the small files [bytes]."""
     surface = recorder.points.surface
     frame = BYTES_OF_POINT * len(surface.points) + 12 * len(surface.faces)
     return int(2 * frame + (2 * _restart_bytes(recorder.built) if restarts else 0) + SMALL_FILES)
@@ -187,10 +189,10 @@ def _restart_bytes(built: Built) -> int:
 
 
 def _require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room [bytes], and for a copy of the animation as it is now.
+    """Check that the disk has room for `needed` bytes and for a copy of the current animation.
 
     Raises:
-        OutputError: otherwise.
+        OutputError: if it has not.
     """
     copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
     require_room(folder, needed + copied)
@@ -200,19 +202,19 @@ def file_writers(
     folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None,
     vtkhdf: bool = True, fields: Collection[str] | None = None,
 ) -> list[Writer]:  # fmt: skip
-    """Writers of the files in a folder.
+    """Create the writers of the files in a folder.
 
     Args:
         folder: The folder of the run.
         surface: The reference surface.
         usd: Whether to write animation.usd.
-        seconds_per_frame: Time between frames [s], if that is always the same.
+        seconds_per_frame: Time between frames [s] if it is constant, otherwise None.
         append_from: Index of the first frame of a resumed run, or None.
         vtkhdf: Whether to write frames.vtkhdf.
-        fields: Names of the point fields of frames.vtkhdf besides the displacement; None: all.
+        fields: Names of the point fields in frames.vtkhdf besides the displacement; None for all.
 
     Raises:
-        InputError: if a resumed run has lost its frames.
+        InputError: if the frames of a resumed run are missing.
     """
     writers: list[Writer] = []
     if vtkhdf:
@@ -233,7 +235,7 @@ def file_writers(
         if append_from is not None and not path.is_file():
             raise InputError(
                 f"resume from {str(folder)!r}: expected a folder that still has its {path.name}; "
-                f"go on without it (usd = False, --no-usd)"
+                f"or continue without it (usd = False, --no-usd)"
             )
         writers.append(UsdAnimation(path, surface, seconds_per_frame=seconds_per_frame, append_from=append_from))
     return writers

@@ -1,4 +1,4 @@
-"""The folder of a run: what may be written there, what an earlier run left, history and summary."""
+"""The folder of a run: checks before writing, results of earlier runs, history and summary."""
 
 from __future__ import annotations
 
@@ -29,37 +29,39 @@ RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
-    """The folder of the results; None writes nothing.
+    """Check and create the folder of the results; None if nothing is to be written.
 
     Args:
         out: The folder.
-        resume: Whether a run in it goes on.
-        overwrite: Whether the results of another run in it may be replaced.
+        resume: Whether to resume the run in it.
+        overwrite: Whether results of another run in it may be replaced.
 
     Raises:
-        InputError: for a folder that cannot be written, a run to resume that is not there, or a folder that holds
-            results that nobody asked to replace.
+        InputError: if the folder cannot be written, there is no run to resume, or the folder has results and neither
+            `resume` nor `overwrite` is set.
     """
     if resume and overwrite:
-        raise InputError("resume = True, overwrite = True: expected one of them")
+        raise InputError("resume = True, overwrite = True: expected at most one of them")
     if out is not None and not isinstance(out, str | Path):
         raise InputError(f"out = {said(out)}: expected a folder or None")
     if out is None:
         if resume:
-            raise InputError("resume = True: expected a folder that holds a restart file")
+            raise InputError("resume = True: expected `out` to be a folder with a restart file")
         return None
     if not str(out):
-        raise InputError("out = '': expected a folder that can be written")
+        raise InputError("out = '': expected a writable folder")
     folder = Path(out)
     if resume and not folder.is_dir():
-        raise InputError(f"resume from {str(folder)!r}: the folder does not exist; expected that of an earlier run")
+        raise InputError(
+            f"resume from {str(folder)!r}: the folder does not exist; expected the folder of an earlier run"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".probe"
         probe.write_text("")
         probe.unlink()
     except OSError as error:
-        raise InputError(f"out = {str(folder)!r}: expected a folder that can be written ({error.strerror})") from None
+        raise InputError(f"out = {str(folder)!r}: expected a writable folder ({error.strerror})") from None
     if not resume:
         _require_free(folder, overwrite)
     return folder
@@ -69,20 +71,20 @@ def _require_free(folder: Path, overwrite: bool) -> None:
     left = results_in(folder)
     if left and not overwrite:
         raise InputError(
-            f"out = {str(folder)!r}: it holds {left[0]}; expected a folder without results, or overwrite (--overwrite) "
+            f"out = {str(folder)!r}: it contains {left[0]}; expected a folder without results, overwrite (--overwrite) "
             "or resume (--resume)"
         )
     if "summary.json" in left and run_summary(folder) is None:
-        raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
+        raise InputError(f"out = {str(folder)!r}: its summary.json does not belong to a run; expected another folder")
 
 
 def results_in(folder: Path) -> list[str]:
-    """Names of the files of a run that a folder holds."""
+    """Names of the result files of a run in a folder."""
     return [name for name in RESULTS if (folder / name).exists()]
 
 
 def run_summary(folder: Path) -> dict[str, Any] | None:
-    """The summary of a run in a folder, or None."""
+    """The summary of the run in a folder, or None if there is none."""
     try:
         found = json.loads((folder / "summary.json").read_text())
     except (OSError, ValueError):
@@ -91,49 +93,49 @@ def run_summary(folder: Path) -> dict[str, Any] | None:
 
 
 def _numbered(wanted: Path) -> Iterator[Path]:
-    """The folder itself, then wanted-2, wanted-3, ..."""
+    """Yield the folder itself, then wanted-2, wanted-3, ..."""
     yield wanted
     for number in itertools.count(2):
         yield wanted.with_name(f"{wanted.name}-{number}")
 
 
 def remove_if_empty(folder: Path) -> None:
-    """Remove the folder of a run that was refused."""
+    """Remove the folder of a refused run if it is empty."""
     with contextlib.suppress(OSError):
         folder.rmdir()
 
 
 def free_folder(wanted: Path) -> Path:
-    """The first of wanted, wanted-2, wanted-3, ... that holds no results."""
+    """The first of wanted, wanted-2, wanted-3, ... without results."""
     return next(folder for folder in _numbered(wanted) if not results_in(folder))
 
 
 def newest_folder(wanted: Path) -> Path:
-    """The last of wanted, wanted-2, wanted-3, ... that holds results; `wanted` if none does."""
+    """The last of wanted, wanted-2, wanted-3, ... with results; `wanted` if none has any."""
     return [wanted, *itertools.takewhile(results_in, _numbered(wanted))][-1]
 
 
 def require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room for what is written next.
+    """Check that the disk has room for the next files.
 
     Args:
         folder: The folder of the run.
-        needed: [bytes].
+        needed: Required space [bytes].
 
     Raises:
-        OutputError: otherwise.
+        OutputError: if there is less space.
     """
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
-            f"out = {str(folder)!r}: {free / 1e6:.3g} MB are free, expected {needed / 1e6:.3g} MB for what is written "
-            "next; make room, then go on with --resume, or begin anew if no frame was written"
+            f"out = {str(folder)!r}: {free / 1e6:.3g} MB are free, expected {needed / 1e6:.3g} MB for the next files; "
+            "free some space, then continue with --resume, or start again if no frame was written"
         )
 
 
 @contextlib.contextmanager
 def sole_use(folder: Path | None) -> Iterator[None]:
-    """Context in which no other run writes into the folder. The system takes the lock from a run that died.
+    """Context in which no other run can write into the folder; the system releases the lock of a run that died.
 
     Raises:
         InputError: if another run writes there.
@@ -146,7 +148,9 @@ def sole_use(folder: Path | None) -> Iterator[None]:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError(f"out = {str(folder)!r}: another run writes there; expected a folder of its own") from None
+            raise InputError(
+                f"out = {str(folder)!r}: another run is writing there; expected a different folder"
+            ) from None
         try:
             yield
         finally:
@@ -154,14 +158,14 @@ def sole_use(folder: Path | None) -> Iterator[None]:
 
 
 def clear(folder: Path) -> None:
-    """Remove what an earlier run left: it must not pass for this one's."""
+    """Remove the results of an earlier run, so that they are not mistaken for those of this one."""
     drawn = (run_summary(folder) or {}).get("pictures", [])
     for name in (*RESULTS, *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Remove what a killed run was about to write; no resumed one reads it."""
+    """Remove the unfinished files of a killed run; a resumed run does not read them."""
     for pattern in (".animation.*.usdc", "summary.json.part", "history.csv.part",
                     f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
@@ -169,7 +173,7 @@ def clear_unfinished(folder: Path) -> None:
 
 
 def read_history(path: Path) -> History:
-    """What `write_history` wrote.
+    """Read the history that `write_history` wrote.
 
     Raises:
         InputError: if it is missing or damaged.
@@ -186,14 +190,14 @@ def read_history(path: Path) -> History:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a file under another name and move it into place when it is complete."""
+    """Write a file under a temporary name and rename it when it is complete."""
     part = path.with_name(path.name + ".part")
     part.write_text(text, encoding="utf-8")
     os.replace(part, path)
 
 
 def write_history(path: Path, history: History) -> None:
-    """History as CSV, one row per frame, written atomically; a number that is missing is an empty cell."""
+    """Write the history as CSV atomically, one row per frame; a missing number is an empty cell."""
     part = path.with_name(path.name + ".part")
     with part.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, fieldnames=list(history[-1]))

@@ -1,4 +1,4 @@
-"""The points that frames hold, and frames of them, in the first process."""
+"""The points stored in frames, and the frames, in the first process."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .built import Built
 
 
 class FramePoints:
-    """The points that frames hold: all, or with a stride n every n-th column and row of a lattice and the last ones.
+    """The points stored in frames: all points, or every n-th column and row of a lattice and the last ones.
 
-    With a stride the surface is that of a coarser lattice; a cell of it is torn where a triangle of the sheet in it is
-    torn. With several processes, arrays of the state exist within `Communicator.root` only.
+    With a stride n the surface is that of a coarser lattice; one of its cells is torn if any triangle of the sheet in
+    it is torn. With several processes, state arrays are available only within `Communicator.root`.
     """
 
     def __init__(self, built: Built, stride: int = 1) -> None:
-        """Choose the points.
+        """Select the points.
 
         Raises:
-            InputError: for a stride on a sheet other than a lattice.
+            InputError: for a stride greater than 1 on a sheet that is not a lattice.
         """
         self.built, self._coarse, lattice = built, None, built.context.whole.lattice
         if count("stride", stride, 1) == 1:
@@ -35,7 +35,7 @@ class FramePoints:
 
     @property
     def all(self) -> bool:
-        """Whether frames hold all points."""
+        """Whether frames contain all points."""
         return self._coarse is None
 
     @functools.cached_property
@@ -50,7 +50,7 @@ class FramePoints:
 
     @functools.cached_property
     def _faces(self) -> np.ndarray:
-        """Numbers of the triangles of a coarser lattice that no cut has taken."""
+        """Indices of the triangles of the coarser lattice that no initial cut crosses."""
         coarse, whole = self._coarse, self.built.context.whole
         assert coarse is not None
         if not whole.cuts:
@@ -85,7 +85,7 @@ class FramePoints:
 
     @functools.cached_property
     def _placement(self) -> np.ndarray | None:
-        """What stretched these points before the sheet was clamped [m]; or None."""
+        """Displacement of these points before the sheet was clamped [m], or None."""
         context = self.built.context
         placement = self.built.simulation.sheet.placement() if context.partition else context.placement
         return None if placement is None else placement[self._chosen]
@@ -95,7 +95,7 @@ class FramePoints:
         return self.built.context.whole_array(array, self._coarse)
 
     def _intact(self, array: Array) -> np.ndarray:
-        """Which triangles of the surface are intact."""
+        """Whether each triangle of the surface is intact."""
         intact = np.asarray(self.built.context.whole_array(array).view(bool))
         if self._coarse is None:
             return intact
@@ -103,7 +103,7 @@ class FramePoints:
         return np.asarray(~torn[self._faces])
 
     def frame(self, index: int, now: float) -> Frame:
-        """The state as a frame; the launches of the stage "frame" have run."""
+        """The state as a frame; requires that the launches of the stage "frame" have run."""
         built, shown = self.built, {}
         for stored in built.context.fields.shown():
             values = self._values(stored.array)

@@ -1,4 +1,4 @@
-"""Natural modes: small free vibrations about the present state of a sheet."""
+"""Natural modes: small free vibrations about the current state of a sheet."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ _tangents: WeakKeyDictionary[Built, Tangent] = WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Natural modes, the slowest first.
+    """Natural modes, lowest frequency first.
 
     Attributes:
-        frequencies: [Hz], shape (K,); 0 for motions that nothing resists.
-        shapes: Displacement of each mode, of mass 1 kg: sum of m u^2 over all points; shape (K, N, 3).
+        frequencies: Frequencies [Hz], shape (K,); 0 for motions without stiffness.
+        shapes: Displacement of each mode, shape (K, N, 3), normalised so that the sum of m u^2 over all points is 1 kg
+            m^2.
     """
 
     frequencies: np.ndarray
@@ -36,26 +37,29 @@ class Modes:
 
 
 def natural_modes(built: Built, number: int = 6, components: str = "xyz") -> Modes:
-    """The slowest modes of small vibrations about the present state, with what is held at rest.
+    """The lowest modes of small vibrations about the current state, with held components at rest.
 
-    It factorises the stiffness on the host: for sheets of up to some ten thousand points.
+    The stiffness is factorised on the host, which is practical for sheets of up to some ten thousand points.
 
     Args:
         built: A simulation with a force law that Newton's method can solve.
         number: Number of modes K.
         components: Components that move, letters out of "xyz"; "z" finds the transverse modes of a flat sheet, which
-            are free of the others.
+            are uncoupled from the others.
 
     Raises:
-        InputError: for a law without a tangent, loads that follow the displacement, or more modes than the sheet has.
+        InputError: for a law without a tangent, displacement-dependent loads, or more modes than the sheet has.
     """
     from scipy import sparse
     from scipy.sparse.linalg import eigsh
 
     if built.external.following:
-        raise InputError(f"natural_modes: {built.external.following[0].label} follows the displacement: expected none")
+        raise InputError(
+            f"natural_modes: {built.external.following[0].label} depends on the displacement; expected only loads that "
+            "do not"
+        )
     if not components or set(components) - set("xyz"):
-        raise InputError(f"components = {components!r}: expected letters out of 'xyz'")
+        raise InputError(f"components = {components!r}: expected distinct letters from 'xyz'")
     matrix, free = _stiffness(built)
     moves = np.flatnonzero(np.isin(free % 3, ["xyz".index(c) for c in components]))
     if not 0 < count("number", number, 1) < len(moves):
@@ -74,7 +78,7 @@ def natural_modes(built: Built, number: int = 6, components: str = "xyz") -> Mod
 
 
 def _stiffness(built: Built) -> tuple[Any, np.ndarray]:
-    """Stiffness of the free components at the present state [N/m], a sparse matrix, and their indices in 3 N."""
+    """Sparse stiffness matrix of the free components at the current state [N/m], and their indices among all 3 N."""
     context = built.context
     if built not in _tangents:
         tangent = built.law.tangent(context, True)

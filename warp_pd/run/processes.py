@@ -1,4 +1,4 @@
-"""Processes of the command line: how they start, alone or by torchrun, what joins them, and how they end."""
+"""Processes of the command line: starting one or several (torchrun), connecting them, and ending them."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ PROCESSES_PER_CORE = 4
 
 
 def processes_here() -> int:
-    """Number of processes that torchrun started together with this one; 1 if it did not."""
+    """Number of processes that torchrun started together with this one; 1 without torchrun."""
     return int(os.environ.get("WORLD_SIZE", "1")) if "TORCHELASTIC_RUN_ID" in os.environ else 1
 
 
 def is_first() -> bool:
-    """Whether this process speaks for all."""
+    """Whether this is the first process, the only one that prints."""
     return processes_here() == 1 or os.environ.get("RANK", "0") == "0"
 
 
 def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
-    """The communicator of this process, and the device that it takes.
+    """The communicator of this process, and its device.
 
     Args:
-        device: What the user asked for: "cuda" and None are a GPU each.
+        device: The user's device; "cuda" and None mean one GPU per process.
     """
     if processes_here() == 1:
         return Communicator(), device
@@ -42,16 +42,16 @@ def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:
-    """Run `warp-pd` with some arguments in several processes; the exit code.
+    """Run `warp-pd` with the given arguments in several processes and return the exit code.
 
     Args:
         gpus: Number of processes if each must have a GPU, or 1.
         processes: Number of processes, or 1.
-        device: What the user asked for.
-        arguments: Of each process.
+        device: The user's device.
+        arguments: Arguments of each process.
 
     Raises:
-        InputError: without Torch, without so many GPUs, or for more processes than this machine bears.
+        InputError: if Torch is missing, there are too few GPUs, or there are too many processes for this machine.
     """
     _require_room(gpus, processes, device)
     try:
@@ -66,8 +66,10 @@ def _require_room(gpus: int, processes: int, device: str | None) -> None:
     present, most = wp.get_cuda_device_count(), PROCESSES_PER_CORE * available_cores()
     if gpus > 1 and (processes > 1 or device not in (None, "cuda")):
         given = f"processes = {processes}" if processes > 1 else f"device = {device!r}"
-        raise InputError(f"gpus = {gpus}, {given}: expected one of them")
+        raise InputError(f"gpus = {gpus}, {given}: expected only one of them")
     if gpus > max(present, 1):
-        raise InputError(f"gpus = {gpus}: expected at most {present}, as this machine has; or --processes --device cpu")
+        raise InputError(
+            f"gpus = {gpus}: expected at most {present}, the GPUs of this machine, or --processes with --device cpu"
+        )
     if processes > most:
-        raise InputError(f"processes = {processes}: expected at most {most}, {PROCESSES_PER_CORE} for each core here")
+        raise InputError(f"processes = {processes}: expected at most {most}, {PROCESSES_PER_CORE} per core")

@@ -1,4 +1,4 @@
-"""The recorder: turns the state on the device into frames and rows of the history."""
+"""The recorder turns the state on the device into frames and rows of the history."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ PATIENCE = 5.0
 
 
 class FineHistory:
-    """Rows of the history between frames: sums that the device keeps until the host reads them at the next frame.
+    """Rows of the history between frames; the sums stay on the device until the host reads them at the next frame.
 
     Attributes:
-        rows: Rows so far, those at frames among them.
+        rows: Rows so far, including those at frames.
     """
 
     def __init__(self, built: Built) -> None:
@@ -35,13 +35,13 @@ class FineHistory:
         self._waiting: list[tuple[float, float, Array]] = []
 
     def keep(self, now: float, dt: float) -> None:
-        """Keep the sums at a time [s], after a step of dt [s], on the device."""
+        """Store the sums at time `now` [s], after a step of dt [s], on the device."""
         # The row at a frame comes from the frame.
         self.built.context.run("frame")
         self._waiting.append((now, dt, self.built.sums.keep()))
 
     def end_frame(self, now: float, dt: float, totals: dict[str, float], begin: float) -> None:
-        """Read the rows since the last frame, at the time `begin` [s], and add that of this one."""
+        """Read the rows since the last frame, which was at time `begin` [s], and append the row of this frame."""
         before: dict[str, float] = {}
         kept = [(time, step, self.built.sums.totals(sums)) for time, step, sums in self._waiting]
         self._waiting = []
@@ -54,21 +54,21 @@ class FineHistory:
             before, begin = found, time
 
     def forget(self) -> None:
-        """Drop the rows since the last frame: another process reads them."""
+        """Discard the rows since the last frame; the root process reads them."""
         self._waiting = []
 
     def resume(self, rows: History, now: float) -> None:
-        """Take the rows of a run that goes on from a time [s]."""
+        """Take over the rows of a run resumed at time `now` [s]."""
         self.rows = [row for row in rows if row["time"] <= now * (1.0 + 1e-12)]
 
 
 @dataclass(eq=False)
 class Recorder:
-    """Takes frames of a run, checks them, and hands them to the writers; see `interfaces.FrameSink`.
+    """Records the frames of a run, checks them, and passes them to the writers; see `interfaces.FrameSink`.
 
     Attributes:
         built: The simulation.
-        writers: Receive the frames.
+        writers: Writers that receive the frames.
         reporter: Shows progress, or None.
         saved: Called after a frame whose restart file is due; or None.
         kept: Called after every frame, with the history; or None.
@@ -78,8 +78,8 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
-        missing: For each measure that failed: the number of frames, and the first reason.
-        points: The points that frames hold.
+        missing: For each measure that failed, the number of frames and the first reason.
+        points: The points stored in frames.
     """
 
     built: Built
@@ -103,7 +103,7 @@ class Recorder:
     points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin to look at the state."""
+        """Create the soundness checks."""
         self.soundness = Soundness(self.built)
         self.points = FramePoints(self.built)
         if getattr(self.built.simulation.solver, "history_every", None) is not None:
@@ -111,35 +111,35 @@ class Recorder:
         self._clock = self._asked_at = perf_counter()
 
     def start_clock(self) -> None:
-        """Count the seconds of the steps from now on."""
+        """Start counting the seconds spent in steps."""
         self._clock = perf_counter()
 
     def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
-        """Report a static solver on its way; stops it if the user asked for that."""
+        """Report the progress of a static solver, and stop it if the user asked to."""
         if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance, rounds)
 
     def ask_to_stop(self) -> None:
-        """Let the run end at the next frame, or in the middle of a long one."""
+        """Make the run end at the next frame, or during a long one."""
         self.stop_asked, self._asked_at = True, perf_counter()
 
     def row(self, now: float, dt: float) -> None:
-        """Keep a row of the finer history."""
+        """Record a row of the finer history."""
         if self.fine is not None:
             self.fine.keep(now, dt)
 
     def keep_going(self) -> None:
-        """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
+        """Abort a long frame after the user asked to stop; a resumed run repeats its computation."""
         if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
-        """Check the state, hand it to the writers, and save it for a restart.
+        """Check the state, pass it to the writers, and save it for a restart.
 
         Raises:
-            DivergedError: if it is NaN or Inf; nothing of it is written.
+            DivergedError: if it is NaN or Inf; it is then not written.
         """
         communicator = self.built.context.communicator
         self.stop_asked = communicator.any(self.stop_asked)
@@ -157,7 +157,7 @@ class Recorder:
             raise KeyboardInterrupt
 
     def _take(self, index: int, now: float, dt: float) -> tuple[dict[str, float], Frame, Frame]:
-        """The row of the history without measures, the frame, and that of all points, which measures get."""
+        """The row of the history without measures, the frame to write, and the frame of all points for the measures."""
         totals = self.built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
@@ -170,10 +170,10 @@ class Recorder:
         return row, frame, measured
 
     def _record(self, row: dict[str, float], frame: Frame, measured: Frame, steps: int, dt: float) -> None:
-        """Measure, hand the frame to the writers, and save it for a restart.
+        """Evaluate the measures, pass the frame to the writers, and save it for a restart.
 
         Raises:
-            DivergedError: for a frame that holds more energy than was put in.
+            DivergedError: if the frame has more energy than was put in.
         """
         self._measure(measured, row)
         self.soundness.require_no_gain(row, frame.index, dt)
@@ -194,15 +194,17 @@ class Recorder:
         scene = self.built.simulation
         rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
         fraction = min(1.0, self.time / scene.solver.duration)
+        if self.built.solver.turns:
+            fraction = self.frame_index / scene.solver.frame_count
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
     def accept(self, frame: Frame) -> None:
-        """Keep a frame that has passed the checks as the last good one."""
+        """Store a frame that has passed the checks as the last good one."""
         self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
-        """At the first and last frame, when the user stops the run, and some forty times in between."""
+        """Whether to write a restart file: at the first and last frame, when stopped, and about forty times between."""
         frames = self.built.simulation.solver.frame_count
         return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
 
@@ -220,7 +222,7 @@ class Recorder:
         return row
 
     def _measure(self, frame: Frame, row: dict[str, float]) -> None:
-        """Add what the scene measures to a row."""
+        """Add the measures of the scene to a row."""
         built = self.built
         if built.simulation.measures:
             frame = frame.in_double()
@@ -234,7 +236,7 @@ class Recorder:
             row[measure.name] = math.nan if reported is None else reported
 
     def _miss(self, measure: Measure, frame: Frame, error: InputError) -> None:
-        """Remember that a measure failed in a frame, and why it did so first."""
+        """Count the frames in which a measure failed, and remember the first reason."""
         found = self.missing.setdefault(measure.name, {"frames": 0, "why": ""})
         found["frames"] += 1
         if found["frames"] == 1:
@@ -243,17 +245,17 @@ class Recorder:
 
 
 def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
-    """What the function of a reported number gives.
+    """Evaluate the function of a measure or an outcome.
 
     Raises:
-        InputError: if it raises, or gives neither a number nor None.
+        InputError: if it raises an error, or returns neither a number nor None.
     """
     with user_code(kind_and_text):
         value = item.value(*arguments)
     try:
         return None if value is None else float(value)
     except (TypeError, ValueError):
-        raise InputError(f"it gives {value!r}: expected a number") from None
+        raise InputError(f"it returned {value!r}: expected a number") from None
 
 
 def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float]) -> float:

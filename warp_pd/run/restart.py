@@ -1,6 +1,6 @@
-"""The restart file: everything that a run needs to go on, bit for bit on the same device.
+"""The restart file: everything needed to resume a run, bit for bit on the same device.
 
-Arrays are those that the register of fields keeps for a restart; numbers are those of the recorder and of the solver.
+It has the arrays that the field registry marks for restarts, and the numbers of the recorder and the solver.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ MAX_LENGTH, MAX_NAMED = 60, 4
 
 @dataclass(frozen=True)
 class Identity:
-    """What a restart file belongs to.
+    """Identifies the run that a restart file belongs to.
 
     Attributes:
-        parts: All that changes the state: names such as "force.horizon", and values as text.
-        settings: Arguments of the scene's `build`, some of which only measures read.
+        parts: Everything that affects the state: names such as "force.horizon", and values as text.
+        settings: Arguments of the scene's `build`, some of which affect only measures.
     """
 
     parts: dict[str, str]
@@ -47,7 +47,7 @@ class Identity:
 
 
 def identity(scene: Scene, built: Built) -> Identity:
-    """What a restart file of this run belongs to."""
+    """The identity of this run."""
     named = {f.name: getattr(scene, f.name) for f in fields(Scene) if f.name not in REPORTED}
     if named["chosen_fields"] is None:
         # Files of earlier versions have no such entry.
@@ -63,7 +63,7 @@ def identity(scene: Scene, built: Built) -> Identity:
 
 
 def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
-    """Names and values of a part and of its parts."""
+    """Names and values of a part and, recursively, of its parts."""
     if isinstance(part, np.ndarray):
         yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).data)}"
     elif is_dataclass(part):
@@ -85,7 +85,7 @@ def _hash(data: bytes | memoryview) -> str:
 
 
 def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
-    """What differs, then and now; of a part of another type, only the type."""
+    """The differing values, before and now; for a part of a different type, only the type."""
     names = [name for name in {**began, **here} if began.get(name) != here.get(name)]
     outer = [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
     shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in outer[:MAX_NAMED]]
@@ -93,7 +93,7 @@ def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
 
 
 def difference(began: Identity, here: Identity) -> str:
-    """Difference of the settings of an earlier run and of this one, such as "pressure = 5.0, here 15.0"; "" if none."""
+    """Differences between the settings of two runs, such as "pressure = 5.0, here 15.0"; "" if there are none."""
     sides = (began.settings, began.parts), (here.settings, here.parts)
     # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
     same = began.settings == here.settings
@@ -101,7 +101,7 @@ def difference(began: Identity, here: Identity) -> str:
 
 
 def extends(began: Identity, here: Identity) -> bool:
-    """Whether a run differs from an earlier one by more frames alone, at the same interval."""
+    """Whether a run differs from an earlier one only by more frames at the same interval."""
     of_solver = [name for name in {**began.parts, **here.parts} if began.parts.get(name) != here.parts.get(name)]
     of_scene = [n for n in {**began.settings, **here.settings} if began.settings.get(n) != here.settings.get(n)]
     if set(of_solver) != {"solver.duration", "solver.frames"} or not set(of_scene) <= {"duration", "frames"}:
@@ -116,7 +116,7 @@ def extends(began: Identity, here: Identity) -> bool:
 
 
 def numbers_of(recorder: Recorder, known: Identity) -> np.ndarray:
-    """All that a restart file holds besides arrays, as bytes."""
+    """The contents of a restart file other than arrays, as bytes."""
     numbers = {
         "version": VERSION,
         "parts": known.parts,
@@ -128,14 +128,14 @@ def numbers_of(recorder: Recorder, known: Identity) -> np.ndarray:
 
 
 def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
-    """Copies of all that a restart file holds."""
+    """Copies of the contents of a restart file."""
     built = recorder.built
     arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
     return {**arrays, "numbers": numbers_of(recorder, known)}
 
 
 def save(path: Path, arrays: dict[str, Any]) -> None:
-    """Write what `collect` gave atomically."""
+    """Write the result of `collect` atomically."""
     part = path.with_name(path.name + ".part")
     with part.open("wb") as stream:
         np.savez(stream, **arrays)
@@ -143,10 +143,10 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def load(path: Path, known: Identity) -> dict[str, Any]:
-    """Arrays and numbers of a restart file of this run.
+    """Load the arrays and numbers of a restart file of this run.
 
     Raises:
-        InputError: if it is missing, damaged, of another version, or of another simulation.
+        InputError: if the file is missing, damaged, of another version, or of another simulation.
     """
     where = f"resume from {str(path)!r}"
     if not path.exists():
@@ -163,16 +163,16 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
     if began != known and not extends(began, known):
         other = difference(began, known)
         raise InputError(
-            f"{where}: it was written with other settings ({other}); expected those that the run began with"
+            f"{where}: it was written with different settings ({other}); expected the settings of the earlier run"
         )
     return {**data, "numbers": numbers}
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
-    """Put a loaded state back on the device, into the recorder and into the solver.
+    """Copy a loaded state to the device, the recorder and the solver.
 
     Raises:
-        InputError: for a file that lacks an array, or has it in another shape.
+        InputError: if an array is missing or has the wrong shape.
     """
     built, numbers = recorder.built, data["numbers"]
     for stored in built.context.fields:

@@ -1,4 +1,4 @@
-"""What a run leaves."""
+"""The result of a run."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 @dataclass(repr=False)
 class Result:
-    """What a run leaves.
+    """The result of a run.
 
     Attributes:
         summary: Content of summary.json.
         history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
             measures.
-        built: The simulation as it ended.
-        frame: The last frame, of the points that frames hold (`run(stride=)`).
-        folder: Where the files are, or None.
-        fine_history: Rows between frames as well, of `Explicit(history_every=)`: time, energies, losses, contact
-            forces and those of `Reaction`. Otherwise empty.
+        built: The simulation in its final state.
+        frame: The last frame, with the points selected by `run(stride=)`.
+        folder: Folder of the files, or None.
+        fine_history: With `Explicit(history_every=)`, rows at and between frames: time, energies, losses, contact
+            forces and forces of `Reaction`. Otherwise empty.
     """
 
     summary: dict[str, Any]
@@ -42,12 +42,12 @@ class Result:
     fine_history: History = field(default_factory=list)
 
     def __repr__(self) -> str:
-        """One line: all arrays of a simulation would fill a notebook."""
+        """One line instead of the default text with all arrays."""
         numbers = ", ".join(f"{name} = {found['value']}" for name, found in self.summary["measures"].items())
         return f"Result({self.summary['scene']}: {self.status}, {len(self.history)} frames; {numbers or 'no measures'})"
 
     def _repr_html_(self) -> str:
-        """How the run ended, and its measures beside their references, for a notebook."""
+        """HTML for a notebook: how the run ended, and its measures with their references."""
         return html_table(self.summary["scene"], result_rows(self.summary, self.folder))
 
     @property
@@ -57,7 +57,7 @@ class Result:
 
     @property
     def frames(self) -> Frames:
-        """The frames in the folder, each read when it is asked for.
+        """The frames in the folder, each read on access.
 
         Raises:
             InputError: for a run without `out`, or without frames.vtkhdf.
@@ -70,7 +70,7 @@ class Result:
         """The history as a `pandas.DataFrame`, one row per frame.
 
         Args:
-            fine: Whether to take `fine_history`.
+            fine: Whether to use `fine_history`.
 
         Raises:
             InputError: if pandas is not installed.
@@ -80,19 +80,19 @@ class Result:
     def plot(
         self, *names: str, against: str = "time", path: str | os.PathLike[str] | None = None, fine: bool = False
     ) -> Any:
-        """Draw columns of the history, a panel for each unit.
+        """Plot columns of the history, one panel per unit.
 
         Args:
             names: Columns, such as "load"; by default the measures.
             against: Column along the horizontal axis.
-            path: Of the picture, .png, .pdf or .svg; None to write none.
-            fine: Whether to take the columns of `fine_history`.
+            path: File of the picture (.png, .pdf or .svg); None writes no file.
+            fine: Whether to use `fine_history`.
 
         Returns:
-            The `matplotlib.figure.Figure`, which a notebook shows.
+            The `matplotlib.figure.Figure`; a notebook displays it.
 
         Raises:
-            InputError: for a column that the history does not have, or no column at all.
+            InputError: if the history lacks a column, or there is no column to plot.
         """
         from ..output.curves import plot_history
 
@@ -104,10 +104,10 @@ class Result:
         return plot_history(rows, shown, units, against=against, path=path, title=scene.scene)
 
     def show(self, height: int = 700) -> Page:
-        """The page of the run, which a notebook shows: the sheet in space, its fields, its curves.
+        """The interactive page of the run for a notebook: the sheet in 3D, its fields and curves.
 
         Args:
-            height: Of the page in the notebook [pixels].
+            height: Height of the page [pixels].
 
         Raises:
             InputError: for a run without `out`, or without frames.vtkhdf.
@@ -130,13 +130,13 @@ class Result:
 
 
 def report(result: Result) -> Iterator[str]:
-    """Notes, reported numbers and files, one line each, for the command line."""
+    """Notes, reported numbers and files of a run for the command line, one line each."""
     notes: list[str] = result.summary["notes"]
     yield from notes
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
             wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)
-            yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
+            yield f"{name} = none: {'see above' if wrong else 'the event did not occur'}"
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:

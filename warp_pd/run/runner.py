@@ -62,36 +62,36 @@ def run(
     stride: int = 1,
     restarts: bool = True,
 ) -> Result:
-    """Run a scene to its end.
+    """Run a scene.
 
     Args:
         scene: What to run.
         out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json, pictures and view.html;
             None writes nothing.
-        device: "cpu", "cuda:0", ...; CUDA by default where there is one.
+        device: "cpu", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
-        resume: Go on from the restart file in `out`.
-        overwrite: Replace the results of another run in `out`; without it they are refused.
+        resume: Continue from the restart file in `out`.
+        overwrite: Replace the results of another run in `out`; otherwise such a folder raises InputError.
         usd: Whether to write animation.usd.
-        reporter: Shows progress; see `output.progress`.
-        writers: More writers of frames.
+        reporter: Object that shows the progress, see `output.progress`.
+        writers: Additional writers of frames.
         pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
             "png,pdf".
-        vtkhdf: Whether to write frames.vtkhdf. Without it there are no pictures and no page.
-        fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
-            `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
-        view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
-        history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
-        stride: Frames hold every n-th column and row of a lattice, n = `stride`, and the last ones, for sheets too
-            large to be drawn. Restart files hold all points, measures see all.
-        restarts: Whether to write restart files. Without them a run cannot go on.
+        vtkhdf: Whether to write frames.vtkhdf, which pictures and view.html need.
+        fields: Names of the point fields stored in frames.vtkhdf besides the displacement and the scene's `fields`,
+            such as ("damage", "stretch"); by default velocity, damage and strain energy density.
+        view: Whether to write view.html, a page for a browser; for large sheets a note tells how to write it later.
+        history_every: Time between rows of the finer history [s], overriding the solver's; see `Explicit`.
+        stride: Frames store only every `stride`-th column and row of a lattice and the last ones, for sheets too large
+            to draw. Restart files and measures use all points.
+        restarts: Whether to write restart files, which `resume` needs.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
-        DivergedError: if not even the first frame is finite; `out` holds nothing then.
+        DivergedError: if the first frame is already NaN or infinite; nothing is written.
 
     Returns:
-        The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
+        The result; its `status` tells whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
     count("stride", stride, 1)
@@ -118,14 +118,14 @@ def run(
 
 
 def with_fine_history(scene: Scene, every: float) -> Scene:
-    """A copy of a scene whose solver also records rows of the history between frames.
+    """Copy a scene with a solver that also records history rows between frames.
 
     Args:
         scene: The scene.
         every: Time between rows [s].
 
     Raises:
-        InputError: if the solver records no rows between frames, or `every` is not above zero.
+        InputError: if the solver cannot record rows between frames, or `every` is not positive.
     """
     solver: Any = scene.solver
     if not hasattr(solver, "history_every"):
@@ -137,7 +137,7 @@ def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
     writers: list[Writer], stride: int,
 ) -> Result:  # fmt: skip
-    """Run what was built since the time `begin` in a folder that no other run uses."""
+    """Run a built simulation in a locked folder; `begin` is the time at which building started."""
     scene, communicator = built.simulation, built.context.communicator
     fields, points = stored_fields(built), FramePoints(built, stride)
     communicator.barrier(lambda: require_gatherable(points, folder is not None and files.restarts))
@@ -157,7 +157,7 @@ def _run(
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
-        message = "the run had finished already: nothing was left to do"
+        message = "the run had already finished: nothing to do"
     last = communicator.broadcast(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
@@ -178,9 +178,9 @@ def _run(
 
 
 def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
-    """What the restart file of a run that goes on holds, or None.
+    """The contents of the restart file if the run is resumed, otherwise None.
 
-    Clears what must not be mistaken for this run's.
+    Removes files that could be mistaken for results of this run.
     """
     if folder is None or known is None:
         return None
@@ -197,7 +197,7 @@ def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, fi
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
-    """Bring the state to where the run begins or goes on."""
+    """Set the state to the start of the run or to the restart."""
     built = recorder.built
     if saved is not None:
         restart.restore(saved, recorder)
@@ -209,7 +209,7 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
 
 
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
-    """Run to the end; status and message."""
+    """Run to the end and return the status and a message."""
     built, status, message = recorder.built, FINISHED, ""
     restore_signal = _stop_at_frames(recorder)
     try:
@@ -232,7 +232,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
-        status, message = STOPPED, "interrupted: --resume goes on from here"
+        status, message = STOPPED, "interrupted: continue with --resume"
     finally:
         restore_signal()
         for writer in recorder.writers:
@@ -248,7 +248,9 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     summary = result.summary
     large = result.built.context.whole.size > LARGE
     if files.view and large:
-        summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
+        summary["notes"].append(
+            f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
+        )
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -258,7 +260,9 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
         except InputError as error:
             if scene.chosen_fields is None:
                 raise
-            summary["notes"].append(f"pictures: not all were drawn, as `fields` leaves out what they show: {error}")
+            summary["notes"].append(
+                f"pictures: some were not drawn because `fields` omits a field that they show: {error}"
+            )
     summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     if files.view and not large:
@@ -266,7 +270,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
 
 
 def headline(built: Built) -> str:
-    """One line that says what runs where."""
+    """One line on the scene, its size and the device."""
     scene, processes = built.simulation, built.context.communicator.size
     return (
         f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
@@ -276,7 +280,7 @@ def headline(built: Built) -> str:
 
 
 def picture_formats(pictures: bool | str) -> tuple[str, ...]:
-    """The formats of the pictures; empty for none.
+    """Parse the formats of the pictures; empty for none.
 
     Raises:
         InputError: for another format.
@@ -290,10 +294,10 @@ def picture_formats(pictures: bool | str) -> tuple[str, ...]:
 def draw(
     scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",)
 ) -> None:
-    """Draw the scene's pictures; those of `output.default_pictures` if it has no function for them.
+    """Draw the scene's pictures, or the default pictures if the scene has no function for them.
 
     Raises:
-        InputError: if its function raises, as on frames that are damaged.
+        InputError: if the scene's function raises an error, for example on damaged frames.
     """
     with (
         user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
@@ -317,8 +321,8 @@ def _not_converged(recorder: Recorder) -> str:
     free = free_motions(recorder.built) if reached == 0.0 else 0
     if free:
         return (
-            f"{text}; likely cause: the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports "
-            "(Fixed, Motion) that hold it"
+            f"{text}; likely cause: the supports leave {free} of 6 rigid-body motions free; expected supports "
+            "(Fixed, Motion) that prevent them"
         )
     if recorder.built.solver.turns:
         return f"{text}; try a smaller increment"
@@ -326,7 +330,7 @@ def _not_converged(recorder: Recorder) -> str:
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
-    """Make Ctrl-C (or SIGTERM) end the run at the next frame, a second one at once; returns what undoes this."""
+    """Make Ctrl-C (or SIGTERM) end the run at the next frame, a second one immediately; return a function to undo."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
     earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}

@@ -1,4 +1,4 @@
-"""What a scene is: a sheet, a force law, parts, a solver, and the numbers that it reports. No device is touched."""
+"""A scene: sheet, force law, parts, solver, and reported numbers. Nothing here uses a device."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ..interfaces.frame import OWN_FIELDS, Frame
 
 
 def check_reference(kind: str, name: str, unit: str, reference: float | None) -> None:
-    """Check what a measure or an outcome says of itself.
+    """Check the unit and reference of a measure or an outcome.
 
     Raises:
-        InputError: for a unit that is not text, or a reference that is not a number.
+        InputError: if the unit is not text or the reference is not a number.
     """
     if not isinstance(unit, str):
         raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
@@ -29,14 +29,16 @@ def check_reference(kind: str, name: str, unit: str, reference: float | None) ->
 
 
 def check_writers(writers: Sequence[Any]) -> None:
-    """Check that all of these write frames.
+    """Check that all `writers` implement Writer.
 
     Raises:
-        InputError: for the first that does not.
+        InputError: for the first one that does not.
     """
     for index, writer in enumerate(writers):
         if isinstance(writer, type) or not isinstance(writer, Writer):
-            raise InputError(f"writers[{index}] = {said(writer)}: expected a Writer, which has write, save and close")
+            raise InputError(
+                f"writers[{index}] = {said(writer)}: expected a Writer with the methods write, save and close"
+            )
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,8 @@ class Measure:
     Attributes:
         name: Key in summary.json.
         unit: SI unit.
-        value: Function of the built simulation and of the newest frame.
-        reference: What it is compared with, in the same unit, or None.
+        value: Function (built simulation, newest frame) -> number.
+        reference: Value to compare with, in the same unit, or None.
         source: Where the reference comes from.
     """
 
@@ -63,17 +65,18 @@ class Measure:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A number that a scene reports of its whole run, such as a peak load.
+    """A number that a scene reports for the whole run, such as a peak load.
 
     Attributes:
         name: Key in summary.json.
         unit: SI unit.
-        value: Function of the history, one row per frame, in order; None as long as the number is not known.
-        reference: What it is compared with, in the same unit, or None.
+        value: Function of the history (one row per frame, in order) -> number, or None if the number is not known
+            (yet).
+        reference: Value to compare with, in the same unit, or None.
         source: Where the reference comes from.
-        fine: Whether it reads the rows between frames, too, where the run has them (`Explicit(history_every=)`): a
-            peak between frames is then not lost. They hold energies, losses, forces of bodies and of `Reaction`, and
-            no measures.
+        fine: Whether `value` gets the rows between frames too, if the run has them (`Explicit(history_every=)`), so
+            that a peak between frames is not missed. These rows have energies, losses, and forces of bodies and of
+            `Reaction`, but no measures.
     """
 
     name: str
@@ -97,24 +100,24 @@ class Scene:
         solver: Explicit, Relaxation, Newton or ArcLength.
         loads: Supports and loads.
         contact: A rigid body, a list of them, or None.
-        damage: Rupture criterion, or None: nothing can break.
-        measures: Numbers to report, at every frame; the summary has those of the last one.
-        outcomes: Numbers to report of the whole run.
-        fields: Names of further point fields of the frames, of those that the force law offers.
-        chosen_fields: Names of all point fields that files of frames hold besides the displacement and `fields`; None:
+        damage: Rupture criterion, or None if bonds cannot break.
+        measures: Numbers to report at every frame; the summary has those of the last frame.
+        outcomes: Numbers to report for the whole run.
+        fields: Names of additional point fields of the frames, out of those that the force law offers.
+        chosen_fields: Names of the point fields stored in frame files besides the displacement and `fields`; None for
             all.
-        initial_displacement: [m], shape (N, 3), or None for zero. The sheet was brought there at once: nothing of a
-            viscous law has relaxed.
-        initial_velocity: [m/s], shape (N, 3), or None for zero.
-        track_energy: Whether external work and dissipation are summed up for the energy balance.
+        initial_displacement: Displacement [m], shape (N, 3), or None for zero. It is applied instantaneously: the
+            stresses of a viscous law are unrelaxed.
+        initial_velocity: Velocity [m/s], shape (N, 3), or None for zero.
+        track_energy: Whether to sum external work and dissipation for the energy balance.
         scene: Name of the scene.
-        file: Python file of a scene that does not come with the package, or None.
-        section: Part of the paper that it rebuilds.
-        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results; None for
-            the default ones.
-        notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
+        file: Python file of a user's scene, or None for a scene of the package.
+        section: Section of the paper that the scene reproduces.
+        pictures: Function (history, folder) that draws the scene's pictures into the folder; None for the default
+            pictures.
+        notes: Choices that the scene made for the user, one line each, shown in the summary and on the command line.
         settings: Arguments of the scene's `build`, for the summary and restart files.
-        sources: Hashes of the code of the scene's file and of the modules beside it that it uses, by file name.
+        sources: Hashes of the scene's file and of the modules it imports from its folder, by file name.
     """
 
     sheet: Sheet
@@ -149,21 +152,21 @@ class Scene:
         """The initial displacement or velocity, shape (N, 3).
 
         Raises:
-            InputError: for another shape, or numbers that are not finite.
+            InputError: if the shape is wrong or a value is not finite.
         """
         values, n = getattr(self, name), self.sheet.size
         if values is None:
             return np.zeros((n, 3))
         found = numbers(name, values)
         if found.shape != (n, 3):
-            raise InputError(f"{name} has shape {found.shape}: expected ({n}, 3)")
+            raise InputError(f"{name}: expected shape ({n}, 3), got {found.shape}")
         return found
 
     def check(self) -> None:
-        """Compare the parts with what is expected of them, and with each other.
+        """Check the types of the parts and that they fit together.
 
         Raises:
-            InputError: for a part of the wrong kind, or two measures of one name.
+            InputError: if a part has the wrong type, or two measures have the same name.
         """
         expected: tuple[tuple[str, Any, Any, str], ...] = (
             ("sheet", self.sheet, Sheet, "a Sheet"),
@@ -197,12 +200,12 @@ class Scene:
         ]  # fmt: skip
         for name, part in given:
             if part is not None and part.argument != name:
-                raise InputError(f"{name}: {type(part).__name__} is given here, expected as {part.argument}")
+                raise InputError(f"{name}: got a {type(part).__name__}; expected it as the argument {part.argument}")
         self._check_regions()
         self._check_names()
 
     def _check_regions(self) -> None:
-        """Refuse points that were taken from another sheet, such as this one before a hole was cut into it."""
+        """Check that point sets were selected on this sheet, not for example on the sheet before a hole was cut."""
         for part in [*self.loads, *self.contacts, *([self.damage] if self.damage is not None else [])]:
             for name, value in getattr(part, "__dict__", {}).items():
                 if isinstance(value, Region) and not value.fits(self.sheet.points):
@@ -215,16 +218,16 @@ class Scene:
         names = [m.name for m in self.measures] + [o.name for o in self.outcomes]
         for name in names:
             if not isinstance(name, str) or not name or not name.isprintable():
-                raise InputError(f"name of a measure = {name!r}: expected text in one line")
+                raise InputError(f"name of a measure = {name!r}: expected one line of text")
             if names.count(name) > 1:
                 raise InputError(f"measures: two measures or outcomes have the name {name!r}: expected different names")
 
     def fields_besides(self, shown: Iterable[str]) -> list[str]:
-        """Names of the requested fields that only the force law can give: neither in every frame nor in `shown`."""
+        """Names of the requested fields that only the force law can compute: neither in every frame nor in `shown`."""
         given = {*OWN_FIELDS, *shown}
         return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in given]
 
     @property
     def load_duration(self) -> float | None:
-        """Load time of the whole load of a static solver [s]; None for dynamics."""
+        """Load time at full load of a static solver [s]; None for dynamics."""
         return None if self.solver.dynamic else self.solver.duration

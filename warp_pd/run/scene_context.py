@@ -1,4 +1,4 @@
-"""The context of a scene: the arrays common to its parts, and the part of each process if several run it."""
+"""The context of a scene: the arrays shared by its parts, and the partition of each process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def scene_context(
     bits: int,
     communicator: Communicator,
 ) -> Context:
-    """The context in which the parts of a scene are built; with several processes, for its partition."""
+    """Context in which the parts of a scene are built; with several processes, for the partition of this one."""
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
     start, placement = scene.initial("initial_displacement"), sheet.placement()
@@ -56,10 +56,10 @@ def scene_context(
 
 
 def partition_of(scene: Scene, communicator: Communicator) -> Partition:
-    """What a process of several has of the sheet of a scene.
+    """The part of the sheet that one of several processes owns.
 
     Raises:
-        InputError: for more processes than the sheet can be divided into.
+        InputError: if the sheet cannot be divided among so many processes.
     """
     scene.check()
     layers = 0 if scene.damage is None else scene.damage.layers
@@ -78,17 +78,17 @@ def _context_here(whole: Context, partition: Partition) -> Context:
 
 
 def parts_here(parts: Sequence[Part], context: Context) -> list[Part]:
-    """The parts, for the points that are here.
+    """The parts, restricted to the points of this process.
 
     Raises:
-        InputError: for a part that several processes cannot yet run.
+        InputError: for a part that does not support several processes.
     """
     partition = context.partition
     return list(parts) if partition is None else [part.on_partition(context.whole, partition) for part in parts]
 
 
 def constraints_here(constraints: Sequence[Constraint], context: Context) -> tuple[Constraint, ...]:
-    """Held and moved components of the points that are here."""
+    """The constraints, restricted to the points of this process."""
     partition = context.partition
     if partition is None:
         return tuple(constraints)
@@ -96,13 +96,13 @@ def constraints_here(constraints: Sequence[Constraint], context: Context) -> tup
 
 
 def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
-    """The arrays that parts have in common.
+    """Create the arrays that all parts share.
 
     Args:
         scene: The scene.
-        context: Takes the arrays.
-        constant: Sum of the loads that never change [N], (N, 3); None if there are none.
-        energy: Work and losses.
+        context: Context to which the arrays are added.
+        constant: Sum of the constant loads [N], shape (N, 3); None if there are none.
+        energy: Energy balance with the arrays of work and losses.
     """
     sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3

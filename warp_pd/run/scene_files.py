@@ -1,4 +1,4 @@
-"""Scenes by name, or from a Python file with a function `build`."""
+"""Loading of scenes, by name or from a Python file with a function `build`."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name: str) -> Any:
-    """The module of a scene, by name, or by the path of a Python file with a function `build`.
+    """Import the module of a scene, given its name or the path of a Python file with a function `build`.
 
     Raises:
-        InputError: for an unknown name; the message suggests the nearest one.
+        InputError: for an unknown name; the message suggests the closest match.
     """
     if name.endswith(".py"):
         return _load_file(Path(name))
@@ -58,7 +58,7 @@ def _load_file(path: Path) -> Any:
 
 
 def _said_in(path: Path, error: Exception) -> str:
-    """One line on an error in a scene's file, with the last line number of that file in the traceback."""
+    """One-line message on an error in a scene's file, with the last line number of that file in the traceback."""
     steps = traceback.extract_tb(error.__traceback__)
     lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
     where = f"line {lines[-1]}: " if lines else ""
@@ -66,10 +66,10 @@ def _said_in(path: Path, error: Exception) -> str:
 
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
-    """The simulation of a scene; `settings` contains text or numbers for the arguments of its `build`.
+    """Build the simulation of a scene; `settings` maps arguments of its `build` to text or numbers.
 
     Raises:
-        InputError: for a name that the scene does not know, or a value that does not fit.
+        InputError: if the scene has no such argument, or a value cannot be converted.
     """
     from .scene import Scene
 
@@ -97,9 +97,9 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
 
 
 def sources_of(file: Path) -> dict[str, str]:
-    """Hashes of the code of a scene's file and of the modules in its folder that it imports, by file name.
+    """Hashes of a scene's file and of the modules that it imports from its folder, by file name.
 
-    Comments and blank lines count nothing.
+    Comments and blank lines do not affect the hashes.
     """
     found: dict[str, str] = {}
     waiting = [file]
@@ -113,7 +113,7 @@ def sources_of(file: Path) -> dict[str, str]:
 
 
 def _imported(tree: ast.Module) -> Iterator[str]:
-    """Last names of all that a module imports: some of them are modules beside it."""
+    """Last components of all imported names; some of them may be modules in the same folder."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield from (alias.name.rpartition(".")[2] for alias in node.names)

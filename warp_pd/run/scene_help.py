@@ -1,4 +1,4 @@
-"""Help of a command that takes a scene: `warp-pd run SCENE --help` lists the arguments of the scene."""
+"""Help of commands that take a scene: `warp-pd run SCENE --help` lists the arguments of the scene."""
 
 from __future__ import annotations
 
@@ -11,48 +11,53 @@ from .scene_files import load_scene
 
 # Arguments that mean the same in every scene; a scene says otherwise under "Args:" of its `build`.
 COMMON = {
-    "critical_stretch": "Stretch at which bonds break, in place of the tearing energy [-].",
+    "critical_stretch": "Stretch at which bonds break, instead of the tearing energy [-].",
     "damping": "Mass damping [1/s].",
     "density": "Density [kg/m^3].",
-    "depth": "How far the body is pushed down [m].",
+    "depth": "Distance by which the body is pushed down [m].",
     "duration": "Simulated time [s].",
     "force": "Force law; see --force above.",
     "frames": "Number of frames after the first.",
     "friction": "Coefficient of friction [-].",
     "horizon": "Horizon in spacings.",
-    "jitter": "Random displacement of the points in the plane, in spacings.",
+    "jitter": "Random in-plane perturbation of the points, in spacings.",
     "load_steps": "Number of load steps.",
     "most_iterations": "Largest number of Newton iterations in a load step.",
-    "overload": "Energy release rate at the end over the tearing energy [-].",
+    "overload": "Final energy release rate divided by the tearing energy [-].",
     "points": "Points along x.",
     "pressure": "Pressure [Pa].",
-    "roughness": "Height of random bumps at the start, in spacings.",
+    "roughness": "Height of the initial random bumps, in spacings.",
     "safety": "Time step over the estimated stable one; None: 0.9, and 0.5 for bonds that can break or slack sheets.",
     "seed": "Seed of the random numbers.",
-    "self_contact": "Whether the sheet touches itself.",
-    "solver": "explicit, relaxation or newton, those that the scene takes.",
-    "speed": "Speed of what moves [m/s].",
-    "stretch": "Stretch at the end [-].",
-    "tearing_energy": "Energy of torn area [J/m^2].",
-    "tolerance": "Unbalanced force over loads and reactions at equilibrium; None: the solver's.",
-    "turn": "Angle by which the grid is turned [degrees].",
-    "weights": "published, plain, corrected or auto.",
-    "wrinkles": "relaxed: the sheet wrinkles below the spacing and carries no compression; resolved: it carries it.",
+    "self_contact": "Whether to include contact of the sheet with itself.",
+    "solver": "Solver: explicit, relaxation or newton, if the scene supports it.",
+    "speed": "Speed of the moving support or body [m/s].",
+    "stretch": "Final stretch [-].",
+    "tearing_energy": "Tearing energy per torn area [J/m^2].",
+    "tolerance": (
+        "Unbalanced force relative to loads and reactions at which equilibrium is accepted; None: the solver's default."
+    ),
+    "turn": "Rotation of the grid [degrees].",
+    "weights": "Weights of the force law: published, plain, corrected or auto.",
+    "wrinkles": (
+        "relaxed: wrinkles are finer than the spacing and the sheet carries no compression; resolved: it carries "
+        "compression."
+    ),
 }
 
 
 class SceneCommand(click.Command):
-    """A command whose help lists the arguments of the scene that is named."""
+    """A command whose help lists the arguments of the given scene."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Remember the name of the scene: click shows the help before it reads the arguments."""
+        """Store the name of the scene before click handles --help."""
         if any(option in args for option in ctx.help_option_names):
             named = self.make_parser(ctx).parse_args(args=list(args))[0].get("scene")
             ctx.meta[__name__] = named if isinstance(named, str) else None
         return super().parse_args(ctx, args)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The arguments of the scene, after the options."""
+        """Append the arguments of the scene to the help."""
         scene = ctx.meta.get(__name__)
         if scene is None:
             with formatter.section("Arguments of a scene"):
@@ -69,7 +74,7 @@ class SceneCommand(click.Command):
 
 
 def scene_arguments(module: Any) -> list[tuple[str, str]]:
-    """Arguments of a scene's `build`, each with its type and default, and what it is, empty if nothing says it."""
+    """Arguments of a scene's `build` with type, default and description (empty if there is none)."""
     prose = [inspect.getdoc(module.build) or "", inspect.getdoc(module) or ""]
     said = _said_under_args(prose[0])
     rows: list[tuple[str, str]] = []
@@ -101,7 +106,7 @@ def _said_under_args(docstring: str) -> dict[str, str]:
 
 
 def _sentence(name: str, texts: list[str]) -> str:
-    """The first sentence that begins with an argument in backticks; empty if there is none."""
+    """The first sentence that begins with the argument in backticks; "" if there is none."""
     for text in texts:
         words = " ".join(text.split())
         at = words.find(f"`{name}`")

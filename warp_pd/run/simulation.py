@@ -20,24 +20,24 @@ class Simulation(Scene):
     __doc__ = f"{__doc__}\n{(Scene.__doc__ or '').split(chr(10), 1)[1]}"
 
     def __repr__(self) -> str:
-        """A line for each part: all arrays of a scene would fill a notebook."""
+        """One line per part instead of the default text with all arrays."""
         from ..output.notebook import text_table
         from .description import scene_rows
 
         return text_table(f"Simulation {self.scene!r}", scene_rows(self))
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """HTML for a notebook, one line per part."""
         from ..output.notebook import html_table
         from .description import scene_rows
 
         return html_table(f"Simulation {self.scene!r}", scene_rows(self))
 
     def build(self, device: str | None = None, precision: int | None = None) -> Built:
-        """Allocate arrays and declare kernels and launches; compiles nothing yet.
+        """Allocate arrays and declare kernels and launches, without compiling.
 
         Args:
-            device: "cpu", "cuda", "cuda:0", ...; by default CUDA where there is one.
+            device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
             precision: 32 or 64; by default the solver's.
 
         Raises:
@@ -52,13 +52,13 @@ class Simulation(Scene):
         return plan(self.build(device, precision))
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
-        """Draw the sheet before anything runs; no device is touched. See `warp_pd.draw_sheet`."""
+        """Draw the undeformed sheet without building the simulation; see `warp_pd.draw_sheet`."""
         from ..output.sheet_plot import draw_sheet
 
         return draw_sheet(self.sheet, path, title=self.scene)
 
     def run(self, **options: Any) -> Result:
-        """Run to the end; see `warp_pd.run.runner.run` for the options. A notebook shows the progress by default."""
+        """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""
         from ..output.notebook import in_notebook
         from ..output.progress import Progress
         from .runner import run

@@ -1,4 +1,4 @@
-"""The summary of a run: what summary.json holds."""
+"""The summary of a run, i.e. the contents of summary.json."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Seconds:
     """Wall time of a run [s].
 
     Attributes:
-        setup: To build it.
-        compile: To compile or load its kernels.
-        wall: In all.
+        setup: Time to build the simulation.
+        compile: Time to compile or load its kernels.
+        wall: Total time.
     """
 
     setup: float
@@ -38,7 +38,7 @@ class Seconds:
 
 
 def notes_of(recorder: Recorder) -> list[str]:
-    """What a user should know of this run, one line each."""
+    """Notes for the user on this run, one line each."""
     built = recorder.built
     notes = list(built.simulation.notes)
     if not built.law.has_energy:
@@ -52,7 +52,7 @@ def notes_of(recorder: Recorder) -> list[str]:
 
 
 def _energy_notes(recorder: Recorder) -> list[str]:
-    """What the energies of a run say against it."""
+    """Notes on a poor energy balance."""
     history, notes = recorder.history, []
     errors = [row["balance_error"] for row in history if "balance_error" in row]
     worst = max(errors, key=abs, default=0.0)
@@ -62,12 +62,12 @@ def _energy_notes(recorder: Recorder) -> list[str]:
     gained = max((before - after for before, after in itertools.pairwise(lost)), default=0.0)
     scale = max((abs(row["kinetic"] + row.get("strain", 0.0)) for row in history), default=0.0)
     if gained > WORST_GAIN * scale:
-        notes.append(f"energy: breaking bonds added {gained:.3g} J between two frames, which it must not")
+        notes.append(f"energy: breaking bonds added {gained:.3g} J between two frames; expected only losses")
     return notes
 
 
 def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
-    """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
+    """Value, unit and reference of a measure or outcome; the value is None if it does not exist (yet)."""
     if value is not None and not np.isfinite(value):
         value = None
     # Of zero there is no relative error.
@@ -83,7 +83,7 @@ def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str
 
 
 def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
-    """Reported numbers by name; what went wrong with one joins the notes."""
+    """Measures and outcomes by name; errors are added to the notes."""
     scene = recorder.built.simulation
     row = recorder.history[-1] if recorder.history else {}
     # The start of a search that found nothing is no result.
@@ -101,18 +101,20 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
 
 
 def _rows_for(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History:
-    """The rows that an outcome reads; a note says so if it asks for those between frames and there are none."""
+    """The history rows for an outcome; adds a note if it needs rows between frames and there are none."""
     if not outcome.fine:
         return recorder.history
     if recorder.fine is not None:
         return recorder.fine.rows
     if recorder.built.simulation.solver.dynamic:
-        notes.append(f"{outcome.name}: read at frames alone; history_every (--history-every) adds rows between them")
+        notes.append(
+            f"{outcome.name}: computed from frames only; history_every (--history-every) adds rows between frames"
+        )
     return recorder.history
 
 
 def _commit() -> str | None:
-    """The commit of the checkout that this package is run from; None for an installed one."""
+    """The git commit of the checkout that contains this package; None for an installed package."""
     git = Path(__file__).parents[2] / ".git"
     try:
         head = (git / "HEAD").read_text().strip()
@@ -129,7 +131,7 @@ def _commit() -> str | None:
 
 
 def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:
-    """The summary of a run that is over."""
+    """The summary of a finished run."""
     notes = notes_of(recorder)
     measures = _measures(recorder, notes)
     columns = recorder.history[-1] if recorder.history else {}
@@ -147,7 +149,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
 
 
 def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
-    """What was run, how it ended, and where."""
+    """Scene, status and device of a run."""
     scene, context = recorder.built.simulation, recorder.built.context
     return {
         "scene": scene.scene,
@@ -168,7 +170,7 @@ def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
 def _model(recorder: Recorder) -> dict[str, Any]:
     """The law and the sheet: thickness and spacing [m], density [kg/m^3], horizon in spacings.
 
-    A thickness or density that varies has its least and greatest value.
+    A varying thickness or density is given by its minimum and maximum.
     """
     built, context = recorder.built, recorder.built.context
     force = built.simulation.force
@@ -190,7 +192,7 @@ def _range(values: float | np.ndarray) -> float | list[float]:
 
 
 def _course(recorder: Recorder) -> dict[str, Any]:
-    """How far the run came: steps, time [s] or load factor, step [s], residual."""
+    """How far the run got: steps, time [s] or load factor, step [s], residual."""
     load_duration = recorder.built.simulation.load_duration
     return {
         "steps": recorder.steps,

@@ -1,4 +1,4 @@
-"""A sweep: a scene run for all combinations of some values, each in a folder of its own, and one table of them."""
+"""Parameter sweep: a scene run for all combinations of values, each in a separate folder, and a results table."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ OVER = (FINISHED, DIVERGED, NOT_CONVERGED)
 
 @dataclass(frozen=True)
 class Task:
-    """A run of a sweep that is to start.
+    """A run of a sweep before it starts.
 
     Attributes:
-        simulation: What is run.
-        values: Its values of the arguments that the sweep changes, as they were given.
-        folder: Of its files.
-        resume: Whether it goes on from the last frame in the folder.
-        overwrite: Whether it replaces what is in the folder.
+        simulation: The simulation to run.
+        values: Values of the swept arguments, as given.
+        folder: Folder of its files.
+        resume: Whether it resumes from the restart file in the folder.
+        overwrite: Whether it replaces results in the folder.
     """
 
     simulation: Any
@@ -47,15 +47,15 @@ Start = Callable[[Task], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Row:
-    """A run of a sweep.
+    """A run of a sweep and its results.
 
     Attributes:
-        values: The values that it has of the arguments that the sweep changes, as they were given.
-        folder: Of its files.
-        status: How it ended: as a run does, or "refused" for wrong input.
+        values: Values of the swept arguments, as given.
+        folder: Folder of its files.
+        status: Status of the run, or "refused" for invalid input.
         message: Why it did not finish, or "".
-        summary: Content of its summary.json; empty for a run that was refused.
-        skipped: Whether it was there already.
+        summary: Contents of its summary.json; empty for a refused run.
+        skipped: Whether the results already existed.
     """
 
     values: Mapping[str, str]
@@ -67,12 +67,12 @@ class Row:
 
     @property
     def name(self) -> str:
-        """Such as "points=51, horizon=3.15"."""
+        """Name such as "points=51, horizon=3.15"."""
         return ", ".join(f"{key}={value}" for key, value in self.values.items())
 
 
 def combinations(choices: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str]]:
-    """All combinations of the values of some arguments; the last argument changes fastest."""
+    """All combinations of the values of the arguments; the last argument changes fastest."""
     for values in itertools.product(*choices.values()):
         yield dict(zip(choices, values, strict=True))
 
@@ -93,24 +93,23 @@ def sweep(
     overwrite: bool = False,
     told: Callable[[int, int, Row], None] | None = None,
 ) -> list[Row]:
-    """Run all combinations of values, one after the other. What an earlier call finished is not run again.
+    """Run all combinations of values one after the other, skipping runs that an earlier call finished.
 
     Args:
-        build: Gives the simulation for some values.
+        build: Function values -> simulation.
         choices: Values of each argument.
-        out: Folder that holds the folders of the runs.
-        start: Runs a simulation.
-        device: Of all runs; None for CUDA where there is one.
-        precision: Of all runs; None for the solver's.
-        overwrite: Run everything again.
-        told: Called after each run with its number, the number of all runs, and its row.
+        out: Parent folder of the folders of the runs.
+        start: Function that runs a task.
+        device: Device of all runs; None for CUDA if available.
+        precision: Precision of all runs, 32 or 64; None for the solver's.
+        overwrite: Whether to run everything again.
+        told: Callback (index, number of runs, row) after each run.
 
     Raises:
-        InputError: if a folder holds a run of another scene, other settings or other code; nothing has run then.
+        InputError: if a folder has a run of another scene, other settings or other code; raised before any run.
 
     Returns:
-        A row for each run, in order. A run that fails does not stop the others. If the user stops a run, its row is
-        the last one.
+        One row per run, in order. A failed run does not stop the others. If the user stops a run, its row is the last.
     """
     everything = list(combinations(choices))
     for values in everything if not overwrite else ():
@@ -130,10 +129,10 @@ def _require_same(
     build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, device: str | None,
     precision: int | None,
 ) -> None:  # fmt: skip
-    """Refuse a folder with a run that is not the one which these values stand for now.
+    """Check that a run in the folder has the same settings and code as these values give now.
 
     Raises:
-        InputError: for the first thing that differs, or a scene that refuses values which it took before.
+        InputError: for the first difference, or if the scene no longer accepts values that it accepted before.
     """
     earlier = run_summary(folder)
     if earlier is None:
@@ -146,7 +145,7 @@ def _require_same(
     changed = [name for name in sources if told["sources"].get(name) != simulation.sources.get(name)]
     if other or changed:
         what = f"other settings ({other})" if other else f"other code ({', '.join(changed)} has changed)"
-        raise InputError(f"{str(folder)!r} holds a run with {what}; expected another folder (--out), or --overwrite")
+        raise InputError(f"{str(folder)!r} contains a run with {what}; expected another folder (--out) or --overwrite")
 
 
 def _run(
@@ -169,9 +168,9 @@ def _run(
 
 
 def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
-    """Head and cells of the table of a sweep: values, status, points, seconds, measures and their errors.
+    """Header and cells of the table of a sweep: values, status, points, seconds, measures and their errors.
 
-    A number that a run does not have is None.
+    Missing numbers are None.
     """
     measures = list(dict.fromkeys(name for row in rows for name in row.summary.get("measures", {})))
     compared = {
@@ -191,10 +190,10 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> bool:
-    """The table as CSV, with all digits; a number that does not exist is an empty cell.
+    """Write the table as CSV with full precision; a missing number is an empty cell.
 
     Returns:
-        Whether it was written: a table with refused runs does not replace one that holds results which it lacks.
+        Whether it was written. A table with refused runs does not replace a table that has results for these runs.
     """
     head, cells = table(rows)
     names = list(rows[0].values)
@@ -211,7 +210,7 @@ def write_table(path: Path, rows: Sequence[Row]) -> bool:
 
 
 def _results_in(path: Path, names: Sequence[str]) -> set[tuple[str | None, ...]]:
-    """Values of some arguments in the rows of an earlier table that are not refused."""
+    """Values of the named arguments in the rows of an earlier table, without refused runs."""
     if not path.is_file():
         return set()
     with path.open(newline="", encoding="utf-8") as stream:
@@ -221,7 +220,7 @@ def _results_in(path: Path, names: Sequence[str]) -> set[tuple[str | None, ...]]
 
 
 def printed_table(rows: Sequence[Row]) -> str:
-    """The table for a terminal, in columns."""
+    """The table as aligned text for a terminal."""
     head, cells = table(rows)
     texts = [head, *([_text(name, cell) for name, cell in zip(head, line, strict=True)] for line in cells)]
     widths = [max(len(line[k]) for line in texts) for k in range(len(head))]

@@ -1,4 +1,4 @@
-"""The command warp-pd sweep: how each run starts, what is printed, and the files of the whole."""
+"""The command warp-pd sweep: starting the runs, printing, and writing the table and plot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
 
 
 def here(options: Mapping[str, Any]) -> Start:
-    """A function that runs one task of a sweep in this process.
+    """Return a function that runs one task of a sweep in this process.
 
     Args:
         options: Options of `Simulation.run`, the same for every task.
@@ -35,7 +35,7 @@ def here(options: Mapping[str, Any]) -> Start:
 
 
 def apart(scene: str, options: Mapping[str, Any], gpus: int, processes: int) -> Start:
-    """Runs divided among processes of their own, one run after the other: `warp-pd run` with --gpus or --processes.
+    """Return a function that runs one task as a separate `warp-pd run` with --gpus or --processes.
 
     Args:
         scene: Name or file.
@@ -52,7 +52,7 @@ def apart(scene: str, options: Mapping[str, Any], gpus: int, processes: int) -> 
 
 
 def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
-    """What `warp-pd run` takes after the scene, apart from the number of processes, for a run of a sweep."""
+    """Arguments of `warp-pd run` after the scene for a run of a sweep, without the number of processes."""
     given = [f"--set={name}={value}" for name, value in task.values.items()]
     given += [f"--{name}={options[name]}" for name in ("device", "precision") if options[name] is not None]
     given += [f"--pictures={options['pictures']}"] if options["pictures"] else ["--no-pictures"]
@@ -63,11 +63,11 @@ def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
 
 
 def _summary(folder: Path, code: int) -> Mapping[str, Any]:
-    """The summary of a run of other processes, which have said themselves what went wrong."""
+    """The summary of a run in other processes, which have already printed any error."""
     if code == WRONG_INPUT:
         raise InputError("refused, see above")
     if code == LOST:
-        raise LostError("a process of the run ended; the same command continues")
+        raise LostError("a process of the run ended; repeat the command to continue")
     summary = run_summary(folder)
     if summary is None and code == INTERRUPTED:
         raise KeyboardInterrupt
@@ -80,23 +80,23 @@ def run_sweep(
     scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, device: str | None,
     precision: int | None, overwrite: bool, quiet: bool,
 ) -> int:  # fmt: skip
-    """Run a sweep, print and write its table, draw its plot.
+    """Run a sweep, print and write its table, and draw its plot.
 
     Args:
         scene: Name or file.
         choices: Values of each argument.
-        folder: Of the runs, the table and the plot.
-        start: Runs a simulation.
-        device: Of all runs; None for CUDA where there is one.
-        precision: Of all runs; None for the solver's.
-        overwrite: Run everything again.
-        quiet: Print the table alone.
+        folder: Folder of the runs, the table and the plot.
+        start: Function that runs a task.
+        device: Device of all runs; None for CUDA if available.
+        precision: Precision of all runs, 32 or 64; None for the solver's.
+        overwrite: Whether to run everything again.
+        quiet: Whether to print only the table.
 
     Returns:
-        The exit code, that of the worst run.
+        The exit code of the worst run.
 
     Raises:
-        InputError: for a scene that does not exist, a folder that cannot be written, or one with other runs.
+        InputError: if the scene does not exist, the folder cannot be written, or it has different runs.
     """
     load_scene(scene)
     writable_folder(folder, resume=False)
@@ -116,13 +116,15 @@ def run_sweep(
             click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
     click.echo(printed_table(rows))
     if not write_table(folder / "sweep.csv", rows):
-        click.echo(f"warp-pd: {folder / 'sweep.csv'}: left as it was; it holds results that this table lacks", err=True)
+        click.echo(
+            f"warp-pd: {folder / 'sweep.csv'}: not replaced, because it has results that the new table lacks", err=True
+        )
         return WRONG_INPUT
     with drawing(Drawing(Path(scene).stem)):
         drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
     click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
     ends = {row.status for row in rows}
     if STOPPED in ends:
-        click.echo("warp-pd: interrupted: the same command continues", err=True)
+        click.echo("warp-pd: interrupted: repeat the command to continue", err=True)
         return INTERRUPTED
     return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0

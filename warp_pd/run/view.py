@@ -1,4 +1,4 @@
-"""The page of a run for a browser, from the folder of its results."""
+"""The browser page of a run, made from the folder of its results."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ LARGE = 200_000
 
 
 def page(folder: str | Path, limits: Limits | None = None, shared: str | None = None) -> str:
-    """The page of a run as text: HTML with everything in it.
+    """The page of a run as one self-contained HTML text.
 
-    A run that was killed has neither summary nor history; its frames are shown all the same.
+    A killed run has neither summary nor history; the page then shows only its frames.
 
     Args:
         folder: The folder of the run.
-        limits: How much of the run the page holds; by default 40 000 points, and as many frames as keep it small.
-        shared: Address of the folder output/page of the package, for a page that loads scripts and styles from there;
-            by default they are inside.
+        limits: Largest numbers of points and frames on the page; by default 40 000 points, and as many frames as keep
+            the page small.
+        shared: Address of the package's folder output/page, from which the page loads scripts and styles; by default
+            they are embedded.
 
     Raises:
-        InputError: for a folder without frames, damaged frames, or a field that they do not hold.
+        InputError: if the folder has no frames, the frames are damaged, or they lack a field.
     """
     from ..output.view import page as page_of
 
     folder = Path(folder)
     if not folder.exists():
-        raise InputError(f"folder = {str(folder)!r}: it does not exist; expected the folder of a run")
+        raise InputError(f"folder = {str(folder)!r}: the folder does not exist; expected the folder of a run")
     if not folder.is_dir():
         raise InputError(f"folder = {str(folder)!r}: it is a file; expected the folder of a run")
     path = folder / "frames.vtkhdf"
@@ -48,7 +49,7 @@ def page(folder: str | Path, limits: Limits | None = None, shared: str | None = 
 def write_page(
     folder: str | Path, out: str | Path | None = None, points: int | None = None, frames: int | None = None
 ) -> Path:
-    """Write the page of a run, whole or not at all.
+    """Write the page of a run atomically.
 
     Args:
         folder: The folder of the run.
@@ -60,7 +61,7 @@ def write_page(
         The file.
 
     Raises:
-        InputError: as `page`, or for a file that cannot be written.
+        InputError: as for `page`, or if the file cannot be written.
     """
     from ..output.view import POINTS, Limits
 
@@ -73,5 +74,5 @@ def write_page(
     except OSError as error:
         with contextlib.suppress(OSError):
             path.with_name(path.name + ".part").unlink(missing_ok=True)
-        raise InputError(f"out = {str(path)!r}: expected a file that can be written ({error.strerror})") from None
+        raise InputError(f"out = {str(path)!r}: expected a writable file ({error.strerror})") from None
     return path

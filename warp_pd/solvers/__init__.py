@@ -1,4 +1,4 @@
-"""Solvers: how displacements follow from forces. interfaces/solver.py defines what a solver must offer."""
+"""Solvers, which compute displacements from forces; interfaces/solver.py defines their interface."""
 
 from typing import TYPE_CHECKING
 

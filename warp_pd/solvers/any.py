@@ -1,4 +1,4 @@
-"""Any of the solvers of the package, for annotations."""
+"""Type alias for any solver of the package."""
 
 from .arc_length import ArcLength
 from .explicit import Explicit

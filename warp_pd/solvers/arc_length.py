@@ -1,4 +1,4 @@
-"""Arc-length continuation: a path of equilibria through maxima of the load and snap-backs."""
+"""Arc-length continuation: follows a path of equilibria through load maxima and snap-backs."""
 
 from __future__ import annotations
 
@@ -21,32 +21,33 @@ FARTHEST = 10.0
 
 @dataclass(frozen=True)
 class ArcLength:
-    """Follows static equilibrium along its path, wherever the load has to fall for that.
+    """Arc-length continuation of static equilibrium, also where the load must decrease.
 
-    Besides the displacement the load factor s is unknown: schedules are taken at the time s duration, loads without a
-    schedule times s, also for s below 0. The path begins at s = 0 and ends at s = 1 or -1, or after `most_steps`, with
-    a note. Every point is a frame, whose time is s duration; so the times of frames fall where the load does. Column
-    `load_factor` of the history is s, and `unstable` the number of negative eigenvalues of the tangent.
+    The load factor s is an unknown in addition to the displacement: schedules are evaluated at the time s * duration,
+    and loads without a schedule are multiplied by s, also for s < 0. The path begins at s = 0 and ends at s = 1 or -1,
+    or, with a note, after `most_steps`. Every point of the path is a frame with the time s * duration, so frame times
+    decrease where the load does. In the history, the column `load_factor` is s, and `unstable` is the number of
+    negative eigenvalues of the tangent.
 
-    The first point is found by Newton's method. From there each step goes a length along the tangent of the path, and
-    Newton's method corrects it on the plane across (Riks, J. Appl. Mech. 39 (1972) 1060-1065; Keller 1977). The length
-    is the root mean square of the displacement of all points. It follows the number of corrector steps, and by how
-    much the straight line missed the load factor; a step that fails, or turns by more than 60 degrees, is halved.
+    The first point is found by Newton's method. From there each step moves along the tangent of the path, and Newton's
+    method corrects it in the normal plane (Riks, J. Appl. Mech. 39 (1972) 1060-1065; Keller 1977). The step length is
+    the root mean square of the displacement of all points. It is adapted to the number of corrector steps and to the
+    error of the predicted load factor; a step that fails, or turns by more than 60 degrees, is halved.
 
-    Stability: signs of the pivots of the factorised tangent and, with loads that follow the displacement, lowest
-    eigenvalues of K x = mu K0 x, K0 without these loads. The summary (`solve`: `found`) and notes name limit points,
-    where the load turns, and bifurcations, where the sign of another eigenvalue changes. The path goes straight on
-    there.
+    Stability follows from the signs of the pivots of the factorised tangent and, with displacement-dependent loads,
+    from the lowest eigenvalues of K x = mu K0 x, where K0 excludes these loads. The summary (`solve`: `found`) and the
+    notes report limit points, where the load turns, and bifurcations, where another eigenvalue changes sign. At a
+    bifurcation the path continues on the same branch.
 
     Attributes:
-        increment: Largest change of the load factor in a step, and the load factor of the first point.
-        tolerance: As of `Newton`.
-        most_steps: Number of points.
-        most_iterations: Corrector steps after which a step has failed.
-        most_cuts: Number of times that one step is halved.
-        modes: Number of lowest eigenvalues to find at every point; 0 finds limit points alone.
-        preconditioner: As of `Newton`; "auto" is a sparse factorisation on the host up to 20 000 points, since beyond a
-            limit point the tangent has negative eigenvalues. Without a factorisation nothing is said of stability.
+        increment: Maximum change of the load factor in a step, and the load factor of the first point.
+        tolerance: As for `Newton`.
+        most_steps: Maximum number of points of the path.
+        most_iterations: Number of corrector steps after which a step counts as failed.
+        most_cuts: Maximum number of times that one step is halved.
+        modes: Number of lowest eigenvalues to compute at every point; with 0 only limit points are found.
+        preconditioner: As for `Newton`; "auto" is a sparse factorisation on the host up to 20 000 points, because the
+            tangent has negative eigenvalues beyond a limit point. Without a factorisation stability is unknown.
     """
 
     increment: float = 0.1
@@ -78,7 +79,7 @@ class ArcLength:
 
     @property
     def frame_count(self) -> int:
-        """One per point, at most."""
+        """Maximum number of frames after the first, one per point."""
         return self.most_steps
 
     @property
@@ -88,16 +89,16 @@ class ArcLength:
         return Schedule(ends * self.duration, np.repeat(ends[:, None], 3, axis=1))
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device.
+        """Build the solver on a device.
 
         Raises:
-            InputError: for a law without a tangent.
+            InputError: if the law has no tangent.
         """
         return BuiltArcLength(self, context, law)
 
 
 class BuiltArcLength(BuiltSolver):
-    """Arc-length continuation on a device: adds nothing to a step in time."""
+    """Arc-length continuation on a device; it adds no launches to time steps."""
 
     label = "solver = ArcLength"
     turns = True
@@ -111,13 +112,13 @@ class BuiltArcLength(BuiltSolver):
         """Compose residual and tangent.
 
         Raises:
-            InputError: for parts that static solvers do not know.
+            InputError: for parts that static solvers do not support.
         """
         system.refuse_phases("ArcLength", NOT_DONE)
         self.path = Path(self.solver, system, self.tangent)
 
     def run(self, sink: FrameSink) -> str:
-        """Follow the path, each point a frame; returns the final status."""
+        """Follow the path, recording each point as a frame; return the final status."""
         return self.path.run(sink)
 
     def column_names(self) -> Sequence[str]:
@@ -125,7 +126,7 @@ class BuiltArcLength(BuiltSolver):
         return ("load_factor", "unstable")
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """The same [-]; a number of eigenvalues that was not found is NaN."""
+        """Load factor and number of negative eigenvalues [-], NaN if unknown."""
         state = self.path.state
         row = {"load_factor": state.factor}
         if self.solver.modes and self.path.preconditioner == "direct":
@@ -134,7 +135,7 @@ class BuiltArcLength(BuiltSolver):
         return row
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Limit points and bifurcations, and a path that was left before its end."""
+        """Notes on limit points, bifurcations, and a path that ended early."""
         state, said = self.path.state, []
         for found in state.found:
             where = (
@@ -155,9 +156,9 @@ class BuiltArcLength(BuiltSolver):
         return said
 
     def host_state(self) -> dict[str, Any]:
-        """Where the path stands."""
+        """The state of the path."""
         return self.path.host_state()
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self.path.restore(state)

@@ -1,4 +1,4 @@
-"""Newton steps at one load factor: added tension while the sheet is slack, linear solve, line search."""
+"""Newton steps at one load factor: linear solve, line search, and added tension while the sheet is slack."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ COARSE_TOLERANCE = 1e-3
 
 @dataclass
 class Sizes:
-    """How stiff and how loaded the sheet was found to be so far.
+    """Scales of stiffness and load found so far.
 
     Attributes:
         modulus: Mean modulus [Pa]; 0 before the first linearisation.
@@ -45,7 +45,7 @@ class Sizes:
     largest: float = 0.0
 
     def relative(self, norm: float, scale: float) -> float:
-        """Unbalanced force over loads and reactions, these at least MIN_LOAD of the largest in equilibrium so far."""
+        """Unbalanced force divided by loads and reactions, which count as at least MIN_LOAD times `largest`."""
         return ratio(norm, max(scale, MIN_LOAD * self.largest))
 
 
@@ -53,14 +53,15 @@ class Descent:
     """Newton steps of one level at one load factor.
 
     Args:
-        settings: Of the search.
+        settings: Settings of the search.
         level: The lattice.
-        solver: Its linear systems.
-        linearise: Takes the tangent with an added tension [Pa]; whether it could be factorised.
+        solver: Its linear solver.
+        linearise: Function that computes the tangent with an added tension [Pa], and returns whether factorisation
+            succeeded.
         target: Displacement of held components [m], shape (N, 3); others are meaningless.
-        sizes: Of the sheet.
+        sizes: Scales of stiffness and load of the sheet.
         tolerance: Relative residual at which the level is in equilibrium.
-        told: Called with the number of steps and the residual of the sheet itself; None on coarser lattices.
+        told: Callback (number of steps, residual) for the finest lattice; None on coarser ones.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class Descent:
         self.step_lengths: list[float] = []
 
     def run(self) -> dict[str, Any]:
-        """Iterate until equilibrium or failure; returns the entry of this level for the report of the solver."""
+        """Iterate until equilibrium or failure; return the entry of this level for the solver's report."""
         before = self.solver.products
         wp.copy(self.level.base, self.level.displacement)
         norm, scale = self.level.evaluate()
@@ -113,7 +114,7 @@ class Descent:
         }
 
     def _step(self, relative: float, norm: float) -> tuple[float, float] | None:
-        """One accepted step: the new norms; None if no tension helps."""
+        """Take one accepted step and return the new norms; None if no added tension helps."""
         level, sizes = self.level, self.sizes
         while True:
             least = level.tangent.min_tension(relative)
@@ -141,11 +142,11 @@ class Descent:
                 return None
 
     def _shrinks(self) -> bool:
-        """Whether the last step left less than a tenth of the residual: bonds that go slack ask for a new tangent."""
+        """Whether the last step reduced the residual by more than a factor of ten; the tangent may then be kept."""
         return len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
 
     def _direct(self, relative: float) -> None:
-        """Newton's direction, held components included."""
+        """Compute Newton's direction, including prescribed components."""
         level = self.level
         right_side = level.residual.numpy().astype(np.float64)
         if self.lifting:
@@ -161,7 +162,7 @@ class Descent:
             assign(level.direction, level.direction.numpy() + self.lift)
 
     def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
-        """Move by a fraction of the direction that is accepted; None, back at the base, if no fraction is."""
+        """Move by an accepted fraction of the direction; None, with the state reset, if none is accepted."""
         level, step_length = self.level, 1.0
         for _ in range(MAX_TRIALS):
             level.step_to(step_length)
@@ -177,7 +178,7 @@ class Descent:
         return None
 
     def _full_step(self) -> tuple[float, float]:
-        """Take the whole direction, whatever comes of it."""
+        """Take the full step without a line search."""
         self.level.step_to(1.0)
         norm, scale = self.level.evaluate()
         self._accept(1.0, ratio(norm, scale))
@@ -196,5 +197,5 @@ class Descent:
 
 
 def ratio(norm: float, scale: float) -> float:
-    """The norm of an unbalanced force over that of the loads [-]; infinite without loads."""
+    """Norm of the unbalanced force divided by that of the loads [-]; infinite without loads."""
     return 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf

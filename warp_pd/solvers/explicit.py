@@ -38,20 +38,20 @@ SHORTFALL = 0.02
 
 @dataclass(frozen=True)
 class Explicit:
-    """Central differences in time, dt a fraction of the stable step, which is estimated again as the sheet stiffens.
+    """Central differences in time, with a step that is a fraction of the repeatedly estimated stable step.
 
     Attributes:
-        duration: Time to simulate [s].
-        frames: Number of frames after the first one, equally spaced; or their times [s], increasing, the last one
-            the duration: frames close together show what happens fast.
+        duration: Simulated time [s].
+        frames: Number of equally spaced frames after the first one; or their increasing times [s], the last one equal
+            to the duration.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break or the
             material goes slack, such as a TensionField. A fast ball makes it shorter: no step lets a ball move further
             than a quarter of a spacing, or of its radius; an eighth if bonds can break.
-        step: A fixed dt [s] instead; refused if it is above either.
-        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None: it has none. The
-            rows change nothing of the run. They hold what the device sums: energies, losses, contact forces and
-            those of `Reaction`; measures are taken at frames.
+        step: A fixed time step [s] instead; an error is raised if it exceeds either limit.
+        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
+            The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
+            measures are computed only at frames.
     """
 
     duration: float
@@ -72,14 +72,15 @@ class Explicit:
             times = numbers("frames", self.frames)
             if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
                 raise InputError(
-                    f"frames = {list(self.frames)!r}: expected increasing times above 0, the last one the duration, "
+                    f"frames = {list(self.frames)!r}: expected increasing times greater than 0, the last one equal to "
+                    "the duration, "
                     f"{self.duration!r}"
                 )
         else:
             count("frames", self.frames, 1)
         not_negative("damping", self.damping)
         if self.safety is not None and not 0.0 < positive("safety", self.safety) <= 1.2:
-            raise InputError(f"safety = {self.safety!r}: expected a number above 0, up to 1.2")
+            raise InputError(f"safety = {self.safety!r}: expected a number greater than 0 and at most 1.2")
         if self.step is not None:
             positive("step", self.step)
         if self.history_every is not None:
@@ -101,13 +102,13 @@ class Explicit:
         return self.damping if self.damping > 0.0 else None
 
     def frame_time(self, index: int) -> float:
-        """Time of a frame [s]; that of frame 0 is 0."""
+        """Time of a frame [s]; frame 0 is at time 0."""
         if isinstance(self.frames, Sequence):
             return float(self.frames[index - 1]) if index > 0 else 0.0
         return self.duration * index / self.frames
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device."""
+        """Build the solver on a device."""
         return BuiltExplicit(self, context, law)
 
 
@@ -145,10 +146,25 @@ class BuiltExplicit(BuiltSolver):
             limits.append(StepLimit(MAX_DAMPED / self.solver.damping, "in which damping takes a fifth of the velocity"))
         # The largest eigenvalue of a sum is no larger than the sum of the largest (Weyl).
         self._added = [added for part in system.parts if (added := part.added_frequency()) > 0.0]
+        self._exchanging = [part for part in system.parts if part.interval() is not None]
+        if self._exchanging:
+            self._interval_seconds = self._exchange_interval()
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
+    def _exchange_interval(self) -> float:
+        """Time between exchanges with other simulations [s]: a whole number of them in a frame.
+
+        Raises:
+            InputError: for frames that are not equally spaced.
+        """
+        if not self.solver.equal_frames:
+            raise InputError(f"{self._exchanging[0].label}: expected a number of equally spaced frames, got times")
+        frame = self.solver.duration / self.solver.frame_count
+        longest = min(part.interval() or math.inf for part in self._exchanging)
+        return frame / math.ceil(frame / longest * (1.0 - 1e-12))
+
     def run(self, sink: FrameSink) -> str:
-        """Run to the end, handing every frame to the sink; returns the final status."""
+        """Run to the end, passing every frame to the sink; return the final status."""
         self._interval = self.context.stages[self.context.prefix + "step"].interval
         self._ones = [self.context.sequence("step", begin=place) for place in range(self._interval)]
         self._many = self.context.sequence("step", repeat=self._interval * math.ceil(MANY / self._interval))
@@ -159,27 +175,39 @@ class BuiltExplicit(BuiltSolver):
         for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
             now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
             taken, dt = 0, 0.0
-            while now < end:
-                sink.keep_going()
-                if since >= STEPS_BETWEEN:
-                    sink.stable_dt = self.estimate(LATER_ITERATIONS)
-                    since = 0
-                wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
-                left = max(1, math.ceil((end - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
-                # A frame may be long: a sheet that stiffens within it must not outrun the step.
-                steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
-                dt = (end - now) / left
-                self._set_step(dt, now)
-                self._take(steps, dt, now, sink)
-                since += steps
-                taken += steps
-                now = end if steps == left else now + steps * dt
+            for stop in self._stops(now, end):
+                for part in self._exchanging:
+                    part.before_interval(self._interval_seconds)
+                while now < stop:
+                    sink.keep_going()
+                    if since >= STEPS_BETWEEN:
+                        sink.stable_dt = self.estimate(LATER_ITERATIONS)
+                        since = 0
+                    wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
+                    left = max(1, math.ceil((stop - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
+                    # A frame may be long: a sheet that stiffens within it must not outrun the step.
+                    steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
+                    dt = (stop - now) / left
+                    self._set_step(dt, now)
+                    self._take(steps, dt, now, sink)
+                    since += steps
+                    taken += steps
+                    now = stop if steps == left else now + steps * dt
+                for part in self._exchanging:
+                    part.after_interval()
             self._since_estimate, self._since_row = since, 0
             sink.frame(index, end, taken, dt)
         return "finished"
 
+    def _stops(self, now: float, end: float) -> list[float]:
+        """Times of a frame up to which the sheet steps by itself: its end, and those of exchanges before it."""
+        if not self._exchanging:
+            return [end]
+        count = round((end - now) / self._interval_seconds)
+        return [*(now + k * self._interval_seconds for k in range(1, count)), end]
+
     def _take(self, steps: int, dt: float, begin: float, sink: FrameSink) -> None:
-        """Take steps, with rows of the history between them if the user wants any."""
+        """Take steps, recording history rows between them if requested."""
         every = self.solver.history_every
         taken = 0
         while taken < steps:
@@ -193,7 +221,7 @@ class BuiltExplicit(BuiltSolver):
                     sink.row(begin + taken * dt, dt)
 
     def _take_chunk(self, steps: int) -> None:
-        """Take steps, many at once where they begin as the stage does."""
+        """Take steps, using the repeated stage where possible."""
         while steps > 0:
             many = self._place == 0 and steps >= self._many.repeat
             sequence = self._many if many else self._ones[self._place]
@@ -202,7 +230,7 @@ class BuiltExplicit(BuiltSolver):
             self._place = (self._place + sequence.repeat) % self._interval
 
     def estimate(self, iterations: int) -> float:
-        """Stable step [s], a bound of it from below; infinite if nothing resists."""
+        """Estimate the stable step [s]; infinite without stiffness."""
         omega = math.hypot(self.stable_step.omega(iterations), *self._added)
         return 2.0 / ((1.0 + SHORTFALL) * omega) if omega > 0.0 else math.inf
 
@@ -219,10 +247,10 @@ class BuiltExplicit(BuiltSolver):
         self.system.set_clock(dt, self.solver.duration, begin)
 
     def host_state(self) -> dict[str, Any]:
-        """Steps since the last estimate and since the stage's last full one, and the noise of the next estimate."""
+        """Steps since the last estimate and since the last full stage, and the random state of the next estimate."""
         return {"since_estimate": self._since_estimate, "place": self._place, "noise": self.stable_step.host_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self._since_estimate, self._place = state["since_estimate"], state["place"]
         self.stable_step.restore(state["noise"])

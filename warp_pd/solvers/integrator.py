@@ -1,4 +1,4 @@
-"""The launches of an explicit step that are the solver's own: drift and kick."""
+"""Launches of the explicit integrator: drift and kick."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     """Add the pointwise stages of drift and kick.
 
     Args:
-        phase: Of these two; nothing in another one.
-        stage: Where to add them.
-        context: With the state that parts have in common.
-        inertia: What resists acceleration [kg], or what a static solver puts in its place, (N,).
+        phase: Current phase; only the phases of drift and kick get launches.
+        stage: Stage to which they are added.
+        context: Context with the shared state.
+        inertia: Mass [kg], or the fictitious mass of a static solver, (N,).
     """
     if phase not in (Phase.DRIFT, Phase.KICK):
         return

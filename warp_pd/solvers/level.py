@@ -1,4 +1,4 @@
-"""One sheet in the search for static equilibrium: unbalanced force, trial steps, stiffness products."""
+"""One level (lattice) of the search for static equilibrium: unbalanced force, trial steps, stiffness products."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ OWNER = "Newton"
 
 
 class Level:
-    """The sheet itself, or a coarser lattice over it, with the stages "evaluate", "advance", "linearise", "product".
+    """The sheet, or a coarser lattice over it, with the stages "evaluate", "advance", "linearise", "product".
 
     Attributes:
         context: Arrays and stages of this sheet.
-        tangent: How its internal force changes.
-        following: Loads that follow the displacement.
-        displacement: Where the residual is evaluated [m], (N,) vec3.
+        tangent: Tangent of its internal force.
+        following: Loads that depend on the displacement.
+        displacement: Displacement at which the residual is evaluated [m], (N,) vec3.
         base: Last accepted displacement [m].
         direction: Newton's step [m].
-        residual: Unbalanced force of free components [N].
+        residual: Unbalanced force on free components [N].
         vector: Input of the product.
         image: Output of the product.
     """
@@ -37,7 +37,7 @@ class Level:
         """Allocate the vectors and add all stages but "evaluate".
 
         Raises:
-            InputError: for a load that follows the displacement without a tangent.
+            InputError: for a displacement-dependent load without a tangent.
         """
         self.context, self.law, self.tangent, self.following = context, law, tangent, list(following)
         t, n = context.types, context.sheet.size
@@ -66,15 +66,15 @@ class Level:
 
     @property
     def held(self) -> np.ndarray:
-        """Which components are held, shape (N, 3)."""
+        """Mask of held components, shape (N, 3)."""
         return np.asarray((self.context.held[:, None] >> np.arange(3)) & 1 == 1)
 
     def add_residual(self, stage: Stage, dead: Array | None) -> None:
-        """Add the residual to the stage "evaluate", which has filled internal and external force.
+        """Add the residual to the stage "evaluate", after the launches of internal and external force.
 
         Args:
-            stage: That stage.
-            dead: Dead loads [N], where loads that follow the displacement may balance them; else None.
+            stage: The stage "evaluate".
+            dead: Dead loads [N] if there are also displacement-dependent loads; otherwise None.
         """
         state, f = self.context.state, self.context.features
         stage.launch(
@@ -84,16 +84,16 @@ class Level:
         )  # fmt: skip
 
     def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
-        """Add the launches of image = K vector, held components of the image zero.
+        """Add the launches of image = K vector, with zero in held components.
 
         Args:
-            stage: Where to add them.
+            stage: Stage to which they are added.
             vector: (N,) vec3.
             image: (N,) vec3.
-            following: Whether loads that follow the displacement have their part in K.
+            following: Whether K includes displacement-dependent loads.
 
         Raises:
-            InputError: for such a load without a tangent.
+            InputError: if such a load has no tangent.
         """
         self.tangent.add_product(stage, vector, image)
         if following:
@@ -112,12 +112,12 @@ class Level:
         self.context.sequence(stage).run()
 
     def evaluate(self) -> tuple[float, float]:
-        """Norm of the unbalanced force and of loads and reactions [N], at `displacement`."""
+        """Norms of the unbalanced force and of loads and reactions [N] at `displacement`."""
         self.run("evaluate")
         return float(np.sqrt(dot(self.residual, self.residual))), float(np.sqrt(total(self._reaction)))
 
     def linearise(self, tension: float) -> None:
-        """Take the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
+        """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
         assign(self._tension, np.array([tension]))
         self.run("linearise")
 

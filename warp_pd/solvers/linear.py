@@ -1,8 +1,8 @@
-"""The linear solves of Newton's method: SciPy's solvers on a CPU, Warp's conjugate gradients on a GPU.
+"""Linear solvers for Newton's method: SciPy's on a CPU, Warp's conjugate gradients on a GPU.
 
-Warp's take 0.3 s a scalar product on a CPU. SciPy's copy every vector to the host, which costs a second or so on a
-million points; GMRES, for follower loads, is SciPy's everywhere: Warp's looks at the residual only when it
-restarts, and with the few vectors that makes affordable it did not converge on a million points.
+Warp's solvers take 0.3 s per scalar product on a CPU. SciPy's solvers copy every vector to the host, which costs about
+a second on a million points. GMRES, for follower loads, is always SciPy's: Warp's checks the residual only at restarts
+and, with the few vectors that fit in memory, did not converge on a million points.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ CLOSE_CYCLES = 4
 
 
 class LinearSolver:
-    """Solves K direction = right side of one level.
+    """Solves K direction = right-hand side of one level.
 
     Attributes:
-        products: Stiffness products so far, those of the preconditioner included.
+        products: Number of stiffness products so far, including those of the preconditioner.
     """
 
     def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True) -> None:
-        """Prepare for the solves of a level.
+        """Allocate the solver of a level.
 
         Args:
             level: The level.
-            index: Its place in the hierarchy.
+            index: Its index in the hierarchy.
             kind: Preconditioner, "multigrid", "direct" or "jacobi".
             hierarchy: All levels, for "multigrid".
-            definite: Whether K has no negative eigenvalues; GMRES takes the others.
+            definite: Whether K is positive definite; otherwise GMRES is used.
         """
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
         self.products = 0
@@ -54,7 +54,7 @@ class LinearSolver:
             self._allocate()
 
     def _allocate(self) -> None:
-        """Vectors and launches of the solve on the device; Warp's solver calls the latter with vectors of its own."""
+        """Allocate vectors and launches for Warp's solver, which calls the launches with its own vectors."""
         level, context, n = self.level, self.level.context, self.level.points
         self._right_side = context.array("krylov_right_side", OWNER, context.types.vec3, shape=n)
         self._preconditioned = context.array("preconditioned", OWNER, context.types.vec3, shape=n)
@@ -65,16 +65,16 @@ class LinearSolver:
         self._combination, self._block_scaling = stage.launches()
 
     def prepare(self) -> bool:
-        """Factorise if that is the preconditioner; whether the tangent allows it."""
+        """Factorise if the preconditioner needs it; return whether that succeeded."""
         if self._sparse is not None:
             self.factors = self._sparse.factorise()
             return self.factors is not None
         return True
 
     def solve(self, right_side: np.ndarray, accuracy: float) -> None:
-        """Set `direction` of the level; ends at `accuracy` times the norm of the right side.
+        """Solve for `direction` of the level to `accuracy` times the norm of the right-hand side.
 
-        A solve that does not get there is left as it is: the line search judges the direction.
+        A result that does not reach the accuracy is used anyway; the line search decides whether to accept it.
         """
         if self.factors is not None and not self.level.following:
             assign(self.level.direction, self.factors(right_side))
@@ -86,12 +86,12 @@ class LinearSolver:
     def solve_closely(
         self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None = None
     ) -> bool:
-        """Set `direction` by iterations on the host; the preconditioner may be that of an earlier tangent.
+        """Solve for `direction` by iterations on the host; the preconditioner may be that of an earlier tangent.
 
         Args:
-            right_side: [N], shape (N, 3).
+            right_side: Right-hand side [N], shape (N, 3).
             accuracy: As for `solve`.
-            added: What is added to K x, a function of vectors of shape (3 N,); for the transposed tangent.
+            added: Function of vectors of shape (3 N,) that is added to K x, for the transposed tangent.
 
         Returns:
             Whether the accuracy was reached.

@@ -1,9 +1,9 @@
-"""Coarser lattices over the same rectangle: where Newton starts, and its preconditioner.
+"""Coarser lattices over the same rectangle, for initial guesses and as a multigrid preconditioner.
 
-The coarse sheets carry the same law, with plain weights and the same horizon in spacings, so nothing is
-assembled: every level is linearised at the displacement of the finest one. Solving on them first puts Newton
-near the answer; a V-cycle through them, smoothed by block Jacobi and solved directly on the coarsest, makes the
-number of iterations independent of the number of points.
+The coarse sheets have the same law, with plain weights and the same horizon in spacings, so no matrix is assembled:
+every level is linearised at the displacement of the finest one. Solving on coarse levels first gives Newton's method a
+good start. A V-cycle, smoothed by block Jacobi and solved directly on the coarsest level, makes the number of
+iterations independent of the number of points.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MIN_HORIZON = 1.5
 
 
 class CoarseLoads:
-    """Loads on a coarser lattice: dead ones restricted from the finest, those that follow the displacement its own.
+    """Loads on a coarser lattice: dead loads restricted from the finest, displacement-dependent loads built anew.
 
     Attributes:
         dead: Forces of the dead loads [N], (N,) vec3.
@@ -64,7 +64,7 @@ class Hierarchy:
         """Build the coarser levels.
 
         Args:
-            finest: The sheet itself, an uncut rectangle, with a law and loads that exist on coarser ones.
+            finest: The sheet, an uncut rectangle, with a law and loads that can be built on coarser lattices.
             system: Its law and parts.
         """
         context = finest.context
@@ -107,7 +107,7 @@ class Hierarchy:
         self.lattices.append(lattice)
 
     def set_loads(self, index: int) -> None:
-        """Restrict the dead loads of the finest lattice, as its schedules say now, to a coarser one."""
+        """Restrict the current dead loads of the finest lattice to a coarser one."""
         loads = self._loads[index]
         if loads is not None and self._dead is not None:
             self.levels[0].run("dead loads")
@@ -166,7 +166,7 @@ class Hierarchy:
         )  # fmt: skip
 
     def linearise(self, finest: int, tension: float) -> None:
-        """Take the tangents of `finest` and all coarser levels, at its displacement; set the smoothers up."""
+        """Compute the tangents of `finest` and all coarser levels at its displacement, and set up the smoothers."""
         self.levels[finest].linearise(tension)
         for index in range(finest, len(self.levels) - 1):
             self.levels[index].run("sample")
@@ -180,7 +180,7 @@ class Hierarchy:
                 assign(omegas, 1.0 / (middle + half * angles))
 
     def _largest_eigenvalue(self, index: int) -> float:
-        """Of D^-1 K, by power iteration on a small level: D and K scale alike, so it holds for all."""
+        """Largest eigenvalue of D^-1 K, common to all levels, by power iteration on a small one."""
         level = self.levels[index]
         blocks = level.tangent.inverse_blocks.numpy().astype(np.float64)
         v = np.random.default_rng(0).normal(size=(level.points, 3))
@@ -198,11 +198,11 @@ class Hierarchy:
         return self._coarsest is not None
 
     def sides(self, index: int) -> tuple[Array, Array]:
-        """Right side and solution of the V-cycle that begins at a level, (N,) vec3."""
+        """Right-hand side and solution of the V-cycle that starts at a level, (N,) vec3."""
         return self._sides[index]
 
     def cycle(self, finest: int) -> None:
-        """One V-cycle from the level `finest` down and back."""
+        """Run one V-cycle that starts at the level `finest`."""
         last = len(self.levels) - 1
         for index in range(finest, last):
             self.levels[index].run("down")
@@ -213,7 +213,7 @@ class Hierarchy:
             self.levels[index].run("up")
 
     def products_per_cycle(self, finest: int) -> int:
-        """Stiffness products that one V-cycle makes on its finest level."""
+        """Number of stiffness products of one V-cycle on its finest level."""
         return 2 * SWEEPS if finest < len(self.levels) - 1 else 0
 
     def sample(self) -> None:
@@ -227,7 +227,7 @@ class Hierarchy:
 
 
 def coarser(lattice: Lattice) -> list[Lattice]:
-    """Lattices over the same rectangle, each with half the spacings of the one before."""
+    """Lattices over the same rectangle, each with half as many spacings as the one before."""
     result = []
     while lattice.columns * lattice.rows > MAX_COARSEST:
         columns, rows = lattice.columns // 2 + 1, lattice.rows // 2 + 1
@@ -247,7 +247,7 @@ def coarse_points(lattice: Lattice, finest: Lattice) -> np.ndarray:
 
 
 def restrict_loads(forces: np.ndarray, finest: Lattice, lattice: Lattice) -> np.ndarray:
-    """Forces on the points of a coarser lattice that do the same work [N], shape (N, 3)."""
+    """Work-equivalent forces on the points of a coarser lattice [N], shape (N, 3)."""
     along_x, along_y = _hats(finest.columns, lattice.columns), _hats(finest.rows, lattice.rows)
     grid = forces.reshape(finest.rows, finest.columns, 3)
     return np.asarray(np.einsum("Yy,yxc,Xx->YXc", along_y, grid, along_x, optimize=True).reshape(-1, 3))
@@ -260,7 +260,7 @@ def _hats(fine: int, coarse: int) -> np.ndarray:
 
 
 def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Lattice) -> Context:
-    """Context of a coarser lattice over the same rectangle, with the state that equilibrium needs."""
+    """Context of a coarser lattice over the same rectangle, with the state needed for equilibrium."""
     sheet = context.sheet
     width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
     near = coarse_points(lattice, finest)
@@ -286,7 +286,7 @@ def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Latti
 
 
 def coarse_law(law: BuiltLaw, context: Context, lattice: Lattice) -> BuiltLaw:
-    """The law on a coarser lattice: at least its diagonal neighbours belong to a family."""
+    """The law on a coarser lattice, with a horizon that includes at least diagonal neighbours."""
     ratio = max(MIN_HORIZON, 1.001 * float(np.hypot(lattice.dx, lattice.dy)) / context.sheet.spacing)
     found = law.on_coarser(context, ratio)
     assert found is not None

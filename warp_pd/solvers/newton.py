@@ -1,4 +1,4 @@
-"""Newton's method for static equilibrium: load steps, line search, a tension for what is slack."""
+"""Newton's method for static equilibrium: load steps, line search, added tension for slack sheets."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ NOT_DONE = (
 
 @dataclass(frozen=True)
 class Newton:
-    """Newton's method on the unbalanced force; for force laws with an energy ("plain", "corrected" weights).
+    """Newton's method for static equilibrium, for force laws with an energy ("plain" or "corrected" weights).
 
-    The load factor s runs from 0 to 1: schedules at the time s duration, loads without a schedule times s.
-    A load step that fails is halved (a cutback). On an uncut rectangle every load step is solved on coarser lattices
-    first; elsewhere the second and later ones start on the line through the two states before. With the
-    bond-based law and a rupture criterion every load step reaches equilibrium, breaks what exceeds it, and reaches
-    equilibrium again.
+    The load factor s runs from 0 to 1: schedules are evaluated at the time s * duration, and loads without a schedule
+    are multiplied by s. A load step that fails is halved (a cutback). On an uncut rectangle every load step is first
+    solved on coarser lattices; elsewhere load steps after the first start from a linear extrapolation of the last two
+    states. With a rupture criterion every load step finds equilibrium, breaks the bonds that exceed the criterion, and
+    repeats until none break.
 
-    A step of Newton is accepted by the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
-    Meth. Eng. 14, 1979), unless that force becomes ten times larger. The work asks for no potential, so follower
-    pressure is no exception; its unsymmetric tangent goes to GMRES, symmetric tangents to conjugate gradients. Where
-    the step fails, or the start is slack, an isotropic tension is added to the tangent (not to the force) and taken
-    back as the steps succeed.
+    A Newton step is accepted based on the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
+    Meth. Eng. 14, 1979), unless that force grows tenfold. This needs no potential, so it also works for follower
+    pressure. Unsymmetric tangents are solved by GMRES, symmetric ones by conjugate gradients. If a step fails, or the
+    initial state is slack, an isotropic tension is added to the tangent (not to the force) and removed as steps
+    succeed.
 
     Attributes:
-        tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in
-            equilibrium; by default 1e-8 in float64 and 1e-4 in float32, whose round-off allows no better.
-        load_steps: Number of equal load steps, as long as none fails; each is recorded as a frame.
-        most_iterations: Newton steps of one load step after which it counts as failed.
-        most_cuts: Cutbacks, halved load steps, over the whole path.
+        tolerance: Norm of the unbalanced force divided by the norm of loads and reactions at which equilibrium is
+            accepted; by default 1e-8 in float64 and 1e-4 in float32, which is limited by round-off.
+        load_steps: Number of equal load steps, before cutbacks; each is recorded as a frame.
+        most_iterations: Number of Newton steps after which a load step counts as failed.
+        most_cuts: Maximum number of cutbacks over the whole path.
         preconditioner: "multigrid" (uncut rectangles of more than 300 points, horizons up to 2.5), "direct" (a
-            sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where possible,
-            else direct on a CPU and jacobi on a GPU. The bond-based law has no multigrid, and is solved directly
-            on either up to 100 000 points.
-        stiffness: "tangent", or, for the bond-based law, "constant": without the part of the bonds' tension
-            (IM eq. 16, with directions and moduli of the bonds as they are), always in full steps, as published.
-            For comparison: it becomes slow, then oscillates, as deformations and the ratio of moduli grow.
+            sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where possible, otherwise
+            direct on a CPU and jacobi on a GPU. The bond-based law has no multigrid and is solved directly on both, up
+            to 100 000 points.
+        stiffness: "tangent", or, for the bond-based law, "constant": the published method without the geometric
+            stiffness of the bonds (IM eq. 16, with current directions and moduli) and with full steps. For comparison
+            only: it becomes slow and then oscillates as deformations and the ratio of moduli grow.
     """
 
     tolerance: float | None = None
@@ -80,25 +80,25 @@ class Newton:
 
     @property
     def frame_count(self) -> int:
-        """One per planned load step."""
+        """Number of frames after the first, one per planned load step."""
         return self.load_steps
 
     @property
     def default_ramp(self) -> Schedule:
-        """Loads without a schedule rise with the load factor."""
+        """Loads without a schedule are proportional to the load factor."""
         return Schedule(np.array([0.0, self.duration]), np.repeat([[0.0], [1.0]], 3, axis=1))
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device.
+        """Build the solver on a device.
 
         Raises:
-            InputError: for a law without a tangent.
+            InputError: if the law has no tangent.
         """
         return BuiltNewton(self, context, law)
 
 
 class BuiltNewton(BuiltSolver):
-    """Newton's method on a device: adds nothing to a step in time."""
+    """Newton's method on a device; it adds no launches to time steps."""
 
     label = "solver = Newton"
     search: Search
@@ -112,20 +112,20 @@ class BuiltNewton(BuiltSolver):
         """Compose residual, tangent and, on a rectangle, the coarser lattices.
 
         Raises:
-            InputError: for parts that Newton's method does not know.
+            InputError: for parts that Newton's method does not support.
         """
         system.refuse_phases("Newton", NOT_DONE)
         self.search = Search(self.solver, system, self.tangent)
 
     def run(self, sink: FrameSink) -> str:
-        """Bring every load step to equilibrium, each a frame; returns the final status.
+        """Bring every load step to equilibrium and record it as a frame; return the final status.
 
         After a failure the state is that of the last good load step.
         """
         return self.search.run(sink)
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Load steps between which equilibrium states are missing."""
+        """Notes on load steps between which the sheet may have jumped."""
         return [
             f"Newton: between load factors {jump['from']:.4g} and {jump['to']:.4g} the sheet moved "
             f"{jump['moved']:.3g} m, {jump['times']:.1f} times as far as in the load steps before: it may have "
@@ -136,9 +136,9 @@ class BuiltNewton(BuiltSolver):
         ] + self.search.rupture.notes()
 
     def host_state(self) -> dict[str, Any]:
-        """Where the search stands."""
+        """The state of the search."""
         return self.search.host_state()
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self.search.restore(state)

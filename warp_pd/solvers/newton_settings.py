@@ -1,4 +1,4 @@
-"""What the search for equilibrium is told, and what it reports."""
+"""Settings and report of the search for equilibrium."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 
 class EquilibriumSettings(Protocol):
-    """Numbers of every search for equilibrium, see `warp_pd.Newton`."""
+    """Settings common to all searches for equilibrium, see `warp_pd.Newton`."""
 
     @property
     def tolerance(self) -> float | None:
@@ -16,7 +16,7 @@ class EquilibriumSettings(Protocol):
 
     @property
     def most_iterations(self) -> int:
-        """Newton steps of one load step."""
+        """Maximum number of Newton steps per load step."""
         ...
 
     @property
@@ -31,26 +31,26 @@ class EquilibriumSettings(Protocol):
 
     @property
     def duration(self) -> float:
-        """Load time of the whole load [s]."""
+        """Load time at full load [s]."""
         ...
 
 
 class NewtonSettings(EquilibriumSettings, Protocol):
-    """Numbers of `warp_pd.Newton`."""
+    """Settings of `warp_pd.Newton`."""
 
     @property
     def load_steps(self) -> int:
-        """Planned load steps."""
+        """Number of planned load steps."""
         ...
 
     @property
     def most_cuts(self) -> int:
-        """Cutbacks over the whole path."""
+        """Maximum number of cutbacks over the whole path."""
         ...
 
 
 class PathSettings(EquilibriumSettings, Protocol):
-    """Numbers of `warp_pd.ArcLength`."""
+    """Settings of `warp_pd.ArcLength`."""
 
     @property
     def increment(self) -> float:
@@ -59,12 +59,12 @@ class PathSettings(EquilibriumSettings, Protocol):
 
     @property
     def most_steps(self) -> int:
-        """Steps along the path."""
+        """Maximum number of steps along the path."""
         ...
 
     @property
     def most_cuts(self) -> int:
-        """Times that one step is halved."""
+        """Maximum number of times that one step is halved."""
         ...
 
     @property
@@ -75,11 +75,11 @@ class PathSettings(EquilibriumSettings, Protocol):
 
 @dataclass
 class Report:
-    """What one search did; becomes "solve" in summary.json.
+    """Report of one search; becomes "solve" in summary.json.
 
     Attributes:
         solver: Name of the solver.
-        preconditioner: The one in use.
+        preconditioner: Preconditioner in use.
         load_steps: One entry per attempted load step: share (load factor), converged, rounds of rupture, and per
             lattice, coarsest first: points, relative residuals, accepted fractions of the steps, products with the
             stiffness.
@@ -91,7 +91,7 @@ class Report:
     seconds: float = 0.0
 
     def summary(self, points: int, reached: float) -> dict[str, Any]:
-        """As plain numbers and lists; iterations and products are those on the finest lattice."""
+        """The report as plain numbers and lists; iterations and products are those on the finest lattice."""
         finest = [level for step in self.load_steps for level in step["lattices"] if level["points"] == points]
         return {
             "solver": self.solver,

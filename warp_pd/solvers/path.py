@@ -1,4 +1,4 @@
-"""A path of equilibria by pseudo-arclength: predictor along the tangent, Newton's method across it."""
+"""A path of equilibria by pseudo-arclength: predictor along the tangent, Newton corrector in the normal plane."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ SAME_BRANCH = 0.5
 
 @dataclass
 class Progress:
-    """How far the path has been followed.
+    """State of the path.
 
     Attributes:
-        step: Number of the last point, from 0 for the start.
+        step: Index of the last point; the start is 0.
         factor: Load factor.
-        rate: Its change with the arc length [1/m].
-        length: Next step [m], root mean square of the displacement.
+        rate: Derivative of the load factor by the arc length [1/m].
+        length: Next step length [m], the root mean square of the displacement.
         negative: Number of negative eigenvalues of the tangent, or None.
         lowest: Lowest eigenvalues, see `Stability`.
         found: Limit points and bifurcations.
@@ -57,10 +57,10 @@ class Origin:
     """The point that a step starts from.
 
     Attributes:
-        displacement: [m], shape (N, 3).
-        direction: Displacement over arc length along the path [-], shape (N, 3).
+        displacement: Displacement [m], shape (N, 3).
+        direction: Derivative of the displacement by the arc length [-], shape (N, 3).
         factor: Load factor.
-        rate: Its change with the arc length [1/m].
+        rate: Derivative of the load factor by the arc length [1/m].
     """
 
     displacement: np.ndarray
@@ -73,9 +73,9 @@ class Path(StaticSystem):
     """A path of equilibria of one simulation.
 
     Attributes:
-        settings: Of the solver.
-        direction: Displacement over arc length along the path [-], (N,) vec3.
-        state: How far the path has been followed.
+        settings: Settings of the solver.
+        direction: Derivative of the displacement by the arc length [-], (N,) vec3.
+        state: State of the path.
     """
 
     name = "ArcLength"
@@ -87,10 +87,10 @@ class Path(StaticSystem):
         """Add all stages.
 
         Raises:
-            InputError: for a preconditioner that the sheet does not allow, or bonds that can break.
+            InputError: if the sheet does not allow the preconditioner, or bonds can break.
         """
         if system.rupture is not None:
-            raise InputError(f"{system.rupture.label}: ArcLength follows sheets that do not break; expected Newton")
+            raise InputError(f"{system.rupture.label}: ArcLength does not support rupture; expected Newton")
         super().__init__(settings, system, tangent)
         context = system.context
         self.direction = context.array(
@@ -99,15 +99,15 @@ class Path(StaticSystem):
         self.state = Progress()
 
     def host_state(self) -> dict[str, Any]:
-        """Where the path stands, for a restart that goes on bit for bit."""
+        """The state of the path, for a bitwise identical restart."""
         return {"sizes": asdict(self.sizes), "path": asdict(self.state)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self.sizes, self.state = Sizes(**state["sizes"]), Progress(**state["path"])
 
     def run(self, sink: FrameSink) -> str:
-        """Follow the path; returns the final status."""
+        """Follow the path; return the final status."""
         self._start_report(sink)
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
@@ -127,7 +127,7 @@ class Path(StaticSystem):
     # Steps ---------------------------------------------------------------------------------------------
 
     def _begin_path(self, sink: FrameSink) -> bool:
-        """The first point, by Newton's method at a load factor; whether it is found."""
+        """Find the first point by Newton's method at a fixed load factor; return whether it was found."""
         level, factor = self.levels[0], min(1.0, self.settings.increment)
         start = level.displacement.numpy().astype(np.float64)
         for _ in range(self.settings.most_cuts + 1):
@@ -146,7 +146,7 @@ class Path(StaticSystem):
         return False
 
     def _advance(self, sink: FrameSink) -> bool:
-        """The next point of the path; whether it is found."""
+        """Find the next point of the path; return whether it was found."""
         level, state = self.levels[0], self.state
         origin = Origin(
             level.displacement.numpy().astype(np.float64), self.direction.numpy().astype(np.float64), state.factor,
@@ -160,7 +160,7 @@ class Path(StaticSystem):
         return False
 
     def _step(self, origin: Origin, sink: FrameSink) -> bool:
-        """One step of the present length; whether it stays on the path."""
+        """Try one step of the current length; return whether it stayed on the path."""
         length, increment = self.state.length, self.settings.increment
         predicted = origin.factor + length * origin.rate
         entry: dict[str, Any] = {"share": predicted, "converged": False, "rounds": 0, "lattices": []}
@@ -181,7 +181,7 @@ class Path(StaticSystem):
         return bool(entry["converged"])
 
     def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
-        """Equilibrium at the last load factor; one that turned before, or that is far away, counts as not found."""
+        """Find equilibrium at the final load factor; reject it if the load turned before, or if it is far away."""
         level, length = self.levels[0], (factor - origin.factor) / origin.rate
         self.set_loads(factor)
         assign(level.displacement, origin.displacement + length * origin.direction)
@@ -191,7 +191,7 @@ class Path(StaticSystem):
         return factor, found
 
     def _accept(self, origin: Origin, factor: float, length: float, growth: float) -> bool:
-        """Take the present equilibrium as the next point, unless it is on another branch."""
+        """Accept the current equilibrium as the next point unless it is on another branch."""
         state, level = self.state, self.levels[0]
         ahead = self._tangent(origin, factor)
         if ahead is None:
@@ -210,7 +210,7 @@ class Path(StaticSystem):
         return True
 
     def _tangent(self, origin: Origin, factor: float) -> tuple[np.ndarray, float] | None:
-        """Direction of the path at the present point and the rate of the load factor; None on another branch."""
+        """Direction of the path at the current point and the rate of the load factor; None on another branch."""
         level = self.levels[0]
         self.set_loads(factor)
         level.evaluate()
@@ -229,7 +229,7 @@ class Path(StaticSystem):
     # Newton's method -----------------------------------------------------------------------------------
 
     def _correct(self, origin: Origin, length: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
-        """Equilibrium on the plane across the path at a distance; the load factor, and an entry of the report."""
+        """Find equilibrium in the normal plane at a distance; return the load factor and a report entry."""
         level, products = self.levels[0], self.solvers[0].products
         factor = origin.factor + length * origin.rate
         there = origin.displacement + length * origin.direction
@@ -263,7 +263,7 @@ class Path(StaticSystem):
         }  # fmt: skip
 
     def _along(self, factor: float, sign: float) -> np.ndarray:
-        """Change of the displacement with the load factor [m], shape (N, 3), by the tangent at the present point."""
+        """Derivative of the displacement by the load factor [m], shape (N, 3), at the current point."""
         level, ahead = self.levels[0], DIFFERENCE * self.settings.increment * sign
         # Schedules may end with the load.
         ahead = -ahead if abs(factor + ahead) > 1.0 else ahead

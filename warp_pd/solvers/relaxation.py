@@ -38,28 +38,29 @@ NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPA
 
 @dataclass(frozen=True)
 class Relaxation:
-    """Adaptive dynamic relaxation: a fictitious density from the stiffness, damping for the motion that is left.
+    """Static equilibrium by adaptive dynamic relaxation, with a fictitious density and adaptive damping.
 
-    The density of a point is the sum of its row of the stiffness (HE eqs. 86 to 93, kernels/relaxation.py), so
-    that stiff and soft points move at one rate; the damping of every step is critical by Rayleigh's quotient
-    (HE eqs. 94 to 97, with the tangent along the motion in place of a diagonal). Where HE take a unit step,
-    stable by Gershgorin's bound, the largest frequency is estimated instead, which allows a step almost four
-    times as long (docs/solvers.md); bonds of two moduli keep it to that bound. The true mass takes no part:
-    relaxation with it is the special case of equal points. A law without a tangent, a material without
-    `response`, and a sheet with rigid inclusions, whose bodies have true masses, keep it.
+    The fictitious density of a point is the row sum of the stiffness (HE eqs. 86 to 93, kernels/relaxation.py), so
+    stiff and soft points converge at the same rate. The damping of every step is critical by the Rayleigh quotient (HE
+    eqs. 94 to 97, with the tangent along the motion instead of a diagonal). HE use a unit step, which is stable by
+    Gershgorin's bound; here the largest frequency is estimated, which allows a step almost four times as long
+    (docs/solvers.md), except for bimodular bonds, which need the bound. The true mass is used instead for laws without
+    a tangent, materials without `response`, and sheets with rigid inclusions, whose bodies have true masses.
 
-    With a rupture criterion every load step relaxes, breaks what exceeds it, and relaxes again until nothing breaks.
+    With a rupture criterion every load step relaxes, breaks the bonds that exceed the criterion, and repeats until none
+    break.
 
-    Schedules run in a load time from 0 to `duration`; every load step ramps over `ramp_steps` steps, then rests.
+    Schedules are evaluated at a load time from 0 to `duration`. Every load step is ramped over `ramp_steps` steps and
+    then held constant.
 
     Attributes:
-        tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in
-            equilibrium; by default 1e-6 in float64 and 1e-4 in float32, whose round-off allows no better.
-        load_steps: Equal load steps, each brought to equilibrium and recorded as a frame.
-        ramp_steps: Steps over which a load step is applied; more of them where the residual becomes infinite, as with
-            a volume that is prescribed.
-        most_steps: Steps after which the run gives up, with status "not converged" and the last good load step.
-        safety: Step over the estimated stable step.
+        tolerance: Norm of the unbalanced force divided by the norm of loads and reactions at which equilibrium is
+            accepted; by default 1e-6 in float64 and 1e-4 in float32, which is limited by round-off.
+        load_steps: Number of equal load steps, each brought to equilibrium and recorded as a frame.
+        ramp_steps: Number of steps over which a load step is applied; increase it if the residual becomes infinite, for
+            example with a prescribed volume.
+        most_steps: Number of steps after which the run stops with status "not converged" and the last good load step.
+        safety: Step divided by the estimated stable step.
     """
 
     tolerance: float | None = None
@@ -87,11 +88,11 @@ class Relaxation:
 
     @property
     def frame_count(self) -> int:
-        """One per load step."""
+        """Number of frames after the first, one per load step."""
         return self.load_steps
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device."""
+        """Build the solver on a device."""
         return BuiltRelaxation(self, context, law)
 
 
@@ -119,7 +120,7 @@ class BuiltRelaxation(BuiltSolver):
         self._largest = 0.0
 
     def inertia(self) -> Array:
-        """The fictitious mass, and the launches that update it; the true mass for laws and sheets without one."""
+        """The fictitious mass (or the true mass if there is none), and the stage that updates it."""
         if self._inertia is None:
             stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
             found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)
@@ -147,7 +148,7 @@ class BuiltRelaxation(BuiltSolver):
         """Compose the step, the residual and the stable step.
 
         Raises:
-            InputError: for parts that act in a phase which relaxation does not have.
+            InputError: for parts that relaxation does not support.
         """
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)
@@ -167,11 +168,11 @@ class BuiltRelaxation(BuiltSolver):
         )  # fmt: skip
 
     def run(self, sink: FrameSink) -> str:
-        """Bring every load step to equilibrium, each a frame; returns the final status."""
+        """Bring every load step to equilibrium and record it as a frame; return the final status."""
         return Relaxing(self, sink).run()
 
     def set_step(self) -> float:
-        """Renew the fictitious mass and set the step; the stable step [s]."""
+        """Update the fictitious mass and the step; return the stable step [s]."""
         self._mass_launches.run()
         omega = self.stable_step.omega(FIRST_ITERATIONS if self._dt == 0.0 else LATER_ITERATIONS)
         if self._inertia is not self.context.state.mass:
@@ -184,7 +185,7 @@ class BuiltRelaxation(BuiltSolver):
         return stable
 
     def residual(self) -> float:
-        """Unbalanced force over loads and reactions, as the stage "residual" left them."""
+        """Unbalanced force divided by loads and reactions, from the last run of the stage "residual"."""
         unbalanced, reaction = self.context.total(self._squared), self.context.total(self._reaction)
         reaction = max(reaction, MIN_LOAD**2 * self._largest)
         if unbalanced == 0.0:
@@ -192,24 +193,24 @@ class BuiltRelaxation(BuiltSolver):
         return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
 
     def settled(self) -> None:
-        """Remember what a state in equilibrium carries."""
+        """Record the loads and reactions of an equilibrium state."""
         self._largest = max(self._largest, self.context.total(self._reaction))
 
     @property
     def dt(self) -> float:
-        """The present step [s]; 0 before the first."""
+        """The current step [s]; 0 before the first."""
         return self._dt
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Tears that ran through."""
+        """Notes on tears that ran through."""
         return self.rupture.notes()
 
     def host_state(self) -> dict[str, Any]:
-        """The step, the largest load, and the noise of the next estimate."""
+        """The step, the largest load, and the random state of the next estimate."""
         return {"dt": self._dt, "largest": self._largest, "noise": self.stable_step.host_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self._dt, self._largest = state["dt"], state["largest"]
         self.stable_step.restore(state["noise"])
 
@@ -229,7 +230,7 @@ class Relaxing:
         self.entries: list[dict[str, Any]] = list(earlier["load_steps"])
 
     def run(self) -> str:
-        """Follow the load path; returns the final status."""
+        """Follow the load path; return the final status."""
         sink, built = self.sink, self.built
         load_steps, duration = self.solver.load_steps, self.solver.duration
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
@@ -259,7 +260,7 @@ class Relaxing:
         return FINISHED
 
     def _load_step(self, index: int) -> bool:
-        """Apply a load step and relax, break, relax; whether it reached equilibrium with nothing left to break."""
+        """Apply a load step, alternating relaxation and rupture; return whether it reached a final equilibrium."""
         share = index / self.solver.load_steps
         entry: dict[str, Any] = {"share": share, "steps": self.done, "rounds": 0, "residuals": []}
         self.entries.append(entry)
@@ -277,7 +278,7 @@ class Relaxing:
         return bool(entry["converged"])
 
     def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool) -> bool:
-        """Steps until the residual is small; whether it became so. The residual is looked at once at least."""
+        """Take steps until the residual is small, checking it at least once; return whether it became small."""
         start, solver = self.done, self.solver
         ramp_steps = solver.ramp_steps if ramp else 0
         while self.done == start or self.done < solver.most_steps:
@@ -311,7 +312,7 @@ class Relaxing:
         return {name: array.numpy().copy() for name, array in self._kept().items()}
 
     def _restore(self, good: dict[str, np.ndarray]) -> None:
-        """Put the last good load step back; its frame is written already, so nothing new is recorded."""
+        """Restore the last good load step, whose frame is already written."""
         for name, array in self._kept().items():
             array.assign(good[name])
         self.built.context.state.velocity.zero_()

@@ -1,4 +1,4 @@
-"""The search for equilibrium of Newton's method: load steps, cutbacks, coarser lattices."""
+"""Newton's search for equilibrium: load steps, cutbacks, coarser lattices."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Search(StaticSystem):
     """The search for equilibrium of one simulation.
 
     Attributes:
-        settings: Of Newton's method.
-        earlier: Displacement of the load step before the last good one [m], (N,) vec3.
+        settings: Settings of Newton's method.
+        earlier: Displacement of the last good load step but one [m], (N,) vec3.
     """
 
     name = "Newton"
@@ -39,7 +39,7 @@ class Search(StaticSystem):
         """Add all stages.
 
         Raises:
-            InputError: for a preconditioner that the sheet does not allow.
+            InputError: if the sheet does not allow the preconditioner.
         """
         super().__init__(settings, system, tangent)
         context = system.context
@@ -56,14 +56,14 @@ class Search(StaticSystem):
         self.jumps: list[dict[str, float]] = []
 
     def host_state(self) -> dict[str, Any]:
-        """Where the search stands, for a restart that goes on bit for bit."""
+        """The state of the search, for a bitwise identical restart."""
         return {
             **asdict(self.sizes), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
             "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self.sizes = Sizes(state["modulus"], state["largest"])
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
@@ -73,7 +73,7 @@ class Search(StaticSystem):
     # Load steps ----------------------------------------------------------------------------------------
 
     def settle(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
-        """Equilibrium at a load factor, from a guess of the displacement [m], (N, 3), or from the present state."""
+        """Find equilibrium at a load factor from a guess [m], shape (N, 3), or from the current state."""
         if guess is None:
             return self._load_step(factor, sink)[0]
         self.set_loads(factor)
@@ -81,7 +81,7 @@ class Search(StaticSystem):
         return bool(self._descend(0, factor, sink, self.tolerance)["converged"])
 
     def run(self, sink: FrameSink) -> str:
-        """Follow the load path; returns the final status."""
+        """Follow the load path; return the final status."""
         finest, planned = self.levels[0], self.settings.load_steps
         self._start_report(sink)
         reached = sink.time / self.settings.duration
@@ -112,7 +112,7 @@ class Search(StaticSystem):
         return FINISHED
 
     def _compare(self, before: float, reached: float) -> None:
-        """Remember a load step that moved the sheet much farther than those before it, and than its supports moved."""
+        """Record a load step in which the sheet moved much farther than before and than its supports."""
         here, good = (array.numpy().astype(np.float64) for array in (self.levels[0].displacement, self.good))
         moved, length = np.abs(here - good), reached - before
         far, prescribed = float(moved.max()), float(moved[self.levels[0].held].max(initial=0.0))
@@ -122,7 +122,7 @@ class Search(StaticSystem):
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
     def _keep(self, reached: float) -> Sequence[np.ndarray]:
-        """Remember the state as the last good load step; what rupture has left until then."""
+        """Store the state as the last good load step, including that of rupture."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -134,7 +134,7 @@ class Search(StaticSystem):
         return self.rupture.remember()
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
-        """Equilibrium at a load factor in which nothing breaks; whether found, and the residual.
+        """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.
 
         With a damage field this is alternate minimisation of the energy by displacement and damage.
         """

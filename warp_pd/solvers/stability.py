@@ -1,4 +1,4 @@
-"""Stability of an equilibrium: the lowest eigenvalues of the tangent, and how many of them are negative."""
+"""Stability of an equilibrium: lowest eigenvalues of the tangent, and the number of negative ones."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Stability:
     """The lowest eigenvalues of a tangent.
 
     Attributes:
-        negative: Number of negative ones: 0 in a stable equilibrium.
-        lowest: Some of them, lowest first. With loads that follow the displacement those of K x = mu K0 x, K0 being the
-            tangent without them [-]; else the one nearest to zero [N/m].
+        negative: Number of negative eigenvalues; 0 in a stable equilibrium.
+        lowest: Lowest eigenvalues, in ascending order. With displacement-dependent loads those of K x = mu K0 x, where
+            K0 is the tangent without these loads [-]; otherwise the one nearest to zero [N/m].
     """
 
     negative: int
@@ -30,19 +30,19 @@ class Stability:
 
 
 def stability(level: Level, solver: LinearSolver, number: int) -> Stability | None:
-    """Stability as of the last linearisation.
+    """Stability at the last linearisation.
 
-    K0 is factorised; the signs of its pivots are those of its eigenvalues (Sylvester). With loads that follow the
-    displacement K has as many more negative ones as K0^-1 K has, if K0 has none; else their sum is even or odd as
-    their number is, which suffices to see one change its sign.
+    K0 is factorised; by Sylvester's law of inertia its pivots have the signs of its eigenvalues. With
+    displacement-dependent loads, K has as many negative eigenvalues as K0^-1 K if K0 has none. Otherwise the sum of
+    both numbers is even or odd like the number for K, which suffices to detect a change of sign.
 
     Args:
         level: The sheet.
-        solver: Its linear solves, with the tangent factorised.
+        solver: Its linear solver, with the tangent factorised.
         number: Number of eigenvalues to find.
 
     Returns:
-        None without a factorisation, or where the eigenvalues are not found.
+        None without a factorisation, or if the eigenvalues are not found.
     """
     factors = solver.factors
     negative = None if factors is None else factors.negative()

@@ -1,4 +1,4 @@
-"""The stable step of central differences, 2 / omega_max, by power iteration on the current state."""
+"""The stable step of central differences, 2 / omega_max, by power iteration at the current state."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ OWNER = "stable step"
 
 
 class _Buffers(NamedTuple):
-    """What an iteration writes before it is read.
+    """Work arrays of an iteration.
 
     Attributes:
-        trial: Displacement beside the state [m], (N,) vec3.
-        plus: Internal force on one side [N], (N,) vec3.
-        response: That on the other side [N], then what the direction becomes, (N,) vec3.
+        trial: Trial displacement [m], (N,) vec3.
+        plus: Internal force at the positive trial displacement [N], (N,) vec3.
+        response: Internal force at the negative trial displacement [N], then the response, (N,) vec3.
         sums: Sums of blocks of points, (4, blocks).
         scale: One over the largest response, (1,).
         momentum: Fraction of the earlier direction, (1,).
@@ -65,11 +65,11 @@ class _Buffers(NamedTuple):
 
 
 class StableStep:
-    """Estimates the largest natural frequency of the sheet as it is, supports and loads included.
+    """Estimates the largest natural frequency of the sheet in its current state, including supports and loads.
 
     One iteration applies M^-1 K to a direction by a central difference of the force. Its growth is a lower bound of
-    omega_max^2 that rises towards it, four times as fast with momentum as without. The direction is kept, so that
-    later estimates start near the answer, plus some noise, so that they can find a mode that is new.
+    omega_max^2 that rises towards it, four times as fast with momentum as without. Later estimates start from the last
+    direction, plus some noise so that they can find new modes.
     """
 
     def __init__(self, system: System, inertia: Array) -> None:
@@ -77,7 +77,7 @@ class StableStep:
 
         Args:
             system: The sheet with its law and parts.
-            inertia: What resists acceleration, (N,).
+            inertia: True or fictitious mass, (N,).
         """
         self.context = context = system.context
         types, n = context.types, context.sheet.size
@@ -120,7 +120,7 @@ class StableStep:
         )  # fmt: skip
 
     def _in_groups(self, stage: Stage, sums: Array) -> Array:
-        """Sums of groups of blocks, where one thread would take longer over all than the launches of the force."""
+        """Add sums over groups of blocks if a single thread would take too long for all blocks."""
         if sums.shape[1] <= MANY_BLOCKS:
             return sums
         groups = -(-sums.shape[1] // GROUP)
@@ -129,7 +129,7 @@ class StableStep:
         return shorter
 
     def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
-        """`old` plus a fraction of noise for the points here, shape (n, 3); no noise where they are supported."""
+        """`old` plus a fraction of noise for the local points, shape (n, 3), without noise in held components."""
         held, noise = self.context.held, self._draw()
         for c in range(3):
             noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
@@ -138,7 +138,7 @@ class StableStep:
         return noise.astype(wp.dtype_to_numpy(self.context.types.real))
 
     def _draw(self) -> np.ndarray:
-        """New random numbers from -1 to 1 of the points here, shape (n, 3), on any number of processes the same."""
+        """Random numbers from -1 to 1 for the local points, shape (n, 3), the same on any number of processes."""
         partition, size = self.context.partition, self.context.whole.size
         begin, end = (0, size) if partition is None else (int(partition.points.min()), int(partition.points.max()) + 1)
         # The generator takes one step for a number.
@@ -150,17 +150,18 @@ class StableStep:
         return drawn if partition is None else drawn[partition.points - begin]
 
     def host_state(self) -> dict[str, Any]:
-        """State of the generator of the noise, for a restart."""
+        """State of the random generator, for a restart."""
         return dict(self._noise.bit_generator.state)
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self._noise.bit_generator.state = state
 
     def omega(self, iterations: int, settle: float = 2e-3) -> float:
-        """Estimate of omega_max [rad/s], at least two iterations, at most `iterations`.
+        """Estimate omega_max [rad/s] in at least two and at most `iterations` iterations.
 
-        Ends early when five iterations changed it by less than the fraction `settle`. Zero if nothing resists.
+        It ends early when five iterations changed the estimate by less than the fraction `settle`. The result is zero
+        without stiffness.
         """
         self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
         self._earlier.zero_()

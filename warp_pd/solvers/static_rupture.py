@@ -1,4 +1,4 @@
-"""Rupture in static equilibrium: the criterion acts only in equilibrium, and then equilibrium is sought again."""
+"""Rupture in static equilibrium: bonds break only in equilibrium, which is then found again."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ MAX_ROUNDS = 1000
 
 
 class StaticRupture:
-    """Breaks the bonds that exceed the criterion in static equilibrium; without a criterion it breaks none.
+    """Breaks the bonds that exceed the criterion in static equilibrium, if there is a criterion.
 
     Attributes:
-        close_enough: Relative residual at which more may break; 0: that of the solver.
+        close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
     """
 
     def __init__(self, system: System) -> None:
@@ -33,18 +33,22 @@ class StaticRupture:
             self._rupture.prepare_at_rest()
 
     def breaks(self, rounds: int) -> bool:
-        """Break what exceeds the criterion, after some rounds at these loads; whether to seek equilibrium again."""
+        """Break the bonds that exceed the criterion; return whether equilibrium must be found again.
+
+        Args:
+        rounds: Number of rounds so far at these loads.
+        """
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 
     def goes_on(self, load_step: Mapping[str, Any]) -> bool:
-        """Whether a load step of the report had so many rounds that the tear counts as running through."""
+        """Whether a load step of the report reached the maximum number of rounds, so that the tear runs through."""
         if load_step["rounds"] < MAX_ROUNDS:
             return False
         self._endless.append(load_step["share"])
         return True
 
     def notes(self) -> list[str]:
-        """Load steps at which rupture did not end."""
+        """Notes on load steps at which rupture did not stop."""
         return [
             f"at load factor {share:.4g} rupture went on after {MAX_ROUNDS} rounds: it runs through, or needs smaller "
             "load steps"
@@ -52,11 +56,11 @@ class StaticRupture:
         ]
 
     def remember(self) -> Sequence[np.ndarray]:
-        """Copies of what rupture has left so far."""
+        """Copies of the current rupture state."""
         return [] if self._rupture is None else [array.numpy().copy() for array in self._rupture.memory]
 
     def restore(self, kept: Sequence[np.ndarray]) -> None:
-        """Undo what broke since `remember`."""
+        """Restore a rupture state returned by `remember`."""
         if self._rupture is not None:
             for array, values in zip(self._rupture.memory, kept, strict=True):
                 array.assign(values)

@@ -1,4 +1,4 @@
-"""A sheet whose static equilibrium is sought: its levels, their linear solves, loads at a load factor, the report."""
+"""Common basis of the static solvers: levels, linear solvers, loads at a load factor, report."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ FINISHED, NOT_CONVERGED = "finished", "not converged"
 
 
 class StaticSystem:
-    """What every search for static equilibrium has: Newton's method at given loads, and paths of equilibria.
+    """Base class of the searches for static equilibrium, at given loads (Newton) or along a path (ArcLength).
 
     Attributes:
-        levels: The sheet itself, then coarser lattices over it.
-        solvers: Linear solves of the levels.
+        levels: The sheet, followed by coarser lattices over it.
+        solvers: Linear solvers of the levels.
         good: Displacement of the last good load step [m], (N,) vec3.
-        sizes: How stiff and how loaded the sheet is.
+        sizes: Scales of stiffness and load of the sheet.
     """
 
     name: ClassVar[str]
@@ -44,7 +44,7 @@ class StaticSystem:
         """Add all stages.
 
         Raises:
-            InputError: for a preconditioner that the sheet does not allow.
+            InputError: if the sheet does not allow the preconditioner.
         """
         self.settings, self.system = settings, system
         context, state = system.context, system.context.state
@@ -92,11 +92,11 @@ class StaticSystem:
         return "multigrid" if possible else "direct" if direct else "jacobi"
 
     def set_loads(self, factor: float) -> None:
-        """Set the loads of the sheet itself to a load factor."""
+        """Set the loads of the sheet to a load factor."""
         self._set_loads(0, factor)
 
     def _start_report(self, sink: FrameSink) -> None:
-        """Begin the report; that of a resumed run has the load steps before it, too."""
+        """Begin the report; for a resumed run it includes the earlier load steps."""
         self._begin = perf_counter()
         if sink.solve is not None:
             self._begin -= sink.solve["seconds"]
@@ -107,14 +107,14 @@ class StaticSystem:
         return self.report.summary(self.levels[0].points, reached)
 
     def _record(self, sink: FrameSink, reached: float) -> None:
-        """Hand the state to the sink as the next frame."""
+        """Pass the state to the sink as the next frame."""
         before = sink.steps
         sink.solve = self._summary(reached)
         now = reached * self.settings.duration
         sink.frame(sink.frame_index + 1, now, sink.solve["iterations"] - before, 0.0)
 
     def _load_step(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
-        """Equilibrium at a load factor, from the last good load step; whether found, and the residual."""
+        """Find equilibrium at a load factor from the last good load step; return whether found, and the residual."""
         entry: dict[str, Any] = {"share": factor, "converged": False, "rounds": 0, "lattices": []}
         self.report.load_steps.append(entry)
         last = len(self.levels) - 1
@@ -136,7 +136,7 @@ class StaticSystem:
         return found["converged"], found["residuals"][-1]
 
     def _descend(self, index: int, factor: float, sink: FrameSink, tolerance: float, rounds: int = 0) -> dict[str, Any]:
-        """Newton steps on a lattice at a load factor, after some rounds of rupture, as an entry of the report."""
+        """Run Newton steps on a lattice at a load factor, and return the report entry."""
 
         def told(steps: int, residual: float) -> None:
             sink.progress(steps, residual, tolerance, rounds)
@@ -153,7 +153,7 @@ class StaticSystem:
             self.hierarchy.set_loads(index)
 
     def target(self, index: int, factor: float) -> np.ndarray:
-        """Displacement of held components at a load factor [m], shape (N, 3); others are meaningless."""
+        """Displacement of prescribed components at a load factor [m], shape (N, 3); other entries are meaningless."""
         target = self.system.prescribed(factor * self.settings.duration)
         if index > 0 and self.hierarchy:
             lattices = self.hierarchy.lattices
@@ -168,7 +168,7 @@ class StaticSystem:
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
     def linearise(self, index: int, tension: float) -> bool:
-        """Take the tangent of a level and of what preconditions it; whether it could be factorised."""
+        """Compute the tangent and preconditioner of a level; return whether factorisation succeeded."""
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)
             return self.hierarchy.usable

@@ -13,11 +13,11 @@ class Point:
     """A point of a path.
 
     Attributes:
-        step: Its number.
+        step: Index of the point.
         factor: Load factor.
-        rate: Its change with the arc length [1/m].
+        rate: Derivative of the load factor by the arc length [1/m].
         negative: Number of negative eigenvalues of the tangent, or None if unknown.
-        lowest: Some eigenvalues, lowest first.
+        lowest: Lowest eigenvalues, in ascending order.
     """
 
     step: int
@@ -28,14 +28,14 @@ class Point:
 
 
 def changes(before: Point, after: Point, length: float) -> list[dict[str, Any]]:
-    """What happens between two points that are `length` [m] apart.
+    """Limit points and bifurcations between two points at the distance `length` [m].
 
-    At a limit point the load turns and one eigenvalue changes its sign; where others do, branches meet. Places
-    are those of the cubic through both points with their slopes.
+    At a limit point the load turns and one eigenvalue changes sign; if others change sign, there is a bifurcation.
+    Positions are found on the cubic through both points with their slopes.
 
     Returns:
-        An entry for each limit point and bifurcation: kind, load factor, steps before and after, number of
-        eigenvalues that change their sign.
+        An entry for each limit point and bifurcation: kind, load factor, steps before and after, and number of
+        eigenvalues that change sign.
     """
     found: list[dict[str, Any]] = []
     # x runs from 0 to 1 between the points.
@@ -59,7 +59,7 @@ def changes(before: Point, after: Point, length: float) -> list[dict[str, Any]]:
 
 
 def _zero(before: Point, after: Point) -> float:
-    """Where the first eigenvalue that changes its sign is zero, between 0 and 1, by a straight line."""
+    """Fraction (0 to 1) at which the first eigenvalue that changes sign is zero, by linear interpolation."""
     k = min(before.negative or 0, after.negative or 0)
     if k < min(len(before.lowest), len(after.lowest)):
         a, b = before.lowest[k], after.lowest[k]

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from warp_pd.__main__ import build_scene
 
@@ -34,13 +33,6 @@ def test_tension_corrected():
 
 def test_tension_grip_force():
     assert abs(error("tension", "grip_force", points=51, horizon=1.5)) < 2e-3
-
-
-def test_published_weights_miss_by_what_the_prototype_found():
-    """15.94 mm at 101 points; at 51 the boundary effect is about twice that."""
-    assert error("pressure", "center_deflection", points=51, horizon=3.15, weights="published") == pytest.approx(
-        0.0347, abs=2e-3
-    )
 
 
 def lifted_error(wrinkles, stored):

@@ -64,9 +64,9 @@ def test_gaps_are_left_out_and_named(tmp_path):
         ("pressure [mm],height [kPa]\n1,2\n", "column 'pressure' is a length: expected a pressure; the columns seem"),
         ("pressure [kPa],height [N]\n1,2\n", "column 'height' is a force: expected a length"),
         ("pressure [s],height [mm]\n1,2\n", "column 'pressure' is a time: expected a pressure"),
-        ("depth [mm],height [mm]\n1,2\n", "expected one that is an argument of the scene"),
+        ("depth [mm],height [mm]\n1,2\n", "expected one named as an argument of the scene"),
         ("pressure [kPa],top [mm]\n1,2\n", "column 'top': expected a measure of the scene: height, edge_height, pull"),
-        ("pressure [kPa],pressure [kPa]\n1,2\n", "column 'pressure' is there twice"),
+        ("pressure [kPa],pressure [kPa]\n1,2\n", "column 'pressure' appears twice"),
         ("pressure [kPa],height [mm]\n", "expected a header and rows"),
         ("pressure [kPa],height [mm]\n1,\n", "expected rows with both pressure and height"),
         ("pressure [kPa],mu [kPa],height [mm]\n1,2,3\n", "columns pressure, mu are arguments of the scene"),
@@ -105,7 +105,7 @@ def test_a_field_has_places_and_displacements_for_every_level(tmp_path):
 
 
 def test_shapes_of_data_are_checked():
-    with pytest.raises(InputError, match="expected as many of both"):
+    with pytest.raises(InputError, match="expected equal lengths"):
         Curve("pressure", np.ones(2), "height", np.ones(3))
     with pytest.raises(InputError, match="expected finite numbers"):
         Curve("pressure", np.ones(2), "height", np.array([1.0, np.nan]))

@@ -1,10 +1,9 @@
 """Derivatives at equilibrium against central differences over equilibria."""
 
 import fitting_cases as cases
-import numpy as np
 import pytest
 
-from warp_pd import Explicit, InputError, Measure, Relaxation
+from warp_pd import Explicit, InputError, Relaxation
 from warp_pd.fitting import sensitivity
 from warp_pd.fitting.equilibrium import Equilibrium
 from warp_pd.fitting.sensitivity import with_defaults
@@ -123,14 +122,6 @@ def test_what_has_no_derivative_is_refused():
         sensitivity(cases.blown, ["free"], ["height"])
     with pytest.raises(InputError, match="method = 'adjoint': expected measures that are"):
         sensitivity(cases.ogden_strip, ["mu1"], ["squared"], method="adjoint")
-
-
-def test_a_measure_that_is_a_probe_is_a_measure():
-    scene = cases.blown()
-    assert all(isinstance(measure, Measure) for measure in scene.measures)
-    result = scene.run(device="cpu")
-    assert result.history[-1]["height"] > 0.0
-    assert np.isfinite(result.history[-1]["pull"])
 
 
 def test_a_load_too_large_for_one_step_is_reached_in_several(monkeypatch):

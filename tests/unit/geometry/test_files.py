@@ -293,7 +293,7 @@ BAD = {
     "corner twice": (bad(cells=[*FAN, [0, 1, 1]]), "face 4 without area"),
     "coincident": (
         bad(np.vstack([spatial(CORNERS[:5]), [[3, 2, 0]]]), [[0, 1, 4], [1, 5, 4], [2, 3, 4], [3, 0, 4]]),
-        "pair (2, 5) of points at one place: expected distinct points",
+        "pair (2, 5) of coincident points: expected distinct points",
     ),
     "crowded": (
         bad(changed(5, [1.0, 1.0, 1.0]), [*FAN, [0, 4, 5], [2, 5, 4]]),
@@ -313,7 +313,7 @@ BAD = {
     ),
     "one side": (
         bad(*strip_with_one_side(), "quad"),
-        "the surface has one side, as Moebius' strip: expected two sides",
+        "the surface is not orientable (a Moebius strip): expected an orientable surface",
     ),
 }
 

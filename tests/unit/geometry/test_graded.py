@@ -143,7 +143,7 @@ def test_the_length_of_a_tearing_energy_does_not_follow_the_spacing():
 
 
 def test_parts_that_know_one_spacing_are_refused():
-    with pytest.raises(InputError, match="expected a sheet of one spacing, got a graded one"):
+    with pytest.raises(InputError, match="expected a sheet of uniform spacing, got a graded sheet"):
         built(strip(), damage=CriticalEnergy(1e3))
     with pytest.raises(InputError, match="force = BondBased: expected BondAssociated or Visco on a sheet of graded"):
         Simulation(strip(), force=BondBased(Bimodular(1e3)), solver=Explicit(1.0)).build("cpu", 64)

@@ -15,18 +15,18 @@ WRONG = [
     (lambda: square(5, thickness=0.0), r"thickness = 0\.0"),
     (lambda: square(5, density=NAN), "density = nan"),
     (lambda: square(5).cut((2.0, 2.0), (3.0, 3.0)), "crosses no bond"),
-    (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of some length"),
-    (lambda: square(5).hole((5.0, 5.0), 0.01), "holds no point"),
-    (lambda: square(5).hole((0.05, 0.05), 1.0), "leaves no sheet"),
+    (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of nonzero length"),
+    (lambda: square(5).hole((5.0, 5.0), 0.01), "contains no points"),
+    (lambda: square(5).hole((0.05, 0.05), 1.0), "removes the whole sheet"),
     (lambda: square(5).inclusion((0.0, 0.0), 1e-3), "holds 1 points"),
     (lambda: square(5).edges("middle"), "edge = 'middle'"),
     (
         lambda: Sheet.from_points(np.vstack([square(5).points, square(5).points[3]]), **CLOUD),
         r"points\[3\] and points\[25\] coincide",
     ),
-    (lambda: Sheet.from_points(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), **CLOUD), "one line"),
+    (lambda: Sheet.from_points(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), **CLOUD), "collinear"),
     (lambda: Sheet.from_points(np.full((4, 2), NAN), **CLOUD), r"points\[0, 0\] = nan"),
-    (lambda: Sheet.from_points(np.zeros((4, 3)), **CLOUD), r"shape \(4, 3\)"),
+    (lambda: Sheet.from_points(np.zeros((4, 3)), **CLOUD), r"got \(4, 3\)"),
     (lambda: Sheet.rectangle(1.0, 1.0, thickness=1.0, density=1.0, points=10**6), "points = 1000000 with layers"),
 ]
 

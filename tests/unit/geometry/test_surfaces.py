@@ -93,11 +93,11 @@ def broken_surfaces():
     thin = np.vstack([sphere.triangles, [(0, 1, 1)]])
     return {
         "two of them run along the edge": (sphere.points, mixed),
-        "counter-clockwise seen from outside, got them from inside": (sphere.points, inward),
-        r"vertices\[162\] is the corner of no triangle": (alone, sphere.triangles),
+        "counter-clockwise seen from outside, got clockwise": (sphere.points, inward),
+        r"vertices\[162\] belongs to no triangle": (alone, sphere.triangles),
         r"vertices\[0\] and vertices\[162\] coincide": (double, sphere.triangles),
         "expected corners that span an area": (sphere.points, thin),
-        r"vertices has shape \(162, 2\): expected \(N, 3\)": (sphere.points[:, :2], sphere.triangles),
+        r"vertices: expected shape \(N, 3\).* got \(162, 2\)": (sphere.points[:, :2], sphere.triangles),
         "triangles contains point 162": (sphere.points, sphere.triangles + 1),
     }
 

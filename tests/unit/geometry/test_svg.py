@@ -120,7 +120,7 @@ WRONG = {
     "bow tie": ('<path d="M0 0 L10 10 L10 0 L0 10 Z"/>', "self-intersection at (5, -5) m: expected paths that do not"),
     "crossing": (
         '<rect width="10" height="10"/><rect x="5" y="-5" width="10" height="10"/>',
-        "two paths meet at (5, 0) m: expected paths apart",
+        "two paths meet at (5, 0) m: expected separate paths",
     ),
     "twice": ('<rect width="10" height="10"/><rect width="10" height="10"/>', "two paths meet at"),
     "two": (

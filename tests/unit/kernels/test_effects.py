@@ -64,7 +64,7 @@ SPEC.loader.exec_module(compare_checkouts)
 
 CASES = (
     "law published", "law plain, cloud, torn", "law slow", "law nodal", "law nodal, cloud, torn", "law bonds",
-    "law hyperelastic both", "law closed form", "law fused", "law torch", "law visco", "law visco bonds",
+    "law hyperelastic", "law closed form", "law fused", "law torch", "law visco", "law visco bonds",
     "law visco bonds, cloud, torn", "material gent", "material ogden", "all loads", "pressure torn", "ball torn",
     "boundary force torn", "inclusion", "critical energy visco", "fields", "relaxed", "relaxed pressure",
     "relaxed cloud", "newton", "newton jacobi", "newton pressure", "newton bonds constant",

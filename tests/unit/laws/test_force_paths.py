@@ -142,7 +142,6 @@ def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
 @pytest.mark.parametrize(
     ("sheet", "bits", "cut"),
     [
-        (square(13), 32, None),
         (square(13), 64, CUT),
         (jittered(13), 64, None),
         (SLIT, 32, CUT),
@@ -181,7 +180,7 @@ def shuffled(points=13):
     return Sheet.from_points(sheet.points[order], thickness=1e-3, density=1000.0)
 
 
-@pytest.mark.parametrize("influence", ["inverse", "inverse_square", lambda r: 1.2 - r])
+@pytest.mark.parametrize("influence", ["inverse_square", lambda r: 1.2 - r])
 def test_influence_functions_of_a_cloud(gpu_paths, influence):
     """Named ones are evaluated, others have a table."""
     compare(jittered(13), 2.015, 64, law={"influence": influence})
@@ -258,12 +257,6 @@ def test_families_that_share_blocks(large_on_gpu, sheet):
     assert "family_block_force" in quick and "gather_from_reverse_bonds" in quick
 
 
-def test_a_large_family(large_on_gpu):
-    """In large families, sums run over the members outside an intersection."""
-    quick, _ = compare(square(13), 3.15, 64)
-    assert "undamaged_family_force" in quick and "family_block_force" in quick
-
-
 @pytest.mark.parametrize(("sheet", "cut"), [(square(33), None), (holed(33, 0.006), CUT)], ids=["lattice", "torn grid"])
 def test_forces_through_a_ring(large_on_gpu, tune, sheet, cut):
     """Large sheets are computed in strips; here the ring is small."""
@@ -315,7 +308,10 @@ def test_sheets_of_few_strips_or_distant_bonds_are_whole():
 
 
 def test_large_families_deep_inside_a_grid(large_on_gpu):
-    """In float64, displacements of a large family are read again for each quarter turn."""
+    """In float64, displacements of a large family are read again for each quarter turn.
+
+    Sums run over the members outside an intersection.
+    """
     quick, _ = compare(holed(41, 0.006), 3.15, 64)
     assert "undamaged_family_force" in quick and "family_block_force" in quick
 
@@ -369,12 +365,9 @@ def test_blocks_break_the_same_bonds(gpu_paths, sheet):
     assert np.abs(released - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(
-    ("sheet", "horizon"), [(square(17), 2.015), (square((17, 15)), 3.15)], ids=["square", "oblong"]
-)
-def test_large_sheets_break_the_same_bonds(large_on_gpu, sheet, horizon):
+def test_large_sheets_break_the_same_bonds(large_on_gpu):
     """Families that lose bonds join the others."""
-    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5))
+    quick, _ = compare_torn(square(17), 2.015, 64, damage=CriticalStretch(1.5))
     assert "undamaged_family_force" in launch_names(quick)
 
 

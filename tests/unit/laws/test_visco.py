@@ -12,7 +12,6 @@ from warp_pd import (
     Fixed,
     InputError,
     Newton,
-    Prony,
     Relaxation,
     Simulation,
     TensionField,
@@ -49,15 +48,6 @@ def test_forces_of_bonds_for_the_energy_release_are_those_of_the_step():
         assert built.law.bond_force() is built.law.pairs
 
 
-def test_the_printed_series_that_outran_the_relaxation_says_so():
-    sheet = square(7)
-    law = ViscoBondBased(POLYUREA, prony=(Prony(0.1e6, time=1e-6),), horizon=2.015, update="series")
-    velocity = np.column_stack([10.0 * sheet.points, np.zeros(sheet.size)])
-    result = Simulation(sheet, law, Explicit(0.3, frames=10), initial_velocity=velocity).run(device="cpu", precision=64)
-    assert result.status == "diverged"
-    assert "try update 'exact'" in result.summary["message"]
-
-
 def test_both_laws_take_their_arguments_in_one_order():
     for law in (Visco(POLYUREA, 2.015, prony=TERMS), ViscoBondBased(POLYUREA, 2.015, prony=TERMS)):
         assert (law.horizon, law.prony) == (2.015, TERMS)
@@ -71,7 +61,7 @@ def test_both_laws_take_their_arguments_in_one_order():
 def test_static_solvers_refuse_prony_terms(solver, name, law):
     """In one line that names the law and a solver to take."""
     sheet = square(7)
-    said = rf"^force = {name}: (?=[^\n]*the solver {type(solver).__name__})(?=[^\n]*expected)[^\n]*Explicit$"
+    said = rf"^force = {name}: (?=[^\n]*{type(solver).__name__})[^\n]*expected[^\n]*Explicit[^\n]*$"
     with pytest.raises(InputError, match=said):
         Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("all"))]).build("cpu")
 
@@ -85,7 +75,6 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
         (lambda: Visco(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
         (lambda: ViscoBondBased(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
         (lambda: ViscoBondBased(Yeoh(1.0, 1.0, 1.0)), "^material = .*: expected Yeoh with c30 = 0"),
-        (lambda: ViscoBondBased(POLYUREA, update="euler"), "^update = 'euler': expected one of 'exact', 'series'"),
     ],
 )
 def test_wrong_arguments_are_refused(make, said):

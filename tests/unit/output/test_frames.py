@@ -61,7 +61,7 @@ def test_what_is_not_there_is_one_line(result, tmp_path):
     for call, said in (
         (lambda: Frames(tmp_path), "expected the folder of a run that contains frames.vtkhdf"),
         (lambda: Frames(3), "path = 3"),
-        (lambda: Frames(tmp_path / "bad.vtkhdf"), "expected a whole file of frames"),
+        (lambda: Frames(tmp_path / "bad.vtkhdf"), "expected a complete VTKHDF file of frames"),
         (lambda: result.frames[0]["damage"], "field 'damage': the frames hold displacement"),
         (lambda: result.frames.series("strech_1", 0), "did you mean 'stretch_1'"),
         (lambda: result.frames.series("stretch_1", 49), "points = 49: expected indices of 49 points"),

@@ -49,7 +49,7 @@ def as_pixels(monkeypatch):
 
 @pytest.mark.parametrize("pixels", [True, False], ids=["pixels", "polygons"])
 @pytest.mark.parametrize("picture", [plots.surfaces, plots.from_above])
-@pytest.mark.parametrize("damage", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("damage", [0.0, 0.5])
 def test_a_sheet_has_the_colour_of_the_bar(picture, damage, pixels, tmp_path, as_pixels):
     """Whatever its slope: most pixels that are neither white nor a line have exactly that colour."""
     as_pixels(pixels)
@@ -90,9 +90,13 @@ def test_panels_share_one_scale_and_the_bar_ends_with_the_values(monkeypatch):
     assert not np.allclose(first.max(axis=0), second.max(axis=0))
 
 
-@pytest.mark.parametrize("view", [(28.0, -60.0), (25.0, -115.0), (35.0, -70.0), (10.0, 30.0)])
-@pytest.mark.parametrize(("width", "height", "lift"), [(1.0, 1.0, 0.01), (1.0, 0.2, 0.5), (0.2, 1.0, 0.1), (1, 1, 2)])
-@pytest.mark.parametrize("panels", [1, 4])
+@pytest.mark.parametrize(
+    ("view", "width", "height", "lift", "panels"),
+    [
+        ((28.0, -60.0), 0.2, 1.0, 0.1, 4), ((25.0, -115.0), 1.0, 0.2, 0.5, 4), ((35.0, -70.0), 1.0, 1.0, 0.01, 1),
+        ((10.0, 30.0), 1.0, 1.0, 2.0, 4),
+    ],
+)  # fmt: skip
 def test_no_two_labels_overlap(view, width, height, lift, panels, monkeypatch):
     frames = [sheet_shown(9, lift, width, height)] * panels
     figure = figure_of(monkeypatch, plots.surfaces, frames, "u3", view=view)
@@ -196,7 +200,7 @@ def test_a_plane_below_a_sheet_does_not_widen_the_picture_and_a_far_ball_little(
     assert places.max(axis=0) == pytest.approx([1.0, 1.0, 0.5], abs=1e-6)
 
 
-@pytest.mark.parametrize("suffixes", ["png", "pdf", "svg", "svg,pdf"])
+@pytest.mark.parametrize("suffixes", ["png", "svg,pdf"])
 def test_formats_of_pictures(suffixes, tmp_path):
     with picture_files.drawing(picture_files.Drawing("mine", picture_formats(suffixes))):
         plots.surfaces(tmp_path / "a.png", [sheet_shown(9)], "damage")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from warp_pd.interfaces.frame import Frame, Surface
 
 pytest.importorskip("pxr")
 
-from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
+from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from warp_pd.output.usd import UsdAnimation
 
@@ -31,7 +32,7 @@ def surface() -> Surface:
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Usd.Stage:
     path = tmp_path_factory.mktemp("usd") / "animation.usd"
-    write_all(path, save_every=3, seconds_per_frame=0.01)
+    write_all(path, seconds_per_frame=0.01)
     return Usd.Stage.Open(str(path))
 
 
@@ -56,13 +57,6 @@ def errors_of(stage: Usd.Stage) -> list[str]:
 
 def test_every_validator_of_usd_is_content(stage: Usd.Stage) -> None:
     assert errors_of(stage) == []
-
-
-def test_validators_do_find_errors(tmp_path: Path) -> None:
-    write_all(tmp_path / "animation.usd")
-    stage = Usd.Stage.Open(str(tmp_path / "animation.usd"))
-    stage.ClearDefaultPrim()
-    assert errors_of(stage) != []
 
 
 def test_stage_says_its_units_and_its_time(stage: Usd.Stage) -> None:
@@ -125,7 +119,7 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
     surface = Surface(points, np.array([[0, 1, 2], [0, 2, 3], [2, 1, 4]], np.int32))
     intact = np.array([True, True, False])
     still = np.zeros_like(points)
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         animation.write(Frame(0, 0.0, still, still, intact_faces=intact))
     stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
     normals = np.array(UsdGeom.Mesh.Get(stage, SHEET).GetNormalsAttr().Get(0))
@@ -134,7 +128,7 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
 
 
 def test_all_faces_torn_is_still_a_valid_file(tmp_path: Path, surface: Surface) -> None:
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         animation.write(make_frame(surface, 0))
         animation.write(make_frame(surface, 1, intact_faces=np.zeros(len(surface.faces), bool)))
     stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
@@ -158,7 +152,7 @@ def test_colours_follow_damage(mesh: UsdGeom.Mesh) -> None:
 
 def test_without_damage_one_constant_colour_and_no_primvar(tmp_path: Path) -> None:
     surface = make_surface(ball_diameter=None)
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         for index in range(3):
             frame = make_frame(surface, index, damage=None, intact_faces=None, ball_center=None)
             animation.write(frame)
@@ -213,7 +207,7 @@ def test_camera_steps_back_from_a_sheet_that_stretches_but_not_for_a_loose_point
         ("loose", loose, without_first),
         ("stretched", stretched, without_first),
     ):
-        with UsdAnimation(tmp_path / f"{name}.usd", surface) as animation:
+        with closing(UsdAnimation(tmp_path / f"{name}.usd", surface)) as animation:
             animation.write(make_frame(surface, 0, displacement=still, intact_faces=intact))
             animation.write(make_frame(surface, 1, displacement=displacement, intact_faces=intact))
         stage = Usd.Stage.Open(str(tmp_path / f"{name}.usd"))
@@ -231,7 +225,3 @@ def test_material_reads_the_display_colour_and_something_shines(stage: Usd.Stage
     assert reader.GetShaderId() == "UsdPrimvarReader_float3"
     assert reader.GetInput("varname").Get() == "displayColor"
     assert {prim.GetTypeName() for prim in stage.Traverse()} >= {"DomeLight", "DistantLight"}
-
-
-def test_a_broken_mesh_would_be_noticed() -> None:
-    assert not UsdGeom.Mesh.ValidateTopology(Vt.IntArray([0, 1, 30]), Vt.IntArray([3]), 30)[0]

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ pytest.importorskip("pxr")
 
 from pxr import Sdf, Usd, UsdGeom
 
-from warp_pd.output.usd import UsdAnimation
+from warp_pd.output.usd import SAVE_EVERY, UsdAnimation
 
 SHEET = "/World/Sheet"
 write_all = functools.partial(torn_frames.write_all, UsdAnimation)
@@ -40,25 +41,24 @@ import sys
 from torn_frames import make_frame, make_surface
 from warp_pd.output.usd import UsdAnimation
 surface = make_surface()
-animation = UsdAnimation(sys.argv[1], surface, save_every=int(sys.argv[2]))
+animation = UsdAnimation(sys.argv[1], surface)
 for index in range(10**6):
     animation.write(make_frame(surface, index))
     print(index, flush=True)
 """
 
 
-@pytest.mark.parametrize(("save_every", "kill_after", "kept"), [(4, 10, 9), (1, 37, 37)])
-def test_killed_run_leaves_what_was_saved(tmp_path: Path, save_every: int, kill_after: int, kept: int) -> None:
+def test_killed_run_leaves_what_was_saved(tmp_path: Path) -> None:
     path = tmp_path / "animation.usd"
     environment = {**os.environ, "PYTHONPATH": str(Path(torn_frames.__file__).parent)}
     process = subprocess.Popen(
-        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(path), str(save_every)],
+        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(path)],
         stdout=subprocess.PIPE,
         text=True,
         env=environment,
     )
     assert process.stdout is not None
-    while int(process.stdout.readline()) < kill_after:
+    while int(process.stdout.readline()) < SAVE_EVERY + 5:
         pass
     process.kill()
     assert process.wait() == -signal.SIGKILL
@@ -66,7 +66,7 @@ def test_killed_run_leaves_what_was_saved(tmp_path: Path, save_every: int, kill_
     stage = Usd.Stage.Open(str(path))
     mesh = UsdGeom.Mesh.Get(stage, SHEET)
     frames = len(mesh.GetPointsAttr().GetTimeSamples())
-    assert frames >= kept
+    assert frames >= SAVE_EVERY + 1
     assert stage.GetEndTimeCode() == frames - 1
     surface = make_surface()
     for index in range(frames):
@@ -83,11 +83,11 @@ def text_of(path: Path) -> str:
     return Sdf.Layer.FindOrOpen(str(path)).ExportToString()
 
 
-@pytest.mark.parametrize("first", range(FRAMES + 1))
+@pytest.mark.parametrize("first", [1, 4])
 def test_appending_equals_writing_in_one_go(tmp_path: Path, first: int) -> None:
     write_all(tmp_path / "in_one_go.usd")
     parts, surface = tmp_path / "parts.usd", make_surface()
-    with UsdAnimation(parts, surface) as animation:
+    with closing(UsdAnimation(parts, surface)) as animation:
         for index in range(FRAMES):
             healthy = index < first
             changes = {} if healthy else {"damage": np.ones(30), "intact_faces": np.zeros(40, bool)}
@@ -105,7 +105,6 @@ def test_source_of_an_append_stays_as_it_is_until_the_next_save(tmp_path: Path, 
     assert path.read_bytes() == before
     animation.save()
     assert path.read_bytes() != before
-    assert animation.frames == 4
     animation.close()
 
 
@@ -118,12 +117,11 @@ def test_rewriting_a_file_that_is_open_here(tmp_path: Path) -> None:
     write_all(path, last=3)
     assert held.GetEndTimeCode() == 2
     assert len(UsdGeom.Mesh.Get(held, SHEET).GetPointsAttr().GetTimeSamples()) == 3
-    assert abandoned.frames == 1
 
 
 def test_half_a_frame_is_not_kept(tmp_path: Path, surface: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "animation.usd"
-    with pytest.raises(KeyboardInterrupt), UsdAnimation(path, surface) as animation:
+    with pytest.raises(KeyboardInterrupt), closing(UsdAnimation(path, surface)) as animation:
         animation.write(make_frame(surface, 0))
         # A kill within a frame.
         monkeypatch.setattr("warp_pd.output.usd.point_normals", interrupt)
@@ -137,69 +135,18 @@ def interrupt(*_arguments, **_options) -> None:
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(
-    ("changes", "names"),
-    [
-        ({"index": 2}, "index"),
-        ({"displacement": np.zeros((29, 3))}, "displacement"),
-        ({"velocity": np.full((30, 3), np.nan)}, "velocity"),
-        ({"damage": np.full(30, 1.5)}, "damage"),
-        ({"damage": None}, "damage"),
-        ({"intact_faces": np.ones(40, int)}, "intact_faces"),
-        ({"ball_center": None}, "ball_center"),
-        ({"point_data": {"stress": np.zeros((30, 2))}}, "stress"),
-    ],
-)
-def test_wrong_frame_is_refused_in_one_line(tmp_path: Path, surface: Surface, changes, names: str) -> None:
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
-        animation.write(make_frame(surface, 0))
-        with pytest.raises(ValueError, match=names) as caught:
-            animation.write(make_frame(surface, 1, **changes))
-        assert "expected" in str(caught.value) and "\n" not in str(caught.value)
-        animation.write(make_frame(surface, 1))
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "error"),
-    [
-        ("a.usd", {"frames_per_second": 0.0}, ValueError),
-        ("a.usd", {"save_every": 0}, ValueError),
-        ("a.usd", {"seconds_per_frame": float("nan")}, ValueError),
-        ("a.vtk", {}, ValueError),
-        ("nowhere/a.usd", {}, OSError),
-        ("missing.usd", {"append_from": 2}, OSError),
-        ("short.usd", {"append_from": 3}, ValueError),
-        ("broken.usd", {"append_from": 1}, ValueError),
-        ("short.usd", {"append_from": -1}, ValueError),
-    ],
-)
-def test_wrong_argument_is_refused_in_one_line(tmp_path: Path, name: str, options, error) -> None:
+@pytest.mark.parametrize(("name", "first"), [("short.usd", 3), ("broken.usd", 1), ("short.usd", -1)])
+def test_a_file_that_does_not_go_on_is_refused_in_one_line(tmp_path: Path, name: str, first: int) -> None:
     write_all(tmp_path / "short.usd", last=2)
     (tmp_path / "broken.usd").write_bytes(b"PXR-USDC" + bytes(200))
-    with pytest.raises(error, match="expected") as caught:
-        UsdAnimation(tmp_path / name, make_surface(), **options)
+    with pytest.raises(ValueError, match="expected") as caught:
+        UsdAnimation(tmp_path / name, make_surface(), append_from=first)
     assert "\n" not in str(caught.value)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["broken.usd", "short.usd"]
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"points": np.zeros((30, 2))},
-        {"faces": np.array([[0, 1, 30]])},
-        {"faces": np.zeros((2, 3))},
-        {"ball_diameter": -1.0},
-    ],
-)
-def test_wrong_surface_is_refused_in_one_line(changes) -> None:
-    with pytest.raises(ValueError, match=f"{next(iter(changes))}.*expected"):
-        make_surface(**changes)
-
-
-def test_writing_after_close_is_refused(tmp_path: Path, surface: Surface) -> None:
+def test_an_animation_without_frames_leaves_no_file(tmp_path: Path, surface: Surface) -> None:
     animation = UsdAnimation(tmp_path / "a.usd", surface)
     animation.close()
     animation.close()
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(ValueError, match="closed"):
-        animation.write(make_frame(surface, 0))

@@ -65,5 +65,5 @@ def test_bodies_that_overlap_are_noted(apart, overlap):
     balls = [RigidBody(Sphere(0.03), Free(0.01, (0.03 + apart * k, 0.05, 0.02)), name=f"b{k}") for k in range(2)]
     found = notes(balls, duration=0.01)
     assert len(found) == overlap
-    said = "'b0' and contact = RigidBody 'b1' overlap: rigid bodies do not feel each other (at 0 s)"
+    said = "'b0' and contact = RigidBody 'b1' overlap: rigid bodies do not interact with each other (at 0 s)"
     assert all(said in note for note in found)

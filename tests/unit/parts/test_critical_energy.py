@@ -22,6 +22,10 @@ def refused(said, law, solver):
 
 def test_parts_that_do_not_fit_critical_energy_are_refused():
     refused("^damage = CriticalEnergy .*expected .*fast = False", BondAssociated(POLYUREA), Explicit(1.0))
-    refused("^damage = CriticalEnergy: .*Relaxation.*Explicit", ViscoBondBased(POLYUREA, horizon=2.015), Relaxation())
+    refused(
+        "^damage = CriticalEnergy: .*Relaxation.*Explicit",
+        ViscoBondBased(POLYUREA, horizon=2.015),
+        Relaxation(),
+    )
     with pytest.raises(InputError, match=re.escape("CriticalEnergy.energy = 0.0: expected a positive number")):
         CriticalEnergy(0.0)

@@ -177,10 +177,10 @@ WRONG = [
     (lambda: EnclosedGas(amount=[(0.0, 1.0), (1.0, 0.0)]), r"amount = 0\.0"),
     (lambda: EnclosedGas(leak=-1.0), r"leak = -1\.0"),
     (lambda: EnclosedGas(density=0.0), r"density = 0\.0"),
-    (lambda: EnclosedGas(gauge=1.0, ambient=0.0, leak=0.6), "without an ambient pressure"),
+    (lambda: EnclosedGas(gauge=1.0, ambient=0.0, leak=0.6), "if the ambient pressure is 0"),
     (
         lambda: loads(square(5), Fixed(square(5).edges("all")), EnclosedGas(chamber=1.0, leak=0.6)),
-        "where nothing can break",
+        "if bonds cannot break",
     ),
     (lambda: EnclosedVolume([(0.0, 1.0)], 0.0), r"stiffness = 0\.0"),
     (lambda: EnclosedVolume([(1.0, 1.0), (0.0, 1.0)], 1.0), "increasing times"),
@@ -248,5 +248,5 @@ def test_the_tangent_is_the_derivative_of_the_force():
 def test_a_leak_needs_time():
     sheet = square(5)
     loads = [Fixed(sheet.edges("all")), EnclosedGas(chamber=1.0, leak=0.6)]
-    with pytest.raises(InputError, match="EnclosedGas: the solver Relaxation has no phase for it"):
+    with pytest.raises(InputError, match="EnclosedGas: not supported by the solver Relaxation"):
         Simulation(sheet, BondAssociated(NEO), Relaxation(), loads=loads, damage=CriticalStretch(2.0)).build("cpu")

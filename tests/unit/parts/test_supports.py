@@ -27,7 +27,7 @@ WRONG = [
     (lambda: Motion([0], [[0.0, 1.0]], x=[0.0, 1.0]).schedule(), "increasing"),
     (
         lambda: built_with(Motion([3], [0.0, 1.0], y=[1.0, 0.0])),
-        r"Motion\.y is 1 m at t = 0, 1 m from where its points are",
+        r"Motion\.y is 1 m at t = 0, 1 m from its points",
     ),
     (lambda: Fixed([0], "xw").constraints(square(5)), "'xw'"),
 ]

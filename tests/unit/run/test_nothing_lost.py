@@ -27,7 +27,7 @@ def simulation(**parts):
 def test_a_folder_with_results_is_kept_unless_asked(tmp_path):
     simulation().run(out=tmp_path, device="cpu", usd=False)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match=r"it holds summary\.json; expected a folder without results, or overwrite"):
+    with pytest.raises(InputError, match=r"it contains summary\.json; expected a folder without results, overwrite"):
         simulation().run(out=tmp_path, device="cpu", usd=False)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert simulation().run(out=tmp_path, device="cpu", usd=False, overwrite=True).status == "finished"
@@ -57,14 +57,14 @@ def test_default_folders_are_numbered(tmp_path, monkeypatch):
     assert free_folder(tmp_path / "runs" / "other") == newest_folder(tmp_path / "runs" / "other")
     done = cli(*SMALL, "--resume")
     assert done.exit_code == 0 and "results in runs/pressure-3" in done.output
-    assert "the run had finished already" in done.output
+    assert "the run had already finished" in done.output
     done = cli(*SMALL, "--overwrite")
     assert done.exit_code == 0 and "results in runs/pressure\n" in done.output
 
 
 @pytest.mark.skipif(os.name != "posix", reason="locks are those of POSIX")
 def test_a_second_run_is_kept_out(tmp_path):
-    with sole_use(tmp_path), pytest.raises(InputError, match="another run writes there"):
+    with sole_use(tmp_path), pytest.raises(InputError, match="another run is writing there"):
         simulation().run(out=tmp_path, device="cpu")
     assert simulation().run(out=tmp_path, device="cpu", usd=False).status == "finished"
     assert not (tmp_path / ".lock").exists()

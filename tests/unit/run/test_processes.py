@@ -101,7 +101,7 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
     os.kill(workers(running.pid)[1], signal.SIGKILL)
     _, said = running.communicate(timeout=60.0)
     assert running.returncode == 4
-    assert re.fullmatch(r"warp-pd: process [01] was ended by SIGKILL; --resume goes on\n", said)
+    assert re.fullmatch(r"warp-pd: process [01] was ended by SIGKILL; continue with --resume\n", said)
     assert not (killed / "summary.json").exists()
     with h5py.File(killed / "frames.vtkhdf") as frames:
         assert len(frames["VTKHDF/Steps/Values"]) >= 4

@@ -57,7 +57,7 @@ def test_help_on_a_scene_of_ones_own(tmp_path):
     )
     words = " ".join(cli("run", file, "--help").output.split())
     assert "points=9 Points along x. width How wide it is [m]." in words
-    assert "speed: float | None = None Speed of what moves [m/s]. mass=2.0 A sheet of mine." in words
+    assert "speed: float | None = None Speed of the moving support or body [m/s]. mass=2.0 A sheet of mine." in words
 
 
 def test_help_on_a_scene_that_does_not_exist_is_one_line():

@@ -37,7 +37,7 @@ def test_an_outcome_that_fails_leaves_the_other_numbers(tmp_path, value, said):
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(1 / 3, ""), ("abc", "it gives 'abc': expected a number"), (None, "ZeroDiv")]
+    ("value", "said"), [(1 / 3, ""), ("abc", "it returned 'abc': expected a number"), (None, "ZeroDiv")]
 )
 def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
     def failing(built, frame):
@@ -82,7 +82,7 @@ def test_an_outcome_reads_the_peak_between_frames(tmp_path, every):
     ).run(device="cpu")  # fmt: skip
     found = result.summary["measures"]["peak"]["value"]
     at_frames = max(row["pull_x"] for row in result.history)
-    told = [note for note in result.summary["notes"] if note.startswith("peak: read at frames alone")]
+    told = [note for note in result.summary["notes"] if note.startswith("peak: computed from frames only")]
     if every is None:
         assert found == at_frames and told
     else:

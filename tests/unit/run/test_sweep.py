@@ -84,7 +84,7 @@ def test_a_run_that_was_interrupted_goes_on(scene):
     done = sweep("--points", "7")
     assert done.exit_code == 0, done.output
     summary = json.loads((folder / "summary.json").read_text())
-    assert "nothing was left to do" in summary["message"], "it was resumed, not run again"
+    assert "nothing to do" in summary["message"], "it was resumed, not run again"
 
 
 def test_other_settings_in_the_folder_are_refused(scene):
@@ -92,7 +92,7 @@ def test_other_settings_in_the_folder_are_refused(scene):
     assert sweep("--points", "7").exit_code == 0
     (scene / "mine.py").write_text(SCENE.replace("load=1.0", "load=3.0"))
     changed = sweep("--points", "7")
-    assert changed.exit_code == 2 and "holds a run with other settings (load = 1.0, here 3.0)" in changed.output
+    assert changed.exit_code == 2 and "contains a run with other settings (load = 1.0, here 3.0)" in changed.output
     assert sweep("--points", "7", "--overwrite").exit_code == 0
     assert float(rows(scene / "runs" / "mine-sweep")[0]["stretched"]) == pytest.approx(0.03)
 
@@ -133,7 +133,7 @@ def test_a_table_is_not_replaced_by_one_of_refused_runs(scene):
     folder = scene / "runs" / "mine-sweep"
     table = (folder / "sweep.csv").read_bytes()
     refused = sweep("--points", "2")
-    assert refused.exit_code == 2 and "sweep.csv: left as it was" in refused.output
+    assert refused.exit_code == 2 and "sweep.csv: not replaced" in refused.output
     assert (folder / "sweep.csv").read_bytes() == table
     assert sweep("--points", "2,7").exit_code == 2
     assert [row["status"] for row in rows(folder)] == ["refused", "finished"], "it lacks no result"
@@ -153,7 +153,7 @@ def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch)
         # Ctrl-C within the second run.
         patched.setattr(Simulation, "run", stopped)
         done = sweep("--points", "7,9,11")
-    assert done.exit_code == 130 and "the same command continues" in done.output
+    assert done.exit_code == 130 and "repeat the command to continue" in done.output
     assert [row["status"] for row in rows(scene / "runs" / "mine-sweep")] == ["finished", "interrupted"]
     assert sweep("--points", "7,9,11").exit_code == 0
 
@@ -162,7 +162,7 @@ def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch)
     ("arguments", "said"),
     [
         ([], "sweep: expected values, such as --points 51,101"),
-        (["--points", "7,9", "--set", "points=5"], "is given already"),
+        (["--points", "7,9", "--set", "points=5"], "is already given"),
         (["--set", "points"], "expected name=value"),
     ],
 )

@@ -50,7 +50,10 @@ def test_a_large_sheet_gets_a_note_in_place_of_its_page(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "LARGE", 48)
     result = simulate(square(7)).run(device="cpu", out=tmp_path, usd=False)
     assert not (tmp_path / "view.html").exists()
-    assert f"view.html: not written for so many points; `warp-pd view {tmp_path}` writes it" in result.summary["notes"]
+    assert (
+        f"view.html: not written because of the number of points; write it with `warp-pd view {tmp_path}`"
+        in result.summary["notes"]
+    )
     done = cli("view", tmp_path)
     assert done.exit_code == 0 and (tmp_path / "view.html").is_file()
 
@@ -106,7 +109,7 @@ def no_frames(folder):
 
 def damaged(folder):
     (folder / "frames.vtkhdf").write_bytes(b"nothing")
-    return folder, "expected a whole file of frames"
+    return folder, "expected a complete VTKHDF file of frames"
 
 
 @pytest.mark.parametrize("wrong", [missing, a_file, no_frames, damaged])

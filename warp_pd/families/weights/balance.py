@@ -1,4 +1,4 @@
-"""Plain weights, and the corrected ones of any cloud of points; the equations are in weights/__init__.py."""
+"""Plain weights, and corrected weights for any cloud of points; the equations are in weights/__init__.py."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ...device.checks import InputError, finite
 from ...geometry.topology import boundary_sides, directed_edges
 from ...geometry.triangulation import doubled_normals
 from ...kernels.kinematics import DEGENERATE
 from .dual import BALANCED, closest_balanced
 
-# Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
+# Least ratio of corrected to plain weights; lattices of 10 points and more allow it.
 FLOOR = 0.05
 # Entries of the dense (points, members, members) blocks that are in memory at a time.
 BLOCK = 2_000_000
@@ -23,18 +22,17 @@ BLOCK = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class CorrectedWeights:
-    """Weights of every bond, and how far they are from balance and from the weights they started from.
+    """Corrected weights of all bonds, with their residual and their change from the starting weights.
 
     Attributes:
         weights: W_ij [m^2], shape (N, n); zero where there is no bond or its intersection spans no area.
         residual: Largest component of sum_ij W_ij G_ij,m - b_m over the balanced points [m].
-        start_residual: The same of the weights they started from [m].
-        smallest_ratio: Least ratio of corrected to starting weights.
-        largest_ratio: Greatest ratio of corrected to starting weights.
-        unbalanced_points: Number of points whose residual is more than round-off, though their balance was
-            asked for: no weights above the floor balance them.
-        changed_points: Number of points whose bonds were free to change.
-        seconds: Wall time.
+        start_residual: The same residual for the starting weights [m].
+        smallest_ratio: Smallest ratio of corrected to starting weights.
+        largest_ratio: Largest ratio of corrected to starting weights.
+        unbalanced_points: Number of points that should be balanced but have a residual above round-off, because no
+            weights above the floor balance them.
+        seconds: Wall time [s].
     """
 
     weights: np.ndarray
@@ -43,7 +41,6 @@ class CorrectedWeights:
     smallest_ratio: float
     largest_ratio: float
     unbalanced_points: int
-    changed_points: int
     seconds: float
 
 
@@ -71,7 +68,7 @@ def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """The same [m], shape (N, 2), from the edges of the sheet.
+    """As `edge_vectors` [m], shape (N, 2), from the edges of the sheet.
 
     Args:
         points: Reference positions [m], shape (N, 2).
@@ -86,7 +83,7 @@ def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """The same on a surface in space: half of each adjacent open edge times its outward normal in the surface.
+    """As `edge_vectors`, on a curved sheet: half of each adjacent open edge times its outward in-surface normal.
 
     Args:
         points: Reference positions [m], shape (N, 3).
@@ -114,7 +111,7 @@ def plain_weights(
 
     Args:
         areas: Area of each point [m^2], shape (N,).
-        neighbours: Index of each family member, -1 where there is none, shape (N, n).
+        neighbours: Index of each family member, -1 for none, shape (N, n).
         common: Whether member k of a family belongs to the intersection of its member j, bool, shape
             (N, n, n) [i, j, k], or one table (n, n) for all points of a lattice.
         usable: Bonds whose intersection spans an area, shape (N, n); by default all that exist.
@@ -132,13 +129,13 @@ def plain_weights(
 
 
 def reached_points(neighbours: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Points in whose balance the families of the chosen points take part: these and their members.
+    """Points whose balance the families of the chosen points affect: the chosen points and their members.
 
-    Of the points whose families a cut severs, these are the balances that their plain weights leave open.
+    For points whose families are severed by a cut, these are the balances that plain weights do not satisfy.
 
     Args:
-        neighbours: Index of each family member, -1 where there is none, shape (N, n).
-        chosen: shape (N,), bool.
+        neighbours: Index of each family member, -1 for none, shape (N, n).
+        chosen: Mask of the chosen points, shape (N,).
 
     Returns:
         shape (N,), bool.
@@ -162,23 +159,21 @@ def corrected_weights(
     frozen: np.ndarray | None = None,
     unbalanced: np.ndarray | None = None,
     start: np.ndarray | None = None,
-    floor: float = FLOOR,
-    degenerate: float = DEGENERATE,
     length: float | None = None,
     frames: np.ndarray | None = None,
 ) -> CorrectedWeights:
-    """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
+    """The positive weights closest to the plain ones for which a uniform stress is in equilibrium at every point.
 
-    If no weights above `floor` do so, the points that cannot be balanced trade their residual against the
-    change. They are few unless the sheet is narrow or its points very irregular; the others stay balanced.
+    If no weights above the floor achieve this, the residual of the points that cannot be balanced is minimised together
+    with the change. These points are few unless the sheet is narrow or very irregular; the others stay balanced.
 
     Args:
         points: Reference positions [m], shape (N, 2); of a curved sheet (N, 3).
         areas: Area of each point [m^2], shape (N,).
-        neighbours: Index of each family member, -1 where there is none, shape (N, n).
+        neighbours: Index of each family member, -1 for none, shape (N, n).
         influence: w_ij, shape (N, n), or (n,) for all points of a lattice.
-        common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice. None for laws whose
-            bonds carry their own force, on flat sheets: G_ij,j = 2 X_ij / |X_ij|^2, and nothing on other members.
+        common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice. None for laws
+            without intersections on flat sheets: G_ij,j = 2 X_ij / |X_ij|^2, and zero for other members.
         edge_vectors: Force of a unit stress on each point [m], shape (N, 2), see `edge_vectors` and `rim_vectors`.
         strip: Points whose bonds may change, shape (N,); by default those that take part in a balance which
             the starting weights leave open: near edges and holes, and everywhere in an irregular cloud.
@@ -186,31 +181,13 @@ def corrected_weights(
         frozen: Points whose bonds keep their starting weights, shape (N,).
         unbalanced: Points whose balance is not asked for, shape (N,).
         start: Weights to start from [m^2], shape (N, n); by default the plain ones.
-        floor: Least ratio of corrected to starting weights, at least 0 and below 1.
-        degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
         length: Unit of lengths [m]; by default the root of the mean area of the points.
         frames: Tangent vectors and normals of a curved sheet, in columns, shape (N, 3, 3). The stress is then an equal
             tension in all directions, and the balance that along the surface.
-
-    Raises:
-        InputError: for a floor outside [0, 1) or arrays whose shapes do not fit.
     """
     begin = time.perf_counter()
-    floor = finite("floor", floor)
-    if not 0.0 <= floor < 1.0:
-        raise InputError(f"floor = {floor!r}: expected a number of 0 or more, below 1")
     size = len(points)
-    _check_shapes(
-        size,
-        areas=(areas, ()),
-        edge_vectors=(edge_vectors, (2,)),
-        start=(start, neighbours.shape[1:]),
-        strip=(strip, ()),
-        kind=(kind, ()),
-        frozen=(frozen, ()),
-        unbalanced=(unbalanced, ()),
-    )
-    table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
+    table = _Table(points, areas, neighbours, influence, common, frames)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
     start = _start(table, usable) if start is None else np.where(usable, start, 0.0)
     length = float(np.sqrt(areas.mean())) if length is None else length
@@ -231,7 +208,7 @@ def corrected_weights(
         counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
         same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
         asked_matrix, asked_gap = sparse.vstack([asked_matrix, same_sum], format="csr"), np.append(asked_gap, 0.0)
-    ratio = closest_balanced(asked_matrix, plain, asked_gap, floor)
+    ratio = closest_balanced(asked_matrix, plain, asked_gap, FLOOR)
 
     weights = start.copy()
     changed = column >= 0
@@ -244,13 +221,12 @@ def corrected_weights(
         smallest_ratio=float(ratio.min(initial=1.0)),
         largest_ratio=float(ratio.max(initial=1.0)),
         unbalanced_points=int((left > BALANCED).sum()),
-        changed_points=int(free.sum()),
         seconds=time.perf_counter() - begin,
     )
 
 
 def _start(table: _Table, usable: np.ndarray) -> np.ndarray:
-    """Plain weights [m^2]; of bonds that carry their own force a_i c_ij |X_ij|^2 / tr K_i."""
+    """Plain weights [m^2]; without intersections a_i c_ij |X_ij|^2 / tr K_i."""
     if table.common is not None:
         return plain_weights(table.areas, table.neighbours, table.common, usable)
     bonds = table.points[table.neighbours] - table.points[:, None]
@@ -266,18 +242,11 @@ class _Table(NamedTuple):
     neighbours: np.ndarray
     influence: np.ndarray
     common: np.ndarray | None
-    degenerate: float
     frames: np.ndarray | None
 
 
-def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]) -> None:
-    for name, (array, inner) in arrays.items():
-        if array is not None and array.shape != (size, *inner):
-            raise InputError(f"{name} has shape {array.shape}: expected {(size, *inner)} for {size} points")
-
-
 def _parts(at: np.ndarray, neighbours: np.ndarray) -> list[np.ndarray]:
-    """The point indices `at` in parts whose dense blocks fit in memory."""
+    """Split the point indices `at` into parts whose dense blocks fit in memory."""
     return np.array_split(at, max(1, len(at) * neighbours.shape[1] ** 2 // BLOCK))
 
 
@@ -306,7 +275,7 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     shape = (inside.astype(np.float64) @ moments).reshape(*exists.shape, 2, 2)
     determinant = shape[..., 0, 0] * shape[..., 1, 1] - shape[..., 0, 1] ** 2
     trace = shape[..., 0, 0] + shape[..., 1, 1]
-    usable = exists & (determinant > table.degenerate * (0.5 * trace) ** 2)
+    usable = exists & (determinant > DEGENERATE * (0.5 * trace) ** 2)
     inverse = np.linalg.inv(np.where(usable[..., None, None], shape, np.eye(2)))
     vectors = np.einsum("ijab,ik,ikb->ijka", inverse, coefficient, bonds, optimize=True)
     if table.frames is not None and rises is not None:
@@ -323,7 +292,7 @@ def _tilted(vectors: np.ndarray, tilts: np.ndarray) -> np.ndarray:
 
 
 def _forces(table: _Table, weights: np.ndarray) -> np.ndarray:
-    """sum_ij W_ij G_ij,m of every point m [m], shape (N, 2); of a curved sheet along its tangent vectors."""
+    """sum_ij W_ij G_ij,m for every point m [m], shape (N, 2); on a curved sheet along its tangent vectors."""
     total = np.zeros_like(table.points)
     for part in _parts(np.arange(len(total)), table.neighbours):
         on_members = np.einsum("ij,ijka->ika", weights[part], _gradients(table, part)[0])
@@ -336,7 +305,7 @@ def _forces(table: _Table, weights: np.ndarray) -> np.ndarray:
 
 
 def _unknowns(free: np.ndarray, start: np.ndarray, kind: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Unknown of each bond, -1 where fixed, shape (N, n); starting weight of each unknown, shape (U,)."""
+    """Index of the unknown of each bond (-1 if fixed), shape (N, n); starting weight of each unknown, shape (U,)."""
     n = start.shape[1]
     key = (np.arange(len(start)) if kind is None else kind)[:, None] * n + np.arange(n)
     loose = free[:, None] & (start > 0.0)
@@ -347,7 +316,7 @@ def _unknowns(free: np.ndarray, start: np.ndarray, kind: np.ndarray | None) -> t
 
 
 def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.csr_matrix:
-    """G of the free bonds [1/m]: row 2 m + component, one column an unknown, shape (2 N, U)."""
+    """G of the free bonds [1/m], with rows 2 m + component and one column per unknown, shape (2 N, U)."""
     neighbours, extent = table.neighbours, (2 * len(table.points), unknowns)
     total = sparse.csr_matrix(extent)
     for part in _parts(np.flatnonzero((column >= 0).any(axis=1)), neighbours):

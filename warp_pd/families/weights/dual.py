@@ -1,4 +1,4 @@
-"""The weights closest to given ones that balance a uniform stress: a convex problem, solved by its dual."""
+"""The weights closest to given ones that balance a uniform stress: a convex problem, solved via its dual."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HOPELESS = 1e4
 
 
 def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
-    """Ratios s above the floor that close the gap, matrix (plain (s - 1)) = gap, with the least change.
+    """Ratios s above the floor with the smallest change that satisfy matrix (plain (s - 1)) = gap.
 
     Returns:
         Ratios, shape (U,).
@@ -52,7 +52,7 @@ class _Dual(NamedTuple):
     floor: float
 
     def left(self, ratio: np.ndarray) -> np.ndarray:
-        """The gap that the ratios leave, shape (M,)."""
+        """The remaining gap for the ratios, shape (M,)."""
         return np.asarray(self.gap - self.matrix @ (self.plain * (ratio - 1.0)))
 
     def value(self, multiplier: np.ndarray, softness: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -71,10 +71,10 @@ def _maximise(
     """Newton's method on the dual, which is smooth and has no constraints.
 
     Args:
-        problem: With M balances and U unknowns.
-        multiplier: Where to start, shape (M,).
-        softness: Where it is above zero, residual^2 / (2 softness) replaces the constraint, shape (M,).
-        steps: Most Newton steps; problems that have a solution took up to 15.
+        problem: The dual problem, with M balances and U unknowns.
+        multiplier: Initial multipliers, shape (M,).
+        softness: Where positive, the penalty residual^2 / (2 softness) replaces the constraint, shape (M,).
+        steps: Maximum number of Newton steps; solvable problems took up to 15.
 
     Returns:
         Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
@@ -110,13 +110,13 @@ def _maximise(
 
 
 def _change(above: np.ndarray, floor: float) -> np.ndarray:
-    """phi(s) of s = floor + above: zero and smallest at s = 1, infinite at the floor."""
+    """phi(s) for s = floor + above, with its minimum, zero, at s = 1 and infinite at the floor."""
     room = 1.0 - floor
     return 0.5 * (above - room) ** 2 + (above - room) / room - np.log(above / room)
 
 
 def _above_floor(pull: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """The s - floor with phi'(s) = (s - 1) + 1 / (1 - floor) - 1 / (s - floor) = pull, and ds / dpull."""
+    """Solve phi'(s) = (s - 1) + 1 / (1 - floor) - 1 / (s - floor) = pull for s - floor; return it and ds / dpull."""
     room = 1.0 - floor
     half = 0.5 * (pull + room - 1.0 / room)
     root = np.sqrt(half * half + 1.0)

@@ -1,4 +1,4 @@
-"""Micro-moduli of a bond-based law on a rectangle, corrected so that uniform strain is in equilibrium up to the edges.
+"""Micro-moduli of a bond-based law on a rectangle, corrected for equilibrium of uniform strain up to the edges.
 
 A bond of direction n carries W_ij + W_ji, with the energy W_ij s^2 / 2 of each of its points, s = n.eps.n. The internal
 force on point i under a uniform strain eps is M_i : eps with
@@ -7,15 +7,15 @@ force on point i under a uniform strain eps is M_i : eps with
 
 and the traction of the stress C : eps balances it if M_i = -C b_i, where b_i is the edge vector of the point: the
 length of its edge times the outward normal. C is that of plane stress with Poisson's ratio 1/3, whose components are
-symmetric in all indices, like M_i. The published micro-moduli c_i = g E / sum_j |X_ij| V_j balance it only inside, and
-there with the C of the lattice, which is not isotropic. The corrected ones balance it everywhere, stay positive, and
-change as little as possible, like the weights of areas (weights/__init__.py). Where points lie inside the edge by a
-fraction o of the spacing, b_i acts on the second layer, too, with 1 + o and -o, as if on the edge. Positive weights
-then balance horizons of 3 spacings and more to round-off, those of 1.5 and 2.015 to a tenth of the traction; on points
-that lie on the edges they balance all of these.
+symmetric in all indices, like M_i. The published micro-moduli c_i = g E / sum_j |X_ij| V_j balance it only in the
+interior, and there with the C of the lattice, which is not isotropic. The corrected ones balance it everywhere, stay
+positive, and change as little as possible, like the area weights (weights/__init__.py). If the outer points are inside
+the edge by a fraction o of the spacing, b_i is distributed to the first and second layer by 1 + o and -o, so that it
+acts on the edge. Positive weights then balance horizons of at least 3 spacings to round-off, and 1.5 and 2.015 to a
+tenth of the traction; if the outer points are on the edges, all of these are balanced.
 
-The family's own energy as a surface correction (Le and Bobaru, Comput. Mech. 61, 2018, "energy method"), in uniform
-isotropic strain, is what the published formula already contains. It leaves the force out of balance.
+The published formula already contains the energy-based surface correction for uniform isotropic strain (Le and Bobaru,
+Comput. Mech. 61, 2018, "energy method"). That correction does not balance the force.
 """
 
 from __future__ import annotations
@@ -43,20 +43,18 @@ def balanced_micromoduli(
     dx: float,
     dy: float,
     stiffness: float,
-    floor: float = FLOOR,
 ) -> np.ndarray:
-    """Corrected weights W_ij over the area of a cell, by row, shape (R, n).
+    """Corrected weights W_ij divided by the area of a cell, by row, shape (R, n).
 
     Args:
-        published: Weights to start from, over the area of a cell, zero where there is no bond, shape (R, n).
+        published: Starting weights divided by the area of a cell, zero without a bond, shape (R, n).
         row_of_point: Row of each point, int, shape (rows, columns).
-        areas: Areas of the points over that of a cell, shape (rows, columns).
+        areas: Areas of the points divided by that of a cell, shape (rows, columns).
         offsets: Lattice steps to each family member, int, shape (n, 2).
         reverse: Member index of the reverse bond, shape (n,).
         dx: Spacing along x [m].
         dy: Spacing along y [m].
         stiffness: g of the published formula [-].
-        floor: Least ratio of corrected to published weights.
     """
     exists = published > 0.0
     unknown = np.where(exists, np.cumsum(exists).reshape(exists.shape) - 1, -1)
@@ -80,18 +78,18 @@ def balanced_micromoduli(
         goal.append(-tensor @ edge_vectors[row, column])
     matrix, start = sparse.vstack(blocks, format="csr"), published[exists]
     corrected = np.zeros_like(published)
-    corrected[exists] = start * closest_balanced(matrix, start, np.concatenate(goal) - matrix @ start, floor)
+    corrected[exists] = start * closest_balanced(matrix, start, np.concatenate(goal) - matrix @ start, FLOOR)
     return corrected
 
 
 def _places(shape: tuple[int, int], depth: int) -> Iterator[tuple[int, int]]:
-    """One (row, column) of those with the same distances from the edges up to a depth, which share their equations."""
+    """One representative (row, column) for each set of points with equal distances from the edges, up to a depth."""
     rows, columns = (np.unique(clipped_index(length, depth), return_index=True)[1] for length in shape)
     yield from ((int(row), int(column)) for row in rows for column in columns)
 
 
 def _edge_vectors(areas: np.ndarray, flatness: float) -> np.ndarray:
-    """b_i over dy, shape (rows, columns, 2); `flatness` is dx / dy."""
+    """b_i divided by dy, shape (rows, columns, 2); `flatness` is dx / dy."""
     rows, columns = areas.shape
     x, across_x = _edge_forces(areas[rows // 2])
     y, across_y = _edge_forces(areas[:, columns // 2])

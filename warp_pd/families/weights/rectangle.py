@@ -1,4 +1,4 @@
-"""Corrected weights of a rectangle: solved on a small one, they serve every larger one of the same spacing."""
+"""Corrected weights of a rectangle, solved on a small one and valid for every larger one with the same spacing."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.checks import count
-from .balance import FLOOR, CorrectedWeights, corrected_weights
+from .balance import CorrectedWeights, corrected_weights
 
 
 @dataclass(frozen=True, eq=False)
 class RectangleWeights:
-    """Corrected weights of a rectangular lattice of any size, as one row a kind of place.
+    """Corrected weights of a rectangular lattice of any size, one row per kind of place.
 
     Attributes:
         table: W_ij [m^2], shape (kinds along x, kinds along y, n).
         columns: Points along x.
         rows: Points along y.
         depth: Points further than this many spacings from all edges keep the plain weights.
-        solved: The solve on the reduced lattice; its weights have one row a point of that lattice.
+        solved: The solution on the reduced lattice, with one row of weights per point of that lattice.
     """
 
     table: np.ndarray
@@ -29,21 +28,16 @@ class RectangleWeights:
     solved: CorrectedWeights
 
     def at(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """Weights [m^2] of the points in lattice places (column, row), each of shape (P,); shape (P, n)."""
+        """Weights [m^2], shape (P, n), of the points at lattice places (column, row), each of shape (P,)."""
         x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
         return np.asarray(self.table[x[column], y[row]])
-
-    def kinds(self) -> np.ndarray:
-        """Row of `table.reshape(-1, n)` of each point, shape (N,); point = column + row * columns."""
-        x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return np.asarray((x[None, :] * self.table.shape[1] + y[:, None]).ravel())
 
 
 def clipped_index(length: int, depth: int) -> np.ndarray:
     """Kind of each place along an edge of `length` points, shape (length,).
 
-    0 .. depth - 1 from one end, depth in the middle, depth + 1 .. 2 depth up to the other end; if the edge is
-    shorter than that, each place is a kind of its own.
+    0 .. depth - 1 from one end, depth in the middle, depth + 1 .. 2 depth up to the other end; if the edge is shorter
+    than that, every place is a separate kind.
     """
     index = np.arange(length)
     if length <= 2 * depth + 1:
@@ -59,33 +53,24 @@ def rectangle_corrected(
     offsets: np.ndarray,
     influence: np.ndarray,
     common: np.ndarray | None,
-    depth: int | None = None,
-    floor: float = FLOOR,
 ) -> RectangleWeights:
     """Corrected weights of a rectangular lattice of any size, whose outer points lie on its edges.
 
-    Places with the same distances from the edges, up to `depth`, share their weights. A lattice with just
-    enough points that its middle does not feel its edges has all kinds of places; the weights found on it
-    balance every larger one exactly.
+    Places with the same distances from the edges, up to twice the reach of the families, share their weights. A lattice
+    just large enough that its middle is unaffected by the edges has all kinds of places; its weights balance every
+    larger lattice exactly.
 
     Args:
         columns: Points along x.
         rows: Points along y.
-        spacing: Distance of neighbouring points, or (along x, along y) [m].
+        spacing: Spacing, or spacings (along x, along y) [m].
         offsets: Lattice steps to each family member, int, shape (n, 2).
         influence: w of each member, shape (n,).
-        common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k]; None for
-            bonds that carry their own force, see `corrected_weights`.
-        depth: Layers of points along the edges that may change; by default twice the reach of
-            the families, 3 at least.
-        floor: Least ratio of corrected to plain weights.
-
-    Raises:
-        InputError: for fewer than 2 points along an edge, or a depth less than the reach of the families.
+        common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k]; None for laws without
+            intersections, see `corrected_weights`.
     """
-    columns, rows = count("columns", columns, 2), count("rows", rows, 2)
     reach = int(np.abs(offsets).max())
-    depth = max(2 * reach, 3) if depth is None else count("depth", depth, reach)
+    depth = max(2 * reach, 3)
     step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (2,))
     lengths = tuple(min(length, 2 * (depth + reach) + 1) for length in (columns, rows))
     place = np.indices(lengths).reshape(2, -1)
@@ -117,7 +102,6 @@ def rectangle_corrected(
         strip=~deep,
         kind=kind,
         unbalanced=repeated,
-        floor=floor,
     )
     first = np.unique(kind, return_index=True)[1]
     table = solved.weights[first].reshape(clip[0].max() + 1, clip[1].max() + 1, -1)

@@ -1,1 +1,1 @@
-"""The neural force law: the law, the files of trained networks, and Torch, which trains and evaluates them."""
+"""The neural force law: the law, the files of trained networks, and Torch, which evaluates them."""

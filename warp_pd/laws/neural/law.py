@@ -35,30 +35,30 @@ MAX_WEIGHTS = 10_000
 class Neural:
     """Bond forces from the bond's own stretch and rotation, with the family's C33 and det F (NN section 4.2).
 
-    The force of a bond depends on its own image, not on the stress of its family. That removes the zero-energy modes
-    of `Nodal`, without a deformation gradient for every bond. There is no potential: the force is not the gradient of
-    any energy, so runs report no strain energy and no balance.
+    The force of a bond depends on its own deformation, not on the stress of its family. That removes the zero-energy
+    modes of `Nodal` without a deformation gradient for every bond. The force has no potential, so runs report neither
+    strain energy nor an energy balance.
 
     Attributes:
         material: A hyperelastic material with `membrane` and `ratios`, such as NeoHookean or Gent.
         horizon: Horizon in spacings of the sheet [-].
         evaluation: How the map from bond to force is evaluated:
-            "torch": by `network` in Torch, on all bonds at once.
-            "fused": by the same network inside one Warp kernel, with its weights compiled in as constants.
+            "torch": by `network` in Torch, as one batch of all bonds.
+            "fused": by the same network inside one Warp kernel, with its weights as compile-time constants.
             "closed_form": exactly (kernels/neural.py), without a network.
-        network: A Network, the file of one, or None for the one that comes with the package. For "torch" also
-            any callable, a torch.nn.Module for instance, from a tensor (bonds, 4) of (lambda, theta, C33, det F) to
-            one (bonds, 2) of the force divided by mu along and across the bond. A module is copied and cast to the
-            precision and device of the run; any other callable gets tensors of that precision and device. It runs
-            without gradients; on CUDA it is captured in a graph, so it must not read values on the host.
+        network: A Network, a network file, or None for the network of the package. For "torch" also any callable, such
+            as a torch.nn.Module, that maps a tensor (bonds, 4) of (lambda, theta, C33, det F) to a tensor (bonds, 2) of
+            the force along and across the bond divided by mu. A module is copied and cast to the precision and device
+            of the run; other callables get tensors of that precision and device. It runs without gradients. On CUDA it
+            is captured in a graph, so it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
-        weights: "published", 2 / tr K of each family (NN eq. 36), which takes the families at edges for round ones;
-            "corrected", one of each bond, so that a uniform stress is in balance up to the edges
-            (`warp_pd.families.weights`); or "auto": "corrected", but "published" at horizons above 4.5 and where bonds
-            can break.
+        weights: "published", 2 / tr K of each family (NN eq. 36), which treats families at edges as round; "corrected",
+            one weight per bond, such that a uniform stress is in equilibrium up to the edges
+            (`warp_pd.families.weights`); or "auto", which is "corrected", but "published" at horizons above 4.5 or if
+            bonds can break.
 
     Raises:
-        InputError: for a network that is missing, damaged, made for another material, or too large for "fused".
+        InputError: if the network is missing, damaged, trained for another material, or too large for "fused".
     """
 
     material: Material
@@ -104,23 +104,24 @@ class Neural:
         found.require_material(self.material, name)
         if self.evaluation == "fused" and found.size > MAX_WEIGHTS:
             raise InputError(
-                f"network = {name!r} has {found.size} weights: expected at most {MAX_WEIGHTS} with evaluation 'fused'; "
+                f"network = {name!r}: it has {found.size} weights; expected at most {MAX_WEIGHTS} with evaluation "
+                "'fused'; "
                 f"or use 'torch'"
             )
         return found
 
     def resolved_weights(self, breakable: bool) -> str:
-        """The weights with "auto" resolved; `breakable` says whether bonds can break."""
+        """The weights with "auto" resolved; `breakable` is whether bonds can break."""
         if self.weights != "auto":
             return self.weights
         return "published" if breakable or self.horizon > MAX_CORRECTED else "corrected"
 
     def build(self, context: Context) -> BuiltLaw:
-        """Families and tables on the device.
+        """Build the families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet does not allow, a callable that does not fit, or "torch" if torch
-                is not installed.
+            InputError: if the sheet does not allow the horizon, the callable has the wrong signature, or Torch is
+                needed but not installed.
         """
         return NeuralForce(self, context)
 
@@ -129,7 +130,7 @@ class NeuralForce(PointLaw):
     """The law on one sheet and device.
 
     Attributes:
-        outside: Bonds of each point outside the training range when last counted, int32, shape (N,), or None.
+        outside: Number of bonds of each point outside the training range at the last count, int32, (N,), or None.
     """
 
     has_energy = False
@@ -184,7 +185,7 @@ class NeuralForce(PointLaw):
         self.add_gather(stage, kernels.gather, self.pairs, out)
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase; at frames the count of bonds outside the training range."""
+        """Add the launches of a phase; at frames including the count of bonds outside the training range."""
         super().add(phase, stage)
         if phase is Phase.FRAME and self.outside is not None:
             assert self.law.loaded is not None and self.kernels.outside is not None
@@ -223,10 +224,10 @@ class NeuralForce(PointLaw):
 
 
 def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tuple[Call, Callable[[], str]]:
-    """The network as a step in Torch, and a function that gives its fingerprint.
+    """The network as a Torch call in the step, and a function that returns its fingerprint.
 
     Raises:
-        InputError: if torch is not installed, or the network does not fit.
+        InputError: if Torch is not installed or the network has the wrong signature.
     """
     try:
         from .torch_step import TorchStep, capture

@@ -25,22 +25,22 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A multilayer perceptron with tanh between its layers, and what it was trained for.
+    """A multilayer perceptron with tanh between its layers, and the material and range of its training.
 
-    It works on q = (ln lambda, theta^2, ln det F, ln(C33 det F^2)), shifted and scaled, and its outputs o, scaled,
-    give T = (o_1, theta o_2): even and odd in theta, as reflection asks. The last input, the logarithm of the volume
-    change, is redundant in uniform deformation (stretch, rotation and det F determine the state).
+    The inputs are q = (ln lambda, theta^2, ln det F, ln(C33 det F^2)), shifted and scaled. The scaled outputs o give T
+    = (o_1, theta o_2), which is even and odd in theta, as reflection symmetry requires. The last input, the logarithm
+    of the volume change, is redundant in uniform deformation (stretch, rotation and det F determine the state).
 
     Attributes:
-        weights: One matrix a layer, shape (outputs, inputs).
-        biases: One vector a layer, shape (outputs,).
-        input_mean: Taken away from q, shape (4,).
-        input_scale: What the difference is divided by, shape (4,).
-        output_scale: What the outputs are multiplied by, shape (2,).
+        weights: One matrix per layer, shape (outputs, inputs).
+        biases: One vector per layer, shape (outputs,).
+        input_mean: Subtracted from q, shape (4,).
+        input_scale: Divisor of the difference, shape (4,).
+        output_scale: Factor on the outputs, shape (2,).
         material: Name of the material's class.
-        ratios: The numbers that decide its stress over mu.
-        stretches: Least and largest principal stretch of the training data.
-        report: How it was trained and how well.
+        ratios: The ratios of constants that determine its stress divided by mu.
+        stretches: Smallest and largest principal stretch of the training data.
+        report: Training parameters and errors.
     """
 
     weights: tuple[np.ndarray, ...]
@@ -54,17 +54,12 @@ class Network:
     report: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def widths(self) -> tuple[int, ...]:
-        """Outputs of each layer."""
-        return tuple(len(b) for b in self.biases)
-
-    @property
     def size(self) -> int:
         """Number of weights and biases."""
         return sum(w.size + b.size for w, b in zip(self.weights, self.biases, strict=True))
 
     def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Layers (weights, biases) with the scaling of inputs and outputs worked in."""
+        """Layers (weights, biases) that include the scaling of inputs and outputs."""
         layers = [(w.copy(), b.copy()) for w, b in zip(self.weights, self.biases, strict=True)]
         w, b = layers[0]
         layers[0] = (w / self.input_scale, b - w @ (self.input_mean / self.input_scale))
@@ -73,17 +68,17 @@ class Network:
         return layers
 
     def sigmoids(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
-        """The layers of `folded` for 1 / (1 + exp y) in place of tanh between them: columns of the weights, biases.
+        """The layers of `folded` for 1 / (1 + exp y) instead of tanh between them: columns of the weights, biases.
 
-        tanh y = 1 - 2 / (1 + exp 2y), so each hidden layer is doubled, and each but the first takes ones in place of
-        its inputs, less twice them. A neuron then takes an exponential, a sum and a reciprocal.
+        Since tanh y = 1 - 2 / (1 + exp 2y), the hidden layers are multiplied by 2, and each layer but the first has its
+        inputs x replaced by 1 - 2 x. A neuron then takes an exponential, a sum and a reciprocal.
         """
         layers = [(2.0 * w, 2.0 * b) for w, b in self.folded()[:-1]] + self.folded()[-1:]
         layers = layers[:1] + [(-2.0 * w, b + w.sum(axis=1)) for w, b in layers[1:]]
         return tuple(tuple(map(tuple, [*w.T.tolist(), b.tolist()])) for w, b in layers)
 
     def evaluate(self, features: np.ndarray) -> np.ndarray:
-        """T along and across the bond, shape (B, 2), of (lambda, theta, C33, det F), shape (B, 4)."""
+        """T along and across the bond, shape (B, 2), for `features` (lambda, theta, C33, det F), shape (B, 4)."""
         x = inputs(features)
         layers = self.folded()
         for w, b in layers[:-1]:
@@ -92,10 +87,10 @@ class Network:
         return np.column_stack([x[:, 0], features[:, 1] * x[:, 1]])
 
     def require_material(self, material: Material, name: str) -> None:
-        """Compare with the material of a simulation.
+        """Check that the network was trained for the material of a simulation.
 
         Raises:
-            InputError: if it is another one.
+            InputError: if it was trained for another material.
         """
         ratios = capabilities(material).ratios or {}
         same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
@@ -107,7 +102,7 @@ class Network:
             )
 
     def save(self, path: Path) -> None:
-        """Write the file aside, then move it into place."""
+        """Write the file atomically."""
         facts = {
             "version": VERSION,
             "material": self.material,
@@ -126,22 +121,22 @@ class Network:
 
 
 def inputs(features: np.ndarray) -> np.ndarray:
-    """Q of (lambda, theta, C33, det F), both of shape (B, 4)."""
+    """Return q for (lambda, theta, C33, det F), both of shape (B, 4)."""
     stretch, angle, c33, det = features.T
     return np.column_stack([np.log(stretch), angle**2, np.log(det), np.log(c33) + 2.0 * np.log(det)])
 
 
 def load(path: str | Path) -> Network:
-    """A network from its file.
+    """Load a network from its file.
 
     Raises:
-        InputError: if the file is missing, damaged, of another version, has a weight that is not finite or layers
-            that do not fit together.
+        InputError: if the file is missing, damaged or of another version, a weight is not finite, or the layers do not
+            fit together.
     """
     path = Path(path)
     said = f"network = {str(path)!r}"
     if not path.is_file():
-        raise InputError(f"{said}: the file does not exist; expected one that tools/train_neural_law.py wrote")
+        raise InputError(f"{said}: the file does not exist; expected a file written by tools/train_neural_law.py")
     try:
         with np.load(path) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -172,15 +167,15 @@ def load(path: str | Path) -> Network:
 
 @cache
 def default() -> Network:
-    """The network that comes with the package: neo-Hookean, bulk/mu 100, principal stretches 0.8 to 4."""
+    """The network of the package: neo-Hookean, bulk/mu 100, principal stretches 0.8 to 4."""
     return load(DEFAULT)
 
 
 def require_sound(network: Network, said: str) -> None:
-    """Check shapes and numbers.
+    """Check that layers fit together and numbers are finite.
 
     Raises:
-        InputError: for layers that do not fit together or a number that is not finite.
+        InputError: if they do not.
     """
     width = INPUTS
     if len(network.weights) < 2:

@@ -12,7 +12,7 @@ from .networks import OUTPUTS, Network
 
 
 def torch_module(network: Network) -> Any:
-    """The network as a torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2), in float64."""
+    """The network as a float64 torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2)."""
     layers: list[Any] = []
     for w, b in network.folded():
         layer = torch.nn.Linear(w.shape[1], w.shape[0], dtype=torch.float64)
@@ -24,7 +24,7 @@ def torch_module(network: Network) -> Any:
 
 
 def bond_network(layers: Any) -> Any:
-    """A torch.nn.Module that puts the inputs and outputs of a Network around `layers`, from (B, 4) q to (B, 2) o."""
+    """A torch.nn.Module that wraps `layers`, from q (B, 4) to o (B, 2), with the inputs and outputs of a Network."""
 
     class BondNetwork(torch.nn.Module):
         def __init__(self) -> None:
@@ -42,10 +42,10 @@ def bond_network(layers: Any) -> Any:
 
 
 def check_network(function: Callable[[Any], Any], torch_dtype: Any, device: Any) -> None:
-    """Try a user's callable on a bond at rest and a stretched one.
+    """Check a user's callable on an undeformed and a stretched bond.
 
     Raises:
-        InputError: unless it turns (2, 4) into (2, 2) finite numbers.
+        InputError: unless it maps (2, 4) to (2, 2) finite numbers.
     """
     name = getattr(function, "__name__", type(function).__name__)
     rows = [[1.0, 0.0, 1.0, 1.0], [1.1, 0.05, 0.8, 1.12]]
@@ -57,12 +57,13 @@ def check_network(function: Callable[[Any], Any], torch_dtype: Any, device: Any)
             reason = str(error).splitlines()[0]
             raise InputError(
                 f"network = {name}: expected a callable from a tensor (bonds, 4) to one (bonds, 2); this one "
-                f"refused (2, 4): {reason}"
+                f"raised for shape (2, 4): {reason}"
             ) from None
     if not torch.is_tensor(out) or tuple(out.shape) != (2, OUTPUTS):
         shape = tuple(out.shape) if torch.is_tensor(out) else type(out).__name__
         raise InputError(
-            f"network = {name}: expected a callable from a tensor (bonds, 4) to one (bonds, 2); this one gave {shape}"
+            f"network = {name}: expected a callable from a tensor (bonds, 4) to one (bonds, 2); this one returned "
+            f"{shape}"
         )
     if not bool(torch.isfinite(out).all()):
-        raise InputError(f"network = {name}: its answer for an undeformed bond is not finite; expected finite weights")
+        raise InputError(f"network = {name}: its output for an undeformed bond is not finite; expected finite weights")

@@ -1,4 +1,4 @@
-"""The network of the neural law in Torch, on arrays that it shares with Warp."""
+"""Evaluation of the neural law's network in Torch, on arrays shared with Warp."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _graphs: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
 class TorchStep:
-    """Runs the network on features that a Warp kernel wrote, into pairs that another one reads."""
+    """Evaluates the network on features written by a Warp kernel; another kernel reads the resulting pairs."""
 
     def __init__(self, loaded: Network | None, network: Any, features: Array, pairs: Array) -> None:
         """Share the arrays with Torch.
 
         Args:
-            loaded: A network that was trained here, or None.
-            network: Else any callable.
-            features: (bonds,) vec4 of (lambda, theta, C33, det F).
-            pairs: (bonds,) vec2 of the force over mu along and across the bond.
+            loaded: A Network, or None.
+            network: Any callable, used if `loaded` is None.
+            features: (lambda, theta, C33, det F) of each bond, (bonds,) vec4.
+            pairs: Force along and across each bond divided by mu, (bonds,) vec2.
 
         Raises:
-            InputError: for a callable that does not fit, or a torch without CUDA on a GPU.
+            InputError: if the callable has the wrong signature, or Torch has no CUDA on a GPU.
         """
         assert features.device is not None
         self.device = features.device
@@ -63,29 +63,29 @@ class TorchStep:
                 pairs.copy_(self.function(features))
 
     def fingerprint(self) -> str:
-        """A hash of what the network gives for some bonds."""
+        """A hash of the network's outputs for some bonds."""
         rows = torch.linspace(0.8, 1.3, 4 * 64, dtype=self.features.dtype).reshape(64, 4).to(self.features.device)
         with self._stream(), torch.no_grad():
             found = self.function(rows).cpu().numpy()
         return hashlib.sha1(np.ascontiguousarray(found).tobytes()).hexdigest()[:12]
 
     def _stream(self) -> Any:
-        """Torch on the stream that Warp works on now, that of a capture included."""
+        """Context in which Torch uses Warp's current stream, also during a graph capture."""
         if not self.device.is_cuda:
             return contextlib.nullcontext()
         return torch.cuda.stream(wp.stream_to_torch(wp.get_stream(self.device)))
 
 
 def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], None]) -> Callable[[], None]:
-    """Capture launches and calls in a CUDA graph that Torch owns: its pool then owns the temporaries.
+    """Capture launches and calls in a CUDA graph owned by Torch, whose memory pool then owns the temporaries.
 
     Args:
         device: The Warp device.
         warm_up: Runs the calls once.
-        body: Runs launches and calls.
+        body: Function to capture, which runs launches and calls.
 
     Returns:
-        Replays them on Warp's stream, in order with everything else.
+        Function that replays them on Warp's stream, in order with other work.
     """
     # Torch allocates and chooses its algorithms on the first call, which no capture allows.
     warm_up()
@@ -108,6 +108,6 @@ def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], N
 
 
 def release_graphs() -> None:
-    """Free all graphs that were captured here, at the end of a process."""
+    """Free all graphs captured by `capture`, at the end of a process."""
     for graph in list(_graphs):
         graph.reset()

@@ -1,1 +1,1 @@
-"""One sheet on several processes, by Torch's distributed package."""
+"""One sheet on several processes, using torch.distributed."""

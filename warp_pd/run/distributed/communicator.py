@@ -1,6 +1,7 @@
-"""The communicator of several processes, by torch.distributed: NCCL on GPUs, Gloo on CPUs.
+"""The communicator of several processes, using torch.distributed: NCCL on GPUs, Gloo on CPUs.
 
-`torchrun` starts them. Halos and sums go from device to device; files, errors and progress through the root.
+`torchrun` starts the processes. Halos and sums go from device to device; files, errors and progress go through the
+root.
 """
 
 from __future__ import annotations
@@ -41,17 +42,17 @@ def _leave() -> None:
 
 
 class TorchCommunicator(Communicator):
-    """The processes that torchrun started.
+    """The group of processes started by torchrun.
 
     Attributes:
         device: The Torch device of this process.
     """
 
     def __init__(self, cuda: bool) -> None:
-        """Meet the others.
+        """Join the process group.
 
         Args:
-            cuda: Whether the sheet is on GPUs, one a process.
+            cuda: Whether the sheet is on GPUs, one per process.
         """
         if cuda:
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
@@ -68,7 +69,7 @@ class TorchCommunicator(Communicator):
         torch.set_num_threads(1)
 
     def barrier(self, work: Callable[[], T]) -> T:
-        """Do work in all processes and wait for all; the error of one is raised in all."""
+        """Run `work` in all processes and wait for all; an error in one process is raised in all."""
         result, error = None, None
         try:
             result = work()
@@ -85,7 +86,7 @@ class TorchCommunicator(Communicator):
         return result  # type: ignore[return-value]
 
     def root(self, work: Callable[[], T]) -> T | None:
-        """Do work in the root, while the others answer what it asks for."""
+        """Run `work` in the root while the other processes answer its requests for fields."""
         if not self.is_root:
             self._serve()
             return None
@@ -118,25 +119,25 @@ class TorchCommunicator(Communicator):
             self._send_own(self._fields[index], self.partition, coarse)
 
     def set_partition(self, partition: Partition) -> None:
-        """Take a part of the sheet, and tell the others."""
+        """Set the partition of this process and announce it to the others."""
         self.partition = partition
         self._routes = {near: self._find_routes(partition, near) for near in (False, True)}
 
     def register_fields(self, fields: list[Stored]) -> None:
-        """Know the fields that the root may ask for."""
+        """Register the fields that the root may request."""
         self._fields = fields
 
     def gather_field(
         self, stored: Stored, index: int, partition: Partition, coarse: CoarseLattice | None
     ) -> np.ndarray:
-        """A copy of a field of the whole sheet on the host; within `root` only."""
+        """Copy a field of the whole sheet to the host; only allowed within `root`."""
         if stored.field.per not in ("point", "bond", "face", "block"):
             return to_host(stored.array)
         self._broadcast(("field", (index, stored.name, coarse)))
         return self._send_own(stored, partition, coarse)
 
     def _send_own(self, stored: Stored, partition: Partition, coarse: CoarseLattice | None) -> np.ndarray:
-        """Gather the owned parts of a field in the root, which returns the whole."""
+        """Gather the owned parts of a field in the root, which returns the whole field."""
         per, chosen = stored.field.per, None
         places: Any = None
         if coarse is not None:
@@ -163,16 +164,16 @@ class TorchCommunicator(Communicator):
         return found
 
     def root_first(self, work: Callable[[], T]) -> T:
-        """Do work in the root, then in all others, which find what it left."""
+        """Run `work` in the root, then in all others, for example so that they find files that the root has written."""
         found = self.root(work)
         return self.barrier(lambda: work() if found is None else found)
 
     def any(self, flag: bool) -> bool:
-        """Whether a flag is set in any process."""
+        """Whether `flag` is set in any process."""
         return self._reduced(float(flag), dist.ReduceOp.MAX) > 0.0
 
     def minimum(self, value: float) -> float:
-        """The least of the numbers of all processes."""
+        """The minimum of `value` over all processes."""
         return self._reduced(value, dist.ReduceOp.MIN)
 
     def _reduced(self, value: float, operation: Any) -> float:
@@ -193,7 +194,7 @@ class TorchCommunicator(Communicator):
         return self._broadcast(value)  # type: ignore[no-any-return]
 
     def exchange(self, fields: Sequence[Stored], partition: Partition) -> Call:
-        """A call that fills the ghost points of some fields with the values of their owners."""
+        """Return a function that fills the ghost points of the fields with the values of their owners."""
         messages = [
             Message(stored.array, stored.array, rank, mine, theirs, tag)
             for tag, stored in enumerate(fields)
@@ -207,11 +208,12 @@ class TorchCommunicator(Communicator):
         return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
 
     def _find_routes(self, partition: Partition, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """For each other process: its rank, owned points that it needs, ghost points that it owns.
+        """For each other process: its rank, the owned points that it needs, and the ghost points that it owns.
 
         Args:
-            partition: What is here.
-            near: Whether only points whose families are whole there count: others have none to hold bonds.
+            partition: The part of the sheet in this process.
+            near: Whether to count only points whose families are complete in the receiving process; other ghost points
+                have no bond data.
         """
         outside = partition.ghost & partition.near if near else partition.ghost
         halos: list[Any] = [None] * self.size
@@ -228,7 +230,7 @@ class TorchCommunicator(Communicator):
         return routes
 
     def gather_to_blocks(self, pairs: Sequence[tuple[Array, Array]], partition: Partition) -> Call:
-        """A call that fills the second array of each pair (points of own blocks) from the owners of the points."""
+        """Return a function that fills the second array of each pair (points of own blocks) from the points' owners."""
         begin, own = int(partition.bounds[partition.rank]), partition.points[partition.owned]
         block_owners, order = partition.block_owner_of(own), np.argsort(own)
         owners = partition.owner_of(np.arange(begin, begin + partition.block_points))
@@ -251,7 +253,7 @@ class TorchCommunicator(Communicator):
         )
 
     def gather_blocks(self, mine: Array, everything: Array, partition: Partition) -> Call:
-        """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
+        """Return a function that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
         starts = -(-partition.bounds // BLOCK)
         widest = int(np.diff(starts).max())
         source, target = wp.to_torch(mine), wp.to_torch(everything)
@@ -270,7 +272,7 @@ class TorchCommunicator(Communicator):
 
 
 def _pickled(error: BaseException) -> bytes:
-    """An error as bytes; one that cannot be sent becomes its text."""
+    """Pickle an error; an error that cannot be pickled is replaced by its text."""
     try:
         data = pickle.dumps(error)
         pickle.loads(data)
@@ -280,13 +282,13 @@ def _pickled(error: BaseException) -> bytes:
 
 
 def own_device(name: str | None) -> str | None:
-    """The device of this process: a GPU each, unless it is the CPU.
+    """The device of this process: the CPU or one GPU per process.
 
     Raises:
-        InputError: for the name of one GPU, more processes than GPUs, or a PyTorch without CUDA.
+        InputError: if `name` is a single GPU, there are more processes than GPUs, or PyTorch has no CUDA.
     """
     if name is not None and name.startswith("cuda:"):
-        raise InputError(f"device = {name!r}: expected 'cuda', a GPU for each process, or 'cpu'")
+        raise InputError(f"device = {name!r}: expected 'cuda' (one GPU per process) or 'cpu'")
     start_warp()
     if name not in (None, "cuda") or (name is None and not wp.is_cuda_available()):
         return name
@@ -296,5 +298,5 @@ def own_device(name: str | None) -> str | None:
         )
     processes, present = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), torch.cuda.device_count()
     if processes > present:
-        raise InputError(f"processes = {processes}: expected at most {present}, a GPU each, or --device cpu")
+        raise InputError(f"processes = {processes}: expected at most {present}, one per GPU, or --device cpu")
     return f"cuda:{os.environ.get('LOCAL_RANK', '0')}"

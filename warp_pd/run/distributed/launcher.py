@@ -1,4 +1,4 @@
-"""Starts several processes of a command by torchrun."""
+"""Starts several processes of a command with torchrun."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
         arguments: Arguments of the command, the same for every process.
 
     Returns:
-        0 if all succeed, otherwise the exit code of a process that says what is wrong; LOST if one was killed, and
-        INTERRUPTED if a signal ended this one.
+        0 if all succeed; otherwise the exit code of a process that reported an error, LOST if one was killed, or
+        INTERRUPTED if a signal ended this process.
     """
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)
@@ -47,7 +47,7 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
 
 
 def _code(codes: Mapping[int, int]) -> int:
-    """Exit code of a run that failed; says which process was killed, unless another one said what was wrong.
+    """Exit code of a failed run; prints which process was killed unless another process reported the error.
 
     Args:
         codes: Exit code of each process that failed, minus the number of the signal if it was killed.
@@ -59,5 +59,5 @@ def _code(codes: Mapping[int, int]) -> int:
     killed = {rank: signal.Signals(-code) for rank, code in sorted(codes.items()) if code < 0}
     first = {rank: by for rank, by in killed.items() if by != signal.SIGTERM} or killed
     names = ", ".join(f"process {rank} was ended by {by.name}" for rank, by in first.items())
-    print(f"warp-pd: {names or 'a process of this run ended'}; --resume goes on", file=sys.stderr)
+    print(f"warp-pd: {names or 'a process of this run ended'}; continue with --resume", file=sys.stderr)
     return LOST

@@ -1,4 +1,4 @@
-"""Messages between the processes of one sheet in a step: parts of fields, from device to device."""
+"""Messages between processes within a step: parts of fields, from device to device."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: to
 
 @contextlib.contextmanager
 def lost_processes_reported() -> Iterator[None]:
-    """Context that turns an error of communication into one line.
+    """Context manager that turns a communication error into a one-line LostError.
 
     Raises:
-        LostError: if one of them has ended.
+        LostError: if another process has ended.
     """
     try:
         yield
     except (RuntimeError, dist.DistBackendError) as error:
         text = re.sub(r"\[[^]]*\]:?\d*\s*", "", str(error).splitlines()[0])[:80].strip(" .")
         raise LostError(
-            f"processes: another process of this run ended ({text}); --resume goes on from the last restart file"
+            f"processes: another process of this run ended ({text}); --resume continues from the last restart file"
         ) from None
 
 
 def _signed(array: Array) -> Any:
-    """An array as a tensor; NCCL has no unsigned integers but bytes."""
+    """A tensor view of an array; unsigned integers become signed, because NCCL supports only unsigned bytes."""
     tensor = wp.to_torch(array)
     return tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
 
 
 class Message:
-    """The parts of one field that this process and another one send each other."""
+    """The parts of one field that this process exchanges with another process."""
 
     def __init__(self, source: Array, target: Array, rank: int, mine: np.ndarray, theirs: np.ndarray, tag: int) -> None:
         """Share the arrays with Torch.
@@ -62,7 +62,7 @@ class Message:
         self.incoming = _in_place(self._target, self._arriving)
 
     def pack(self) -> list[Any]:
-        """The operations that send and receive."""
+        """Pack the data and return the send and receive operations."""
         if not _same_storage(self.outgoing, self._source):
             self.outgoing.copy_(self._source[self._leaving])
         found = []
@@ -79,19 +79,19 @@ class Message:
 
 
 class LocalCopy:
-    """The values that stay in this process when points are gathered to their blocks."""
+    """The values that stay in this process when points are gathered to blocks."""
 
     def __init__(self, source: Array, target: Array, mine: np.ndarray, theirs: np.ndarray) -> None:
         self._source, self._target = _signed(source), _signed(target)
         self._from, self._to = _place(source, mine), _place(target, theirs)
 
     def copy(self) -> None:
-        """Copy it."""
+        """Copy the values."""
         self._target[self._to] = self._source[self._from]
 
 
 def _place(array: Array, points: np.ndarray) -> tuple[Any, ...]:
-    """Some points of a field: consecutive ones as a slice, others as a tensor of indices."""
+    """Index of points in a field: a slice if they are consecutive, otherwise a tensor of indices."""
     place: Any = torch.from_numpy(np.asarray(points, np.int64)).to(wp.device_to_torch(array.device))
     if len(points) and (np.diff(points) == 1).all():
         place = slice(int(points[0]), int(points[-1]) + 1)
@@ -100,7 +100,7 @@ def _place(array: Array, points: np.ndarray) -> tuple[Any, ...]:
 
 
 def _in_place(tensor: Any, place: tuple[Any, ...]) -> Any:
-    """The part of the field itself if it is in one piece, otherwise room for a copy of it."""
+    """A view of the part of the field if it is contiguous, otherwise a buffer for a copy."""
     part = tensor[place]
     return part if part.is_contiguous() and isinstance(place[-1], slice) else torch.empty_like(part).contiguous()
 
@@ -110,10 +110,10 @@ def _same_storage(part: Any, tensor: Any) -> bool:
 
 
 class Exchange:
-    """Sends and receives parts of some fields at once.
+    """Sends and receives parts of several fields in one batch.
 
     Attributes:
-        nbytes: What this process sends.
+        nbytes: Bytes that this process sends.
     """
 
     def __init__(self, messages: list[Message], device: Any, copies: Sequence[LocalCopy] = ()) -> None:
@@ -121,7 +121,7 @@ class Exchange:
         self.nbytes = sum(message.outgoing.nbytes for message in messages)
 
     def __call__(self) -> None:
-        """Exchange, on Warp's stream."""
+        """Run the exchange on Warp's stream."""
         with lost_processes_reported(), stream_of(self.device):
             operations = [operation for message in self.messages for operation in message.pack()]
             for part in self.copies:
@@ -133,7 +133,7 @@ class Exchange:
 
 
 def stream_of(device: Any) -> Any:
-    """Torch on the stream that Warp works on now, that of a capture included."""
+    """Context in which Torch uses Warp's current stream, also during a graph capture."""
     if not device.is_cuda:
         return contextlib.nullcontext()
     return torch.cuda.stream(wp.stream_to_torch(wp.get_stream(device)))

@@ -12,7 +12,6 @@ from weight_cases import (
     third_areas,
 )
 
-from warp_pd.device.checks import InputError
 from warp_pd.families.weights import corrected_weights, edge_vectors, plain_weights, reached_points, rectangle_corrected
 from warp_pd.families.weights.balance import FLOOR
 
@@ -34,7 +33,6 @@ def test_a_jittered_cloud_is_balanced(horizon, jitter):
     found = corrected_weights(points, areas, *family, edge_vectors=edge_vectors(points, triangles))
     assert found.residual < 1e-10 < found.start_residual
     assert found.smallest_ratio > FLOOR
-    assert found.changed_points == len(points)
     assert found.weights.sum() == pytest.approx(areas.sum(), rel=1e-10)
     assert np.abs(out_of_balance(points, areas, family, found.weights, triangles)).max() < 1e-10
 
@@ -82,7 +80,6 @@ def test_a_hole_starts_from_the_weights_of_the_rectangle():
     found = corrected_weights(points[kept], areas[kept], *families, edge_vectors=vectors, start=start)
     assert found.residual < 1e-10
     assert found.smallest_ratio > FLOOR
-    assert found.changed_points < 500
     edge = (points[kept] == 0).any(axis=1)
     np.testing.assert_array_equal(found.weights[edge], start[edge])
 
@@ -148,15 +145,3 @@ def test_edge_vectors_of_a_rectangle_do_not_depend_on_orientation():
     np.testing.assert_allclose(vectors[2], [0.0, -0.5])
     np.testing.assert_array_equal(vectors[6], [0.0, 0.0])
     np.testing.assert_allclose(vectors.sum(axis=0), 0.0, atol=1e-15)
-
-
-def test_wrong_shape_is_named():
-    points, areas, triangles = lattice(5, 5)
-    with pytest.raises(InputError, match=r"strip has shape \(3,\)"):
-        corrected_weights(
-            points,
-            areas,
-            *cloud(points, 1.5),
-            edge_vectors=edge_vectors(points, triangles),
-            strip=np.ones(3, bool),
-        )

@@ -1,16 +1,13 @@
 """Corrected weights of a rectangle: balance, positivity, exactness on lattices of any size."""
 
 import functools
-import re
 
 import numpy as np
 import pytest
 from weight_cases import lattice, lattice_neighbours, out_of_balance, stencil
 
-from warp_pd.device.checks import InputError
 from warp_pd.families.weights import rectangle_corrected
 from warp_pd.families.weights.balance import FLOOR
-from warp_pd.families.weights.rectangle import clipped_index
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
 # Smallest ratio of corrected to plain weights measured on wide lattices, rounded down.
@@ -40,12 +37,10 @@ def test_the_reduced_lattice_serves_larger_ones_exactly(horizon):
     neighbours = lattice_neighbours(41, 33, family["offsets"])
     found = rectangle_corrected(41, 33, 0.01, **family)
     np.testing.assert_array_equal(found.table, wide(horizon).table)
-    weights = found.table.reshape(-1, found.table.shape[-1])[found.kinds()]
+    weights = found.at(np.arange(41 * 33) % 41, np.arange(41 * 33) // 41)
     left = out_of_balance(points, areas, (neighbours, family["influence"], family["common"]), weights, triangles)
     assert np.abs(left).max() < 1e-10 * 0.01
     assert weights.sum() == pytest.approx(areas.sum(), rel=1e-12)
-    column, row = np.arange(41 * 33) % 41, np.arange(41 * 33) // 41
-    np.testing.assert_array_equal(found.at(column, row), weights)
 
 
 @pytest.mark.parametrize("horizon", HORIZONS)
@@ -96,22 +91,3 @@ def test_a_sheet_too_narrow_for_its_horizon_says_what_is_left():
     assert 0 < found.unbalanced_points < 36
     assert found.residual < 0.1 * found.start_residual
     assert found.smallest_ratio > FLOOR
-
-
-def test_clipped_index():
-    np.testing.assert_array_equal(clipped_index(9, 2), [0, 1, 2, 2, 2, 2, 2, 3, 4])
-    np.testing.assert_array_equal(clipped_index(5, 2), np.arange(5))
-    np.testing.assert_array_equal(clipped_index(4, 2), np.arange(4))
-
-
-def test_a_million_points_share_few_kinds_of_weights():
-    found = rectangle_corrected(1000, 1000, 1e-3, **stencil(3.15))
-    kinds = found.kinds()
-    assert kinds.shape == (1_000_000,)
-    assert kinds.max() < found.table.shape[0] * found.table.shape[1] < 1_000
-
-
-@pytest.mark.parametrize(("name", "value"), [("floor", 1.0), ("depth", 0)])
-def test_wrong_input_is_named(name, value):
-    with pytest.raises(InputError, match=re.escape(f"{name} = {value}: expected")):
-        rectangle_corrected(9, 9, 1.0, **stencil(1.5), **{name: value})

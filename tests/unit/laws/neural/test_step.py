@@ -21,7 +21,7 @@ def test_modules_that_do_not_fit_are_refused():
         (torch.nn.Linear(3, 2), r"^network = Linear: .*a callable.*refused \(2, 4\): "),
         (torch.nn.Linear(4, 3), r"^network = Linear: .*a callable.*gave \(2, 3\)$"),
         (lambda features: None, "^network = <lambda>: .*a callable.*gave NoneType$"),
-        (not_finite, "^network = Linear: its answer for .* is not finite; .*finite weights$"),
+        (not_finite, "^network = Linear: its output for .* is not finite; .*finite weights$"),
     ]
     for module, said in cases:
         with pytest.raises(InputError, match=said) as refused:

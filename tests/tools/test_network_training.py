@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from helpers import GENT, NEO, exact_stress
+from network_training import Training, determination, relative_errors, sampled_states, train, training_data
 from point_laws import RANGE
 
 from warp_pd import Neural
 from warp_pd.laws.neural import networks
-from warp_pd.laws.neural.training import Training, determination, relative_errors, sampled_states, train, training_data
 
 
 @pytest.mark.parametrize("material", [NEO, GENT], ids=["neo-Hookean", "Gent"])

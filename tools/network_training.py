@@ -1,7 +1,6 @@
-"""Training of the neural law's network: data of uniform deformation (NN algorithm 1), Levenberg-Marquardt."""
+"""Training of the neural law's network: data from uniform deformations (NN algorithm 1), Levenberg-Marquardt."""
 
-from __future__ import annotations
-
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,12 +9,13 @@ import numpy as np
 import torch
 import warp as wp
 
-from ...device.checks import InputError, count, finite, positive
-from ...kernels.neural_network import training_samples
-from ...kernels.numeric import numeric
-from ...materials import Material, capabilities, padded_constants
-from .networks import INPUTS, OUTPUTS, Network, inputs
-from .torch_network import bond_network
+from warp_pd import InputError
+from warp_pd.kernels.effects import unstaged
+from warp_pd.kernels.factories import PairFactory
+from warp_pd.kernels.numeric import numeric
+from warp_pd.laws.neural.networks import INPUTS, OUTPUTS, Network, inputs
+from warp_pd.laws.neural.torch_network import bond_network
+from warp_pd.materials import Material, capabilities, padded_constants
 
 # Errors are relative to the force on the bond, or to this fraction of mu where that is smaller: the force passes zero.
 FLOOR = 0.1
@@ -27,34 +27,34 @@ FRACTIONS = (0.7, 0.15, 0.15)
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Uniform states, and what the law makes of them.
+    """Uniform states, and the resulting bond forces.
 
     Attributes:
         states: Principal stretches and angle of the bond to the first of them, shape (B, 3).
         features: (lambda, theta, C33, det F), shape (B, 4).
-        forces: T along and across the bond over mu, shape (B, 2).
+        forces: T along and across the bond divided by mu, shape (B, 2).
     """
 
     states: np.ndarray
     features: np.ndarray
     forces: np.ndarray
 
-    def part(self, rows: np.ndarray) -> TrainingData:
+    def part(self, rows: np.ndarray) -> "TrainingData":
         """Some of the rows."""
         return TrainingData(self.states[rows], self.features[rows], self.forces[rows])
 
 
 @dataclass(frozen=True)
 class Training:
-    """How to train.
+    """Training parameters.
 
     Attributes:
-        stretches: Least and largest principal stretch, the same in both directions.
+        stretches: Smallest and largest principal stretch, the same in both directions.
         samples: Number of states.
-        seed: Of the states, the split and the first weights.
+        seed: Random seed for the states, the split and the initial weights.
         hidden: Width of each hidden layer.
-        steps: Most steps of Levenberg and Marquardt's method.
-        patience: Steps without a better validation error after which training stops.
+        steps: Maximum number of Levenberg-Marquardt steps.
+        patience: Number of steps without a better validation error after which training stops.
     """
 
     stretches: tuple[float, float] = (0.8, 4.0)
@@ -65,23 +65,55 @@ class Training:
     patience: int = 20
 
     def __post_init__(self) -> None:
-        least, most = positive("stretches[0]", self.stretches[0]), finite("stretches[1]", self.stretches[1])
-        if not least < 1.0 < most:
-            raise InputError(f"stretches = {self.stretches!r}: expected two numbers with 1 in between")
-        count("samples", self.samples, 100)
-        for name in ("steps", "patience"):
-            count(name, getattr(self, name), 1)
-        if not self.hidden:
-            raise InputError("hidden = (): expected at least one width")
-        for width in self.hidden:
-            count("hidden", width, 1)
+        if not 0.0 < self.stretches[0] < 1.0 < self.stretches[1]:
+            raise InputError(f"stretches = {self.stretches!r}: expected two positive numbers with 1 in between")
+
+
+@functools.cache
+def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
+    """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
+
+    Args:
+        material: Factory of (stress, energy).
+        membrane: Factory of (volume_change, shear).
+    """
+    types = numeric(64)
+    real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
+    stress, _ = material(64)
+    volume_change, _ = membrane(64)
+
+    @unstaged
+    def samples(
+        states: wp.array(dtype=vec3),
+        constants: vec4,
+        first: int,
+        features: wp.array(dtype=vec4),
+        pairs: wp.array(dtype=vec2),
+    ):
+        """States are (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
+        i = wp.tid() + first
+        s = states[i]
+        x = vec2(wp.cos(s[2]), wp.sin(s[2]))
+        y = vec2(s[0] * x[0], s[1] * x[1])
+        zero = real(0.0)
+        G = mat22(s[0] * s[0] - real(1.0), zero, zero, s[1] * s[1] - real(1.0))
+        S = stress(G, constants)
+        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / constants[0]
+        det = s[0] * s[1]
+        c33 = (real(1.0) + volume_change(G, constants)) / (det * det)
+        stretch = wp.length(y)
+        angle = wp.atan2(x[0] * y[1] - x[1] * y[0], wp.dot(x, y))
+        features[i] = vec4(stretch, angle, c33, det)
+        pairs[i] = vec2(wp.dot(P, y) / stretch, (P[1] * y[0] - P[0] * y[1]) / stretch)
+
+    return samples
 
 
 def training_data(material: Material, states: np.ndarray) -> TrainingData:
-    """What the law makes of uniform states, by the material's own stress.
+    """Training data for uniform states, from the material's stress.
 
     Args:
-        material: With `membrane` and `ratios`.
+        material: A material with `membrane` and `ratios`.
         states: Principal stretches and angle of the bond to the first of them, shape (B, 3).
     """
     types, n, membrane = numeric(64), len(states), capabilities(material).membrane
@@ -96,11 +128,11 @@ def training_data(material: Material, states: np.ndarray) -> TrainingData:
 
 
 def sampled_states(stretches: tuple[float, float], samples: int, seed: int) -> np.ndarray:
-    """Principal stretches and directions that fill the range evenly in ln lambda, denser towards its ends.
+    """Principal stretches and directions that fill the range, evenly in ln lambda but denser towards its ends.
 
     Returns:
-        shape (samples, 3). Directions run over a quarter turn: the rest repeats them, mirrored or with the two
-        stretches exchanged.
+        Array of shape (samples, 3). Directions cover a quarter turn; the others follow by mirroring or by exchanging
+        the two stretches.
     """
     from scipy.stats import qmc
 
@@ -111,20 +143,20 @@ def sampled_states(stretches: tuple[float, float], samples: int, seed: int) -> n
 
 
 def split(samples: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows for training, validation and the final test: 70, 15 and 15 %."""
+    """Row indices for training, validation and the final test: 70, 15 and 15 %."""
     order = np.random.default_rng(seed).permutation(samples)
     first, second = round(FRACTIONS[0] * samples), round((FRACTIONS[0] + FRACTIONS[1]) * samples)
     return order[:first], order[first:second], order[second:]
 
 
 def relative_errors(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """|T - T_wanted| / max(|T_wanted|, FLOOR), forces over mu, shape (B,)."""
+    """|T - T_wanted| / max(|T_wanted|, FLOOR), with forces divided by mu, shape (B,)."""
     size = np.maximum(np.linalg.norm(wanted, axis=1), FLOOR)
     return np.asarray(np.linalg.norm(found - wanted, axis=1) / size)
 
 
 def determination(found: np.ndarray, wanted: np.ndarray) -> list[float]:
-    """R^2 of each component."""
+    """Coefficient of determination R^2 of each component."""
     return [
         float(1.0 - ((found[:, c] - wanted[:, c]) ** 2).sum() / ((wanted[:, c] - wanted[:, c].mean()) ** 2).sum())
         for c in range(OUTPUTS)
@@ -137,12 +169,12 @@ def train(
     """Train a network for a material.
 
     Args:
-        material: With `membrane` and `ratios`.
-        training: How.
-        progress: Called with (step, most steps, validation error).
+        material: A material with `membrane` and `ratios`.
+        training: Training parameters.
+        progress: Callback (step, maximum number of steps, validation error).
 
     Returns:
-        The network whose validation error was least, and the data: "training", "validation", "test".
+        The network with the smallest validation error, and the data by name: "training", "validation", "test".
     """
     torch.manual_seed(training.seed)
     data = training_data(material, sampled_states(training.stretches, training.samples, training.seed))
@@ -153,7 +185,7 @@ def train(
     scaled = {name: _scaled(part, empty) for name, part in parts.items() if name != "test"}
 
     def errors(out: Any, name: str) -> Any:
-        """Relative errors along and across the bond, shape (B, 2), of what the layers gave."""
+        """Relative errors along and across the bond, shape (B, 2), of the outputs of the layers."""
         _, angle, forces, size = scaled[name]
         out = out * torch.from_numpy(empty.output_scale)
         return (torch.stack([out[:, 0], angle * out[:, 1]], 1) - forces) / size
@@ -177,15 +209,15 @@ def train(
 
 
 class LevenbergMarquardt:
-    """Damped Gauss-Newton steps on a sum of squares (the paper's Matlab tool uses the same method).
+    """Levenberg-Marquardt minimisation of a sum of squares (the paper's Matlab tool uses the same method).
 
-    For networks of some hundred weights it ends a hundred times lower than L-BFGS, which stalls: the normal matrix
-    is badly conditioned, and here it is solved, not approximated.
+    For networks of a few hundred weights it reaches errors a hundred times smaller than L-BFGS, which stalls because
+    the normal matrix is ill-conditioned; here it is solved exactly.
 
     Args:
-        layers: torch.nn.Sequential, changed in place.
-        errors: Function from what the layers give, (B, 2), to the errors, (B, 2), each row of its own row alone.
-        inputs: Shape (B, 4).
+        layers: A torch.nn.Sequential, trained in place.
+        errors: Function from the outputs of the layers, (B, 2), to the errors, (B, 2), row by row.
+        inputs: Inputs of the layers, shape (B, 4).
     """
 
     def __init__(self, layers: Any, errors: Callable[[Any], Any], inputs: Any) -> None:
@@ -196,7 +228,7 @@ class LevenbergMarquardt:
         self.size = self._sum(self.weights)
 
     def step(self) -> bool:
-        """One step that makes the sum smaller; whether there is one."""
+        """Take one step that reduces the sum, and return whether one was found."""
         residual, jacobian = self._linearised()
         normal, slope = jacobian.T @ jacobian, jacobian.T @ residual
         scale = normal.diagonal().clamp(min=1e-12 * float(normal.diagonal().max()))
@@ -237,7 +269,7 @@ class LevenbergMarquardt:
 
 
 def at_rest(network: Network) -> Network:
-    """The network with its last bias moved so that a bond at rest carries no force."""
+    """The network with its last bias adjusted so that an undeformed bond has no force."""
     rest = np.array([[1.0, 0.0, 1.0, 1.0]])
     biases = [b.copy() for b in network.biases]
     biases[-1][0] -= network.evaluate(rest)[0, 0] / network.output_scale[0]
@@ -281,7 +313,7 @@ def _empty(material: Material, training: Training, data: TrainingData) -> Networ
 
 
 def _scaled(data: TrainingData, network: Network) -> tuple[Any, Any, Any, Any]:
-    """Inputs of the layers, angle, forces, and what errors are relative to, as tensors."""
+    """Inputs of the layers, angles, forces, and reference values of the relative errors, as tensors."""
     q = (inputs(data.features) - network.input_mean) / network.input_scale
     size = np.maximum(np.linalg.norm(data.forces, axis=1), FLOOR)
     arrays = (q, data.features[:, 1], data.forces, size[:, None])
@@ -289,7 +321,7 @@ def _scaled(data: TrainingData, network: Network) -> tuple[Any, Any, Any, Any]:
 
 
 def _report(network: Network, parts: dict[str, TrainingData], training: Training) -> dict[str, Any]:
-    """Numbers of the held-out part."""
+    """Training parameters, and errors on the held-out data."""
     test = parts["test"]
     found = network.evaluate(test.features)
     errors = relative_errors(found, test.forces)
