@@ -302,7 +302,7 @@ def block_functions(
                 H2 = G1 * inverse[1] + G2 * inverse[2]
                 if wp.static(curved):
                     H1, H2 = level(H1, H2, tilt)
-                S, found = stress_near(green(H1, H2, tilt), constants, guess)
+                S, found = stress_near(green(H1, H2, tilt), f.of_bond(family, i, k, constants), guess)
                 next_guess = found
                 A1, A2 = stress_on_members(H1, H2, S, table_weight, inverse, tilt)
         return A1, A2, next_guess

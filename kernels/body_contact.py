@@ -40,8 +40,8 @@ class BodyContactKernels:
         separate: Removes the velocity into the body, after the second half kick.
         find_inside: Velocity changes that points need, before a free body moves and before `project`.
         find_touching: The same before `separate`.
-        mark: Marks points that may touch during the step, for the stages of large sheets.
-        mark_now: Marks points that may touch at the end of the step.
+        mark: Marks points that may touch during the step or at its end, for the stages of large sheets.
+        mark_again: Marks them again after a free body has yielded.
         take_in_step: Applies the impulses found by kernels/surface_contact.py after the drift.
         take_at_end: Applies them after the second half kick.
     """
@@ -51,7 +51,7 @@ class BodyContactKernels:
     find_inside: Pointwise
     find_touching: Pointwise
     mark: Pointwise
-    mark_now: Pointwise
+    mark_again: Pointwise
     take_in_step: Pointwise
     take_at_end: Pointwise
 
@@ -161,6 +161,17 @@ def body_contact(
                     a.rubbed[i] = a.rubbed[i] + wp.dot(rub, passing) - warmed
 
     @wp.func
+    def strike_in_step(i: int, shift: wp.vec3d, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
+        """A strike after the drift, which moves the point by `shift`, dt times the change."""
+        kick = half_kick(i, a.step, a.mass, a.force, a.external)
+        start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+        a.displacement[i] = a.displacement[i] + narrow(shift)
+        strike(i, change, arrested, start, start, real(1.0), arm, a)
+        if wp.static(tracked and loaded):
+            # The drift took the load along the way that the point did not go.
+            a.work[i] = a.work[i] + wp.float64(0.5) * wp.float64(a.step[0]) * wp.dot(wide(a.external[i]), change)
+
+    @wp.func
     def end_strike(i: int, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
         """`strike` after the second half kick; the impulse is taken before damping divides it by 1 + c dt / 2."""
         start = wide(a.velocity[i])
@@ -250,8 +261,6 @@ def body_contact(
                 touches, n, shift, pressed, arm = touch_in_step(i, a)
                 if touches:
                     dt = wp.float64(a.step[0])
-                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                    start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
                     lost = wp.vec3d()
                     if wp.static(rubs):
                         x = position(i, a) + shift
@@ -259,12 +268,7 @@ def body_contact(
                         lost = arrest(relative, pressed / dt, n, a.friction)
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
                         shift += dt * lost + push_out(x + dt * lost, n, reach, a)
-                    change = shift / dt
-                    a.displacement[i] = a.displacement[i] + narrow(shift)
-                    strike(i, change, lost, start, start, real(1.0), arm, a)
-                    if wp.static(tracked and loaded):
-                        # The drift took the load along the way that the point did not go.
-                        a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
+                    strike_in_step(i, shift, shift / dt, lost, arm, a)
 
     @wp.func
     def take_change(i: int, a: BodyContact):
@@ -273,7 +277,8 @@ def body_contact(
         a.changes[i] = wp.vec3d()
         forget(i, a)
         if wp.static(moves_freely and marked):
-            a.marks[i] = wp.where(wp.length_sq(change) > wp.float64(0.0), wp.uint8(1), wp.uint8(0))
+            if wp.length_sq(change) > wp.float64(0.0):
+                a.marks[i] = wp.uint8(1)
         return change
 
     @pointwise(BodyContact, writes=("displacement", "changes", "marks", *given))
@@ -283,12 +288,7 @@ def body_contact(
             if wp.length_sq(change) > wp.float64(0.0):
                 dt = wp.float64(a.step[0])
                 arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
-                kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
-                a.displacement[i] = a.displacement[i] + narrow(dt * change)
-                strike(i, change, rubbed_of(i, a), start, start, real(1.0), arm, a)
-                if wp.static(tracked and loaded):
-                    a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
+                strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
 
     @pointwise(BodyContact, writes=("changes", "marks", *given))
     def take_at_end(begin: int, end: int, a: BodyContact):
@@ -322,5 +322,12 @@ def body_contact(
                         end_strike(i, change, lost, arm, a)
 
     return BodyContactKernels(
-        project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now, take_in_step, take_at_end
+        project_out,
+        separate_from,
+        find_inside,
+        find_touching,
+        search.mark,
+        search.mark_again,
+        take_in_step,
+        take_at_end,
     )

@@ -17,16 +17,18 @@ moves by the second solution. Then the points are projected, and the body loses 
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
 from .effects import Kernel, kernel
 from .numeric import numeric
 
-# Rows of the sums over points: the upper triangle of the matrix, and the right side.
-ROWS = 27
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
+# Sums over points: the upper triangle of the matrix and the right side; and what the points were given.
+Equations = wp.types.vector(length=27, dtype=wp.float64)
+Given = wp.types.vector(length=14, dtype=wp.float64)
 
 
 @wp.func
@@ -65,6 +67,36 @@ def wrench(force: wp.vec3d, arm: wp.vec3d):
     return vec6d(force[0], force[1], force[2], turn[0], turn[1], turn[2])
 
 
+@wp.func
+def with_row(sums: Equations, m: wp.float64, j: vec6d, side: wp.float64):
+    """The sums with m j j^T added to the matrix, and j times `side` to the right side."""
+    found = sums
+    row = int(0)  # noqa: RUF046
+    for r in range(6):
+        for c in range(r, 6):
+            found[row] += m * j[r] * j[c]
+            row += 1
+        found[21 + r] += side * j[r]
+    return found
+
+
+@functools.cache
+def block_sum(kind: Any) -> wp.Function:
+    """Function (value, count) -> sum of the values over the threads of a block, if any count is not 0.
+
+    The order is that of the threads, so bits repeat. A block of a CPU has one thread.
+    """
+
+    @wp.func
+    def summed(value: kind, count: int):
+        found = value
+        if wp.tile_sum(wp.tile(count))[0] > 0:
+            found = wp.tile_sum(wp.tile(value, preserve_type=True))[0]
+        return found
+
+    return summed
+
+
 @functools.cache
 def path_motion() -> Kernel:
     """Kernel `follow_path`: moves bodies by one step along a piecewise linear path."""
@@ -101,8 +133,10 @@ def path_motion() -> Kernel:
         rotation[1] = was
         place[0] = there
         rotation[0] = turned
-        motion[0] = (there - here) / dt
-        motion[1] = turn_between(was, turned) / dt
+        # In static equilibrium no time passes.
+        if dt > wp.float64(0.0):
+            motion[0] = (there - here) / dt
+            motion[1] = turn_between(was, turned) / dt
 
     return follow_path
 
@@ -115,10 +149,7 @@ class FreeMotion:
         move: First half kick, and drift.
         kick: Second half kick.
         gather: Sums of the matrix and the right-hand side, per block of points.
-        reduce: Sums over the blocks.
-        solve: Change of velocity and spin caused by all touching points.
-        yield_to: Moves the body by that change before points are projected.
-        foresee: Applies that change to velocity and spin before the points are changed.
+        solve: Change of velocity and spin caused by all touching points; moves the body by it.
         gather_given: Sums of the impulses given to the points, per block.
         give: Subtracts these impulses from the momentum of the body.
     """
@@ -126,10 +157,7 @@ class FreeMotion:
     move: Kernel
     kick: Kernel
     gather: Kernel
-    reduce: Kernel
     solve: Kernel
-    yield_to: Kernel
-    foresee: Kernel
     gather_given: Kernel
     give: Kernel
 
@@ -137,8 +165,8 @@ class FreeMotion:
 @functools.cache
 def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool) -> FreeMotion:
     """Kernels of a free body; `damped`, `tracked`, `rubs` and `marked` as in `body_contact`."""
-    types = numeric(bits)
-    real = types.real
+    real = numeric(bits).real
+    sum_equations, sum_given = block_sum(Equations), block_sum(Given)
 
     @kernel(per="once")
     def move_body(
@@ -197,18 +225,20 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         damping: wp.array(dtype=real),
         block: int,
         first: int,
-        sums: wp.array2d(dtype=wp.float64),
+        sums: wp.array(dtype=Equations),
     ):
         """Sum over points that need a push; with `use_changes`, those that still need one after the body changed."""
-        b = wp.tid() + first
-        A = mat66d()
-        side = vec6d()
+        thread = wp.tid() + first
+        b = thread / wp.block_dim()
+        lane = thread - b * wp.block_dim()
+        count = wp.int32(0)
+        found = Equations()
         weight = wp.float64(1.0)
         if wp.static(damped):
             if at_end != 0:
                 # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
                 weight += wp.float64(0.5) * wp.float64(step[0]) * wp.float64(damping[0])
-        for i in range(b * block, wp.min((b + 1) * block, need.shape[0])):
+        for i in range(b * block + lane, wp.min((b + 1) * block, need.shape[0]), wp.block_dim()):
             needs = bool(True)
             if wp.static(marked):
                 needs = marks[i] != wp.uint8(0)
@@ -220,9 +250,9 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                 if use_changes != 0:
                     pushed = need[i] + wp.dot(j, changes[0]) > wp.float64(0.0)
                 if pushed:
+                    count += 1
                     m = weight * wp.float64(mass[i])
-                    A += m * wp.outer(j, j)
-                    side -= (m * need[i]) * j
+                    found = with_row(found, m, j, -m * need[i])
                     if wp.static(rubs):
                         if use_changes != 0:
                             n = wp.vec3d(j[0], j[1], j[2])
@@ -233,41 +263,42 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                             speed = wp.length(slip)
                             most = friction * (need[i] + wp.dot(j, d))
                             if speed > most:
-                                side += (m * most / speed) * wrench(slip, arms[i])
+                                found = with_row(found, wp.float64(0.0), wrench(slip, arms[i]), m * most / speed)
                             else:
                                 for c in range(3):
                                     unit = wp.vec3d()
                                     unit[c] = wp.float64(1.0)
                                     unit -= n[c] * n
-                                    k = wrench(unit, arms[i])
-                                    A += m * wp.outer(k, k)
-                                    side += (m * wp.dot(unit, slips[i])) * k
-        row = int(0)  # noqa: RUF046
-        for r in range(6):
-            for c in range(r, 6):
-                sums[row, b] = A[r, c]
-                row += 1
-        for r in range(6):
-            sums[21 + r, b] = side[r]
-
-    @kernel(per="list")
-    def sum_rows(sums: wp.array2d(dtype=wp.float64), first: int, totals: wp.array(dtype=wp.float64)):
-        row = wp.tid() + first
-        total = wp.float64(0.0)
-        for b in range(sums.shape[1]):
-            total += sums[row, b]
-        totals[row] = total
+                                    found = with_row(found, m, wrench(unit, arms[i]), m * wp.dot(unit, slips[i]))
+        found = sum_equations(found, count)
+        if lane == 0:
+            sums[b] = found
 
     @kernel(per="once")
     def solve_touching(
-        totals: wp.array(dtype=wp.float64),
+        sums: wp.array(dtype=Equations),
         mass: wp.float64,
         inertia: wp.mat33d,
-        rotation: wp.array(dtype=wp.quatd),
+        use_changes: int,
+        at_end: int,
+        step: wp.array(dtype=real),
         first: int,
         changes: wp.array(dtype=vec6d),
+        place: wp.array(dtype=wp.vec3d),
+        rotation: wp.array(dtype=wp.quatd),
+        motion: wp.array(dtype=wp.vec3d),
     ):
-        """Solve by Cholesky decomposition; R I R^T is the inertia tensor in the frame of the sheet."""
+        """Solve by Cholesky decomposition, in one block of threads; R I R^T is the inertia tensor in the sheet's frame.
+
+        With `use_changes`, change the velocity of the body, and before the end of the step its place, too.
+        """
+        lane = wp.tid() + first
+        totals = Equations()
+        for b in range(lane, sums.shape[0], wp.block_dim()):
+            totals += sums[b]
+        totals = sum_equations(totals, 1)
+        if lane > 0:
+            return
         A = mat66d()
         row = int(0)  # noqa: RUF046
         for r in range(6):
@@ -289,45 +320,31 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         for c in range(6):
             for k in range(c):
                 A[c, c] = A[c, c] - A[c, k] * A[c, k]
-            A[c, c] = wp.sqrt(A[c, c])
+            # The diagonal holds its inverse: a division takes as long as ten products.
+            A[c, c] = wp.float64(1.0) / wp.sqrt(A[c, c])
             for r in range(c + 1, 6):
                 for k in range(c):
                     A[r, c] = A[r, c] - A[r, k] * A[c, k]
-                A[r, c] = A[r, c] / A[c, c]
+                A[r, c] = A[r, c] * A[c, c]
         for r in range(6):
             for k in range(r):
                 x[r] = x[r] - A[r, k] * x[k]
-            x[r] = x[r] / A[r, r]
+            x[r] = x[r] * A[r, r]
         for back in range(6):
             r = 5 - back
             for k in range(r + 1, 6):
                 x[r] = x[r] - A[k, r] * x[k]
-            x[r] = x[r] / A[r, r]
+            x[r] = x[r] * A[r, r]
         changes[0] = x
-
-    @kernel(per="once")
-    def foresee(changes: wp.array(dtype=vec6d), first: int, motion: wp.array(dtype=wp.vec3d)):
-        d = changes[0]
-        motion[0] = motion[0] + wp.vec3d(d[0], d[1], d[2])
-        motion[1] = motion[1] + wp.vec3d(d[3], d[4], d[5])
-
-    @kernel(per="once")
-    def yield_to(
-        changes: wp.array(dtype=vec6d),
-        step: wp.array(dtype=real),
-        first: int,
-        place: wp.array(dtype=wp.vec3d),
-        rotation: wp.array(dtype=wp.quatd),
-        motion: wp.array(dtype=wp.vec3d),
-    ):
-        dt = wp.float64(step[0])
-        d = changes[0]
-        linear = wp.vec3d(d[0], d[1], d[2])
-        turn = wp.vec3d(d[3], d[4], d[5])
-        motion[0] = motion[0] + linear
-        motion[1] = motion[1] + turn
-        place[0] = place[0] + dt * linear
-        rotation[0] = turned_by(dt * turn, rotation[0])
+        if use_changes != 0:
+            linear = wp.vec3d(x[0], x[1], x[2])
+            turn = wp.vec3d(x[3], x[4], x[5])
+            motion[0] = motion[0] + linear
+            motion[1] = motion[1] + turn
+            if at_end == 0:
+                dt = wp.float64(step[0])
+                place[0] = place[0] + dt * linear
+                rotation[0] = turned_by(dt * turn, q)
 
     @kernel(per="block")
     def gather_given(
@@ -339,20 +356,24 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         rub_work: wp.array(dtype=wp.float64),
         block: int,
         first: int,
-        sums: wp.array2d(dtype=wp.float64),
+        sums: wp.array(dtype=Given),
     ):
-        b = wp.tid() + first
+        thread = wp.tid() + first
+        b = thread / wp.block_dim()
+        lane = thread - b * wp.block_dim()
+        count = wp.int32(0)
         linear = wp.vec3d()
         turn = wp.vec3d()
         work = wp.float64(0.0)
         rubbing = wp.vec3d()
         twist = wp.vec3d()
         warmed = wp.float64(0.0)
-        for i in range(b * block, wp.min((b + 1) * block, push.shape[0])):
+        for i in range(b * block + lane, wp.min((b + 1) * block, push.shape[0]), wp.block_dim()):
             got = bool(True)
             if wp.static(marked):
                 got = marks[i] != wp.uint8(0)
             if got:
+                count += 1
                 linear += push[i]
                 turn += wp.cross(arms[i], push[i])
                 if wp.static(tracked):
@@ -361,19 +382,21 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                         rubbing += rub[i]
                         twist += wp.cross(arms[i], rub[i])
                         warmed += rub_work[i]
+        found = Given()
         for c in range(3):
-            sums[c, b] = linear[c]
-            sums[3 + c, b] = turn[c]
-        sums[6, b] = work
-        if wp.static(tracked and rubs):
-            for c in range(3):
-                sums[7 + c, b] = rubbing[c]
-                sums[10 + c, b] = twist[c]
-            sums[13, b] = warmed
+            found[c] = linear[c]
+            found[3 + c] = turn[c]
+            found[7 + c] = rubbing[c]
+            found[10 + c] = twist[c]
+        found[6] = work
+        found[13] = warmed
+        found = sum_given(found, count)
+        if lane == 0:
+            sums[b] = found
 
     @kernel(per="once")
     def give(
-        totals: wp.array(dtype=wp.float64),
+        sums: wp.array(dtype=Given),
         mass: wp.float64,
         inverse_inertia: wp.mat33d,
         rotation: wp.array(dtype=wp.quatd),
@@ -382,11 +405,18 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         momenta: wp.array(dtype=wp.vec3d),
         given: wp.array(dtype=wp.float64),
     ):
-        """Take the impulses from the body.
+        """Take the impulses from the body, in one block of threads.
 
         `given` sums since the last frame: momentum and angular momentum given to the sheet, energy lost by contact, and
         the part of it lost by friction [J].
         """
+        lane = wp.tid() + first
+        totals = Given()
+        for b in range(lane, sums.shape[0], wp.block_dim()):
+            totals += sums[b]
+        totals = sum_given(totals, 1)
+        if lane > 0:
+            return
         linear = wp.vec3d(totals[0], totals[1], totals[2])
         turn = wp.vec3d(totals[3], totals[4], totals[5])
         before = momenta[0]
@@ -413,6 +443,4 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         momenta[2] = momenta[2] + velocity - before
         momenta[3] = momenta[3] + spin - spin_before
 
-    return FreeMotion(
-        move_body, kick_body, gather_touching, sum_rows, solve_touching, yield_to, foresee, gather_given, give
-    )
+    return FreeMotion(move_body, kick_body, gather_touching, solve_touching, gather_given, give)

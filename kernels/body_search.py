@@ -38,8 +38,8 @@ class BodySearch:
             which the body pushes the point.
         push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (x, a) -> whether a point at x touches, and the normal.
-        mark: Pointwise stage that marks points that may touch during the step, for large sheets.
-        mark_now: Pointwise stage that marks points that may touch at the end of the step.
+        mark: Pointwise stage that marks points that may touch during the step or at its end, for large sheets.
+        mark_again: Pointwise stage that marks them again after a free body has yielded by more than `slack`.
     """
 
     struct: Any
@@ -54,7 +54,7 @@ class BodySearch:
     push_out: wp.Function
     touch_now: wp.Function
     mark: Pointwise
-    mark_now: Pointwise
+    mark_again: Pointwise
 
 
 @functools.cache
@@ -105,6 +105,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         radius: wp.float64
         skin: wp.float64
         far: wp.float64
+        slack: wp.float64
         unsure: wp.float64
         friction: wp.float64
         place: wp.array(dtype=wp.vec3d)
@@ -132,6 +133,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         push_work: wp.array(dtype=wp.float64)
         rub: wp.array(dtype=wp.vec3d)
         rub_work: wp.array(dtype=wp.float64)
+        yielded: wp.array(dtype=vec6d)
         changes: wp.array(dtype=wp.vec3d)
         rubbing: wp.array(dtype=wp.vec3d)
 
@@ -204,12 +206,13 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         elif near:
             dt = wp.float64(a.step[0])
             reach = dt * wp.length(wide(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin
+            reach += a.slack
             reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
             near = wp.length(position(i, a) - a.place[0]) < reach
             if wp.static(searched):
                 if near:
                     a1, a0 = way(i, a)
-                    near = not clear(i, a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin, a)
+                    near = not clear(i, a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin + a.slack, a)
         return near
 
     @wp.func
@@ -280,12 +283,17 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
             a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
 
     @pointwise(BodyContact, writes=("marks",))
-    def mark_now(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        for i in range(begin, end):
-            a.marks[i] = wp.where(near_now(i, a, here), wp.uint8(1), wp.uint8(0))
+    def mark_again(begin: int, end: int, a: BodyContact):
+        d = a.yielded[0]
+        # Place and way of the body have changed, and it has turned about a centre that is two radii away at most.
+        turned = wp.float64(2.0) * a.radius * wp.length(wp.vec3d(d[3], d[4], d[5]))
+        moved = wp.float64(a.step[0]) * (wp.length(wp.vec3d(d[0], d[1], d[2])) + turned)
+        if wp.float64(2.0) * moved > a.slack:
+            here = plane(a)
+            for i in range(begin, end):
+                a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
 
     return BodySearch(
         BodyContact, wide, narrow, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
-        push_out, touch_now, mark, mark_now,
+        push_out, touch_now, mark, mark_again,
     )  # fmt: skip

@@ -336,7 +336,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
                 family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
             )
             if there:
-                stored += weight * energy(green(H1, H2, tilt), constants)
+                stored += weight * energy(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
         return stored * family_scale(family, i, undamaged, total)
 

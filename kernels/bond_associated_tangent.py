@@ -152,7 +152,7 @@ def bond_associated_tangent(
             )
             if there:
                 total += weight
-                S, T = response_of(green(H1, H2, tilt), constants)
+                S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 A1, A2 = gradient_of(H1, H2, tilt)
                 F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
                 gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])

@@ -40,7 +40,7 @@ def bond_fields(
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     Family = family_functions(layout).struct
-    from_frame = family_functions(layout).from_frame
+    from_frame, of_bond = family_functions(layout).from_frame, family_functions(layout).of_bond
     law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
     Constants = constants_of(stress)
@@ -92,13 +92,13 @@ def bond_fields(
                     F1 += weight * A1
                     F2 += weight * A2
                 if wp.static(with_stress):
-                    S = stress(G, constants)
+                    S = stress(G, of_bond(family, i, j, constants))
                     if wp.static(viscous):
                         S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
                     U = stretch_of(G)
                     biot += weight * (U * S)
                     if wp.static(wanted.cauchy):
-                        J = wp.sqrt(real(1.0) + volume_change(G, constants))
+                        J = wp.sqrt(real(1.0) + volume_change(G, of_bond(family, i, j, constants)))
                         cauchy += (weight / J) * (U * S * U)
         scale = real(0.0)
         if total > real(0.0):

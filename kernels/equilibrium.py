@@ -23,6 +23,7 @@ class EquilibriumKernels:
         smooth: One sweep of block Jacobi, x += omega D^-1 (b - K x).
         combine: z = alpha x + beta y.
         scale_blocks: z = D^-1 x.
+        add_blocks: change += D direction.
     """
 
     advance: Kernel
@@ -30,6 +31,7 @@ class EquilibriumKernels:
     smooth: Kernel
     combine: Kernel
     scale_blocks: Kernel
+    add_blocks: Kernel
 
 
 @functools.cache
@@ -114,7 +116,14 @@ def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
         i = wp.tid() + first
         z[i] = inverse_blocks[i] * x[i]
 
-    return EquilibriumKernels(advance, hold, smooth, combine, scale_blocks)
+    @kernel()
+    def add_blocks(
+        blocks: wp.array(dtype=mat33), direction: wp.array(dtype=vec3), first: int, change: wp.array(dtype=vec3)
+    ):
+        i = wp.tid() + first
+        change[i] = change[i] + blocks[i] * direction[i]
+
+    return EquilibriumKernels(advance, hold, smooth, combine, scale_blocks, add_blocks)
 
 
 @functools.cache

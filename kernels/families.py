@@ -46,6 +46,7 @@ class Layout:
         compact: Name of the influence function of a compact flat cloud, or "" if the cloud is not compact.
         breakable: Whether bonds can break.
         softened: Whether the damage of a point reduces the stiffness of its family, see kernels/damage_field.py.
+        regions: Whether bonds have several materials, see kernels/by_region.py.
     """
 
     kind: str
@@ -54,6 +55,7 @@ class Layout:
     compact: str = ""
     breakable: bool = False
     softened: bool = False
+    regions: bool = False
 
     @property
     def types(self) -> Numeric:
@@ -83,6 +85,8 @@ class FamilyFunctions:
             kernels/kinematics.py; zero if flat.
         to_frame: (family, i, v) -> components in the frame of i of a vector v in space; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
+        of_bond: (family, i, k, constants of a material) -> the same with the index of the bond's material in it, see
+            kernels/by_region.py; the constants themselves without regions.
     """
 
     struct: Any
@@ -101,6 +105,18 @@ class FamilyFunctions:
     tilt: wp.Function
     to_frame: wp.Function
     from_frame: wp.Function
+    of_bond: wp.Function
+
+
+@functools.cache
+def same_constants(Family: Any) -> wp.Function:
+    """`of_bond` of a sheet of one material."""
+
+    @wp.func
+    def of_bond(family: Family, i: int, k: int, constants: Any):
+        return constants
+
+    return of_bond
 
 
 def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
@@ -186,7 +202,7 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
 
     return FamilyFunctions(
         LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
-        chord=bond, **flat_functions(layout, LatticeFamily),
+        chord=bond, **flat_functions(layout, LatticeFamily), of_bond=same_constants(LatticeFamily),
     )  # fmt: skip
 
 
@@ -218,6 +234,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         frames: wp.array(dtype=types.mat33)
         chords: wp.array2d(dtype=vec3)
         tilts: wp.array2d(dtype=vec2)
+        materials: wp.array2d(dtype=wp.uint8)
 
     @wp.func
     def row_of(family: Family, i: int):
@@ -304,9 +321,16 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         else:
             return v
 
+    @wp.func
+    def of_bond(family: Family, i: int, k: int, constants: Any):
+        own = type(constants)(constants)
+        own[-1] = real(family.materials[k, i])
+        return own
+
     return FamilyFunctions(
         Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
         chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
+        of_bond=of_bond if layout.regions else same_constants(Family),
     )  # fmt: skip
 
 
@@ -411,7 +435,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
     return FamilyFunctions(
         CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
-        chord=bond, **flat_functions(layout, CompactFamily),
+        chord=bond, **flat_functions(layout, CompactFamily), of_bond=same_constants(CompactFamily),
     )  # fmt: skip
 
 

@@ -205,12 +205,12 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
                     strain_now = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     if wp.static(energetic):
-                        stored += weight * energy(strain_now, constants)
+                        stored += weight * energy(strain_now, f.of_bond(family, i, j, constants))
                     else:
                         if wp.static(quick):
-                            S, guess = stress_near(strain_now, constants, guess)
+                            S, guess = stress_near(strain_now, f.of_bond(family, i, j, constants), guess)
                         else:
-                            S = stress(strain_now, constants)
+                            S = stress(strain_now, f.of_bond(family, i, j, constants))
                         if wp.static(viscous):
                             H, power = relaxing(strain_now, i, j, family.members, step, prony, strain, overstress)
                             S += mat22(H[0], H[2], H[2], H[1])

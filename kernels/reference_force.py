@@ -101,7 +101,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
             there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
             if there:
                 G = green(H1, H2, tilt)
-                S = stress(G, constants)
+                S = stress(G, f.of_bond(family, i, j, constants))
                 if wp.static(viscous):
                     S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
                 total += weight

@@ -68,7 +68,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         for j in range(family.members):
             there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
             if there:
-                S, T = response_of(green(H1, H2, tilt), constants)
+                S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
                 F1, F2 = gradient(H1, H2, tilt)
                 stretch = wp.dot(F1, F1) + wp.dot(F2, F2)

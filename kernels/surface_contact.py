@@ -24,7 +24,7 @@ from typing import Any
 
 import warp as wp
 
-from .body_motion import spin_of, vec6d, wrench
+from .body_motion import spin_of, turned_by, vec6d, wrench
 from .body_search import wide_places
 from .distances import TINY, BodyShape, ways_out, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
@@ -186,6 +186,7 @@ class SurfaceContact:
         press: Impulses of the triangles, after one more iteration.
         react: Sums of blocks of triangles, of their impulses on a free body.
         give_way: Change of velocity and spin of a free body by them.
+        move: Changes its velocity and spin so, in the step also its place.
         spread: What the points get.
         clear: After the last launch that needs to know that any triangle is near.
     """
@@ -196,6 +197,7 @@ class SurfaceContact:
     press: Kernel
     react: Kernel
     give_way: Kernel
+    move: Kernel
     spread: Kernel
     clear: Kernel
 
@@ -473,6 +475,20 @@ def surface_contact(
         changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
         splits[0] = number
 
+    @kernel(per="once")
+    def move_body(
+        at_end: int, changes: wp.array(dtype=vec6d), step: wp.array(dtype=real), first: int,
+        place: wp.array(dtype=wp.vec3d), rotation: wp.array(dtype=wp.quatd), motion: wp.array(dtype=wp.vec3d),
+    ):  # fmt: skip
+        d = changes[0]
+        linear = wp.vec3d(d[0], d[1], d[2])
+        turn = wp.vec3d(d[3], d[4], d[5])
+        motion[0] = motion[0] + linear
+        motion[1] = motion[1] + turn
+        if at_end == 0:
+            place[0] = place[0] + wp.float64(step[0]) * linear
+            rotation[0] = turned_by(wp.float64(step[0]) * turn, rotation[0])
+
     @kernel(per="list")
     def spread(
         a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), first: int,
@@ -491,4 +507,4 @@ def surface_contact(
         if wp.static(moves_freely):
             changes[0] = vec6d()
 
-    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, spread, clear)
+    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, move_body, spread, clear)

@@ -110,8 +110,10 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("pure_shear_tear", {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0}),
     ("running_crack", {"points": 12, "horizon": 2.015, "frames": 60}),
     ("trousers", {"points": 10, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03}),
+    ("slit_balloon", {"points": 13, "load_steps": 1}),
     ("snap_through", {"points": 11}),
     ("stable_crack", {"points": 16, "damage_length": 0.0075, "growth": 0.6, "load_steps": 3}),
+    ("tube_bulge", {"points": 12, "switch": 0, "steps": 12}),
     ("tube", {"points": 24, "frames": 3}),
     ("two_sheets", {"points": 13, "frames": 20}),
 )  # fmt: skip

@@ -75,6 +75,8 @@ SCENES = (
     SceneCase("balloon_paths", "Balloon along its whole path"),
     SceneCase("snap_through", "Disc that snaps"),
     SceneCase("balloon_burst", "Balloon that bursts", {"points": 16}),
+    SceneCase("tube_bulge", "Tube that bulges"),
+    SceneCase("slit_balloon", "Slit in a long balloon"),
     SceneCase("tube", "Tube, pulled and inflated", {"points": 32, "frames": 3}),
     SceneCase("glove", "Glove from an SVG file", {"spacing": 5e-3, "load_steps": 2}),
     SceneCase(

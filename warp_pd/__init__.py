@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .materials import (
         ArrudaBoyce,
         Bimodular,
+        ByRegion,
         Gent,
         Incompressible,
         Material,
@@ -83,7 +84,7 @@ else:
             "laws.nodal": "Nodal",
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
-            "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
+            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
             "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
@@ -121,6 +122,7 @@ __all__ = [
     "BoundaryForce",
     "Box",
     "Built",
+    "ByRegion",
     "Capsule",
     "Circle",
     "CriticalEnergy",

@@ -47,9 +47,11 @@ def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(prec
     # Unstable between the limit points and nowhere else; frames tell the load factor as their time.
     for row in result.history[1:]:
         assert row["time"] == row["load_factor"]
-    steps = [found["steps"] for found in result.summary["solve"]["found"]]
+    (first, second) = [found["step"] for found in result.summary["solve"]["found"]]
     unstable = [row["unstable"] for row in result.history]
-    assert unstable == [float(steps[0][1] <= k <= steps[1][0]) for k in range(len(unstable))]
+    assert unstable == [float(first <= k < second) for k in range(len(unstable))]
+    # Limit points are frames: the load is larger, or smaller, than before and after.
+    assert falls.tolist() == list(range(first, second))
     notes = [note for note in result.summary["notes"] if note.startswith("ArcLength: a limit point at load factor 0.")]
     assert "a maximum of the load" in notes[0] and "a minimum of the load" in notes[1]
     series = read_series(tmp_path / "frames.vtkhdf")
@@ -114,11 +116,10 @@ def test_places_between_two_points_of_a_path():
     def at(s, step, negative, lowest):
         return Point(step, s**3 / 3.0 - s, s**2 - 1.0, negative, lowest)
 
-    minimum, bifurcation = changes(at(0.5, 3, 0, [0.5]), at(2.0, 4, 2, [-1.0]), 1.5)
-    assert minimum["kind"] == "minimum" and minimum["steps"] == [3, 4]
-    assert minimum["load_factor"] == pytest.approx(-2.0 / 3.0, abs=1e-12)
-    assert bifurcation["eigenvalues"] == 1
-    assert bifurcation["load_factor"] == pytest.approx(-2.0 / 3.0)
+    bifurcation, minimum = changes(at(0.5, 3, 0, [0.1, 3.0]), at(2.0, 4, 2, [-1.0, -0.5]), 1.5)
+    assert minimum.kind == "minimum" and 0.5 + 1.5 * minimum.place == pytest.approx(1.0, abs=1e-12)
+    assert (bifurcation.kind, bifurcation.eigenvalues) == ("bifurcation", 1)
+    assert bifurcation.place == pytest.approx(0.1 / 1.1)
     assert changes(at(1.5, 3, None, []), at(2.0, 4, None, []), 0.5) == []
 
 
@@ -129,6 +130,7 @@ def test_what_no_path_can_follow_is_told():
 
 
 def test_a_path_that_is_not_over_says_so():
-    result = snapping(ArcLength(most_steps=3))
+    result = snapping(ArcLength(most_steps=3, switch=1))
     assert result.status == "finished" and len(result.history) == 4
-    assert any("followed for most_steps = 3" in note for note in result.summary["notes"])
+    for words in ("followed for most_steps = 3", "met fewer bifurcations"):
+        assert any(words in note for note in result.summary["notes"])

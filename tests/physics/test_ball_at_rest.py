@@ -6,21 +6,30 @@ import numpy as np
 import pytest
 from helpers import square
 from references import ball_on_disc
+from resumed_runs import require_same_when_stopped
 from small_runs import run
 
 from warp_pd import (
+    ArcLength,
     BodyForce,
     BodyPath,
     BondAssociated,
+    Cylinder,
     Explicit,
     Fixed,
+    Free,
+    InputError,
     MooneyRivlin,
+    Motion,
+    Newton,
+    Relaxation,
     RigidBall,
     RigidBody,
     Sheet,
     Simulation,
     Sphere,
 )
+from warp_pd.fitting.equilibrium import require_newton
 from warp_pd.geometry.curves import Circle
 
 MU, RADIUS, THICKNESS = 1e3, 0.1, 1e-3
@@ -34,18 +43,35 @@ def reference(depth):
     return ball_on_disc.at_depth(depth, BALL)
 
 
-def pressed(points, depth, horizon, damping=40.0):
-    """The disc at rest, half a second after a ball has been lowered to a depth in half a second."""
+def disc(points):
+    """The disc, and the points of its rim."""
     sheet = Sheet.outline(
         Circle((0.0, 0.0), RADIUS), spacing=2.0 * RADIUS / (points - 1), thickness=THICKNESS, density=1e3
     )
-    rim = sheet.where(lambda x, y: np.hypot(x, y) > RADIUS * (1.0 - 1e-9))
-    a = BALL * RADIUS
-    end = (0.0, 0.0, a - depth * RADIUS)
-    path = BodyPath([0.0, 0.5, 1.0], [(0.0, 0.0, a * (1.0 + 1e-6)), end, end])
+    return sheet, sheet.where(lambda x, y: np.hypot(x, y) > RADIUS * (1.0 - 1e-9))
+
+
+def law(horizon):
+    return BondAssociated(MooneyRivlin(0.5 * MU), horizon=horizon, weights="corrected")
+
+
+def height(depth):
+    """Of the centre of a ball whose lowest point is at a depth."""
+    return (BALL - depth) * RADIUS
+
+
+ABOVE = BALL * RADIUS * (1.0 + 1e-6)
+
+
+@cache
+def pressed(points, depth, horizon, damping=40.0):
+    """The disc at rest, half a second after a ball has been lowered to a depth in half a second."""
+    sheet, rim = disc(points)
+    end = (0.0, 0.0, height(depth))
+    path = BodyPath([0.0, 0.5, 1.0], [(0.0, 0.0, ABOVE), end, end])
     result = Simulation(
-        sheet, BondAssociated(MooneyRivlin(0.5 * MU), horizon=horizon, weights="corrected"),
-        Explicit(1.0, frames=10, damping=damping), loads=[Fixed(rim)], contact=RigidBody(Sphere(2.0 * a), path),
+        sheet, law(horizon), Explicit(1.0, frames=10, damping=damping), loads=[Fixed(rim)],
+        contact=RigidBody(Sphere(2.0 * BALL * RADIUS), path),
     ).run(device="cpu")  # fmt: skip
     assert result.status == "finished"
     inner = result.built.to_numpy(result.built.state.force)[np.setdiff1d(np.arange(sheet.size), rim)]
@@ -84,6 +110,124 @@ def test_the_force_on_a_body_at_rest_balances_the_sheet_at_any_damping(damping):
     changes in the velocity, by a factor 1 + c dt / 2."""
     rows, inner = pressed(25, 0.5, 2.015, damping)
     assert rows[-1]["body_force_z"] == pytest.approx(inner, rel=1e-3)
+
+
+def lowered(sheet, rim, horizon=2.015, depth=0.5, solver=None, **body):
+    """A ball lowered onto a disc, in static equilibrium."""
+    path = BodyPath([0.0, 1.0], [(0.0, 0.0, ABOVE), (0.0, 0.0, height(depth))])
+    given = {"motion": path, **body}
+    return Simulation(
+        sheet, law(horizon), solver or Newton(load_steps=4), loads=[Fixed(rim)],
+        contact=RigidBody(Sphere(2.0 * BALL * RADIUS), **given),
+    )  # fmt: skip
+
+
+@cache
+def at_rest(points=25, precision=64, **settings):
+    return lowered(*disc(points), **settings).run(device="cpu", precision=precision)
+
+
+def test_static_contact_is_what_a_slow_ball_comes_to():
+    """Measured: 6e-6 apart."""
+    slow, _ = pressed(25, 0.5, 2.015)
+    assert at_rest().status == "finished"
+    assert at_rest().history[-1]["body_force_z"] == pytest.approx(slow[-1]["body_force_z"], rel=1e-4)
+
+
+def test_static_contact_meets_the_shooting():
+    """As in motion: -0.61 %."""
+    found = at_rest(41, horizon=1.7).history[-1]["body_force_z"]
+    assert abs(found / (FORCE * reference(0.5).force) - 1.0) < 0.0065
+
+
+def test_points_rest_on_the_ball_and_it_carries_what_they_pull():
+    result = at_rest()
+    built, row = result.built, result.history[-1]
+    sheet, rim = disc(25)
+    gap = np.linalg.norm(sheet.positions + built.to_numpy(built.state.displacement) - built.contact.pose()[:3], axis=1)
+    gap -= BALL * RADIUS
+    pressed = built.to_numpy(built.contact.multiplier) > 0.0
+    assert 40 < pressed.sum() < 200
+    assert np.abs(gap[pressed]).max() < 1e-5 * sheet.spacing
+    assert gap.min() > -1e-5 * sheet.spacing
+    inner = built.to_numpy(built.state.force)[np.setdiff1d(np.arange(sheet.size), rim)]
+    assert row["body_force_z"] == pytest.approx(inner[:, 2].sum(), rel=1e-6)
+    for name in ("body_force_x", "body_force_y"):
+        assert abs(row[name]) < 1e-3 * row["body_force_z"]
+    # Without friction no ball turns.
+    assert abs(row["body_torque_z"]) < 1e-12
+
+
+def test_static_contact_in_float32():
+    found = at_rest(precision=32)
+    assert found.status == "finished"
+    assert found.history[-1]["body_force_z"] == pytest.approx(at_rest().history[-1]["body_force_z"], rel=1e-4)
+
+
+def test_a_disc_pulled_over_a_still_ball():
+    """It is the same but for a shift: the path, and where the last digits are, differ."""
+    sheet, rim = disc(25)
+    result = Simulation(
+        sheet, law(2.015), Newton(load_steps=4),
+        loads=[Motion(rim, [0.0, 1.0], x=[0.0, 0.0], y=[0.0, 0.0], z=[0.0, 0.5 * RADIUS])],
+        contact=RigidBody(Sphere(2.0 * BALL * RADIUS), BodyPath.still((0.0, 0.0, ABOVE))),
+    ).run(device="cpu")  # fmt: skip
+    assert result.status == "finished"
+    assert result.history[-1]["body_force_z"] == pytest.approx(at_rest().history[-1]["body_force_z"], rel=1e-4)
+
+
+def test_a_flat_punch_at_rest_is_what_a_slow_one_comes_to():
+    """Its edge is sharper than the spacing: points lie on either of its faces. Measured: 3e-6 apart."""
+    flat, rim = disc(25)
+    length, depth = 0.1, 0.2
+    begin, end = (0.0, 0.0, 0.5 * length * (1.0 + 1e-6)), (0.0, 0.0, 0.5 * length - depth * RADIUS)
+    forces = []
+    for solver, times in (
+        (Newton(load_steps=4), [0.0, 1.0, 2.0]), (Explicit(1.0, frames=10, damping=40.0), [0.0, 0.5, 1.0])
+    ):  # fmt: skip
+        result = Simulation(
+            flat.prestretched(1.1), law(2.015), solver, loads=[Fixed(rim)],
+            contact=RigidBody(Cylinder(2.0 * BALL * RADIUS, length), BodyPath(times, [begin, end, end])),
+        ).run(device="cpu")  # fmt: skip
+        assert result.status == "finished"
+        forces.append(result.history[-1]["body_force_z"])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-4)
+
+
+def test_a_ball_that_goes_up_again_leaves_nothing():
+    """Multipliers of points that are no longer pressed vanish, and the disc is flat."""
+    sheet, rim = disc(25)
+    path = BodyPath([0.0, 0.5, 1.0], [(0.0, 0.0, ABOVE), (0.0, 0.0, height(0.3)), (0.0, 0.0, ABOVE)])
+    result = lowered(sheet, rim, motion=path, solver=Newton(load_steps=6)).run(device="cpu")
+    assert result.status == "finished"
+    forces = [row["body_force_z"] for row in result.history]
+    assert forces[2] == pytest.approx(forces[4], rel=1e-4)
+    assert abs(forces[6]) < 1e-3 * forces[3]
+
+
+def test_static_contact_goes_on_after_a_stop(tmp_path):
+    require_same_when_stopped(lambda: lowered(*disc(13)), tmp_path, [2])
+
+
+def test_derivatives_at_equilibrium_refuse_contact():
+    with pytest.raises(InputError, match="contact: expected None for derivatives at equilibrium"):
+        require_newton(lowered(*disc(9)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"friction": 0.3}, "friction = 0.3: expected 0.0 at rest, or Explicit"),
+        ({"surface": True}, "surface = True: expected False at rest, or Explicit"),
+        ({"motion": Free(0.1, (0.0, 0.0, ABOVE))}, "motion.free = True: expected False at rest, or Explicit"),
+        ({"solver": Relaxation()}, "the solver Relaxation has no contact; expected Newton or Explicit"),
+        ({"solver": ArcLength(0.1)}, "the solver ArcLength has no contact; expected Newton or Explicit"),
+        ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),
+    ],
+)
+def test_what_static_contact_refuses(changes, words):
+    with pytest.raises(InputError, match=words):
+        lowered(*disc(9), **changes).build("cpu")
 
 
 def test_the_force_on_a_still_ball_is_what_a_load_leaves():

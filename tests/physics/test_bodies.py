@@ -213,8 +213,8 @@ THIN = Box((0.05, 0.06, 0.0105))
     ("shape", "friction"),
     [
         (Sphere(0.03), 0.0),
-        (THIN, 0.0),
-        (TriangleMesh(*THIN.outline(0.0)), 0.1),
+        (THIN, 0.3),
+        (TriangleMesh(*THIN.outline(0.0)), 0.3),
         (Capsule(0.0105, 0.05), 0.3),
         (Cylinder(0.05, 0.0105), 0.0),
         (Plane(), 0.3),

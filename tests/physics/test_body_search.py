@@ -27,6 +27,21 @@ def plain():
     return scene().run(device="cpu", precision=32)
 
 
+def require_same_bits(result, other):
+    for row, other_row in zip(result.history, other.history, strict=True):
+        assert row == other_row
+    np.testing.assert_array_equal(result.frame.displacement, other.frame.displacement)
+    np.testing.assert_array_equal(result.frame.velocity, other.frame.velocity)
+
+
+def test_points_that_remember_nothing_touch_the_same(plain, monkeypatch):
+    assert plain.history[-1]["body_force_z"] < 0.0
+    assert min(row["ball_force_z"] for row in plain.history) < 0.0 or plain.history[-1]["ball_force_z"] > 0.0
+    # Nothing public makes points forget: the search is to change no bit.
+    monkeypatch.setattr(bodies, "UNSURE", 1e6)
+    require_same_bits(plain, scene().run(device="cpu", precision=32))
+
+
 def test_points_seldom_ask(plain):
     """At the end, most points under the bodies are clear of them by more than they move in a step."""
     for name in ("ball", "body"):
@@ -36,15 +51,12 @@ def test_points_seldom_ask(plain):
         assert np.median(seen[asked, 3]) > 0.1 * plain.built.simulation.sheet.spacing
 
 
-def test_points_that_remember_nothing_and_are_marked_touch_the_same(plain, monkeypatch):
-    assert plain.history[-1]["body_force_z"] < 0.0
-    assert min(row["ball_force_z"] for row in plain.history) < 0.0 or plain.history[-1]["ball_force_z"] > 0.0
-    # Nothing public makes points forget, and sheets that are marked are too large for a test.
-    monkeypatch.setattr(bodies, "UNSURE", 1e6)
+@pytest.mark.parametrize("slack", [bodies.SLACK, 0.0], ids=["seldom", "in every step"])
+def test_marked_points_touch_the_same(plain, monkeypatch, slack):
+    """However often they are marked again, as a free body yields."""
+    # Sheets that are marked are too large for a test.
     monkeypatch.setattr(built_motion, "MARKED_FROM", 0)
-    other = scene().run(device="cpu", precision=32)
-    assert other.built.context.fields["ball_marks"].numpy().any()
-    for row, other_row in zip(plain.history, other.history, strict=True):
-        assert row == other_row
-    np.testing.assert_array_equal(plain.frame.displacement, other.frame.displacement)
-    np.testing.assert_array_equal(plain.frame.velocity, other.frame.velocity)
+    monkeypatch.setattr(bodies, "SLACK", slack)
+    marked = scene().run(device="cpu", precision=32)
+    assert marked.built.context.fields["ball_marks"].numpy().any()
+    require_same_bits(plain, marked)

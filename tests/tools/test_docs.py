@@ -58,11 +58,13 @@ def test_examples_of_fits_run(code, capsys):
 def test_examples_of_contact_can_be_built(page):
     if page == "bodies":
         pytest.importorskip("newton", reason="newton, the extra `bodies`, is not installed")
-    (code,) = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
     names = {}
-    exec(compile(code, page, "exec"), names)
+    for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL):
+        exec(compile(code, page, "exec"), names)
     part = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}[page]
     assert part in names["simulation"].plan("cpu")
+    if page == "contact":
+        assert "settle_contact" in names["indentation"].plan("cpu")
 
 
 def test_every_page_is_in_the_navigation():

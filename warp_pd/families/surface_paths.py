@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.sheet import Sheet
+from ..geometry.topology import boundary_edges, undirected
 
 # Longest path along the edges of the triangles between points that share a bond, over their distance: a square lattice
 # without one of its diagonals has 1.42.
 LONGEST_PATH = 1.5
+# Longest way around the tip of a slit of two points that share a bond, over their distance, as in visibility.py; and
+# how far points on a slit are moved into their triangles.
+DETOUR, ASIDE = 1.2, 1e-3
 # A pair of points is looked at if its normals turn by more than 60 degrees, or if it leaves a tangent plane by more
 # than 30 degrees.
 LEAST_COSINE, MOST_RISE = 0.5, 0.5
@@ -23,11 +27,54 @@ def apart_along(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """
     reach = float(np.linalg.norm(sheet.points[pairs[:, 1]] - sheet.points[pairs[:, 0]], axis=1).max(initial=0.0))
     looked_at = np.flatnonzero(_near_suspects(sheet, pairs)[pairs].all(axis=1))
-    lost = np.zeros(len(pairs), bool)
+    lost = through_slits(sheet, pairs)
     if len(looked_at):
         chosen = pairs[looked_at]
         chord = np.linalg.norm(sheet.points[chosen[:, 1]] - sheet.points[chosen[:, 0]], axis=1)
-        lost[looked_at] = _paths(sheet, chosen, LONGEST_PATH * reach) > LONGEST_PATH * chord
+        lost[looked_at] |= _paths(sheet, chosen, LONGEST_PATH * reach) > LONGEST_PATH * chord
+    return lost
+
+
+def through_slits(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), have a slit between them, and not its tip nearby; bool, shape (B,).
+
+    A slit is where open edges of triangles lie upon each other; each is looked at in its tangent plane. Points on it
+    are moved a little into their own triangles, so that those of two faces lie on two sides.
+    """
+    lost = np.zeros(len(pairs), bool)
+    edges = boundary_edges(sheet.triangles)
+    on_edge, ends = np.unique(edges, return_inverse=True)
+    place = np.unique(sheet.points[on_edge], axis=0, return_inverse=True)[1].ravel()
+    faces = np.bincount(undirected(place[ends.reshape(-1, 2)]), minlength=1)
+    faces = edges[(faces == 2)[undirected(place[ends.reshape(-1, 2)])]]
+    if not len(faces) or not len(pairs):
+        return lost
+    doubled = on_edge[np.bincount(place)[place] == 2]
+    tips = np.setdiff1d(faces, doubled)
+    points = sheet.points.copy()
+    for point in doubled:
+        own = sheet.triangles[(sheet.triangles == point).any(axis=1)]
+        points[point] += ASIDE * (sheet.points[own].mean(axis=(0, 1)) - points[point])
+    tail, head = points[pairs[:, 0]], points[pairs[:, 1]]
+    length = np.linalg.norm(head - tail, axis=1)
+    open_pairs = ~np.isin(pairs, tips).any(axis=1)
+    tolerance = 2.0 * ASIDE * sheet.widest_spacing
+    for a, b in faces:
+        start, along = sheet.points[a], sheet.points[b] - sheet.points[a]
+        size = float(np.linalg.norm(along))
+        near = np.flatnonzero(open_pairs & (np.linalg.norm(tail - start, axis=1) <= length.max() + size))
+        across = np.cross(sheet.normals[[a, b]].mean(axis=0), along / size)
+        first, last = (tail[near] - start) @ across, (head[near] - start) @ across
+        opposite = first * last < 0.0
+        near, first, last = near[opposite], first[opposite], last[opposite]
+        way = tail[near] - start + (first / (first - last))[:, None] * (head[near] - tail[near])
+        at = way @ along / size
+        # A bond through the tip itself exists.
+        begin, end = (-1.0 if point in tips else 1.0 for point in (a, b))
+        lost[near[(at > -begin * tolerance) & (at < size + end * tolerance)]] = True
+    for tip in sheet.points[tips]:
+        around = np.linalg.norm(tail - tip, axis=1) + np.linalg.norm(head - tip, axis=1)
+        lost &= around > DETOUR * length
     return lost
 
 

@@ -96,6 +96,7 @@ class Families:
         frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
             then projections on the tangent plane, in this frame.
         chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
+        materials: Index of the material of each bond, uint8, shape (N, n), on a cloud of several; or None.
         whole: Properties of the whole sheet's families, if these are the families of a part of it.
     """
 
@@ -118,6 +119,7 @@ class Families:
     factors: np.ndarray | None = None
     frames: np.ndarray | None = None
     chords: np.ndarray | None = None
+    materials: np.ndarray | None = None
     whole: WholeFamilies | None = None
 
     @property

@@ -60,13 +60,15 @@ def require_newton(scene: Simulation) -> None:
     """Check that derivatives at equilibrium are available for a scene.
 
     Raises:
-        InputError: if the solver is not Newton, or bonds can break.
+        InputError: if the solver is not Newton, there is contact, or bonds can break.
     """
     if not has_equilibrium(scene):
         raise InputError(
             f"solver = {type(scene.solver).__name__}: expected Newton, whose tangent gives the derivatives; for others "
             "take differences over runs"
         )
+    if scene.contacts:
+        raise InputError("contact: expected None for derivatives at equilibrium, as points that touch make jumps")
     if scene.damage is not None:
         raise InputError("damage: expected None for derivatives at equilibrium, because breaking bonds cause jumps")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .shape import Shape
-from .topology import directed_edges
+from .topology import boundary_edges, directed_edges
 from .triangulation import Lattice
 
 
@@ -78,11 +78,12 @@ def crack_segments(shape: Shape) -> np.ndarray:
     points = shape.points
     dimensions = points.shape[1]
     found = [np.asarray(shape.cuts, float).reshape(-1, 2, dimensions)] if shape.cuts else []
-    if shape.barriers is not None and len(shape.barriers):
-        places = np.round(points[shape.barriers] / (1e-6 * shape.spacing)).astype(np.int64)
+    edges = shape.barriers if shape.frames is None else boundary_edges(shape.triangles)
+    if edges is not None and len(edges):
+        places = np.round(points[edges] / (1e-6 * shape.spacing)).astype(np.int64)
         there = {tuple(pair.ravel().tolist()) for pair in places}
         faces = [k for k, pair in enumerate(places) if tuple(pair[::-1].ravel().tolist()) in there]
-        found.append(points[shape.barriers[faces]])
+        found.append(points[edges[faces]])
     return np.concatenate(found) if found else np.zeros((0, 2, dimensions))
 
 

@@ -20,14 +20,21 @@ class SplitPoints:
     doubled: np.ndarray
 
 
-def split_along(points: np.ndarray, triangles: np.ndarray, crack: np.ndarray, mouths: tuple[bool, bool]) -> SplitPoints:
+def split_along(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    crack: np.ndarray,
+    mouths: tuple[bool, bool],
+    frames: np.ndarray | None = None,
+) -> SplitPoints:
     """Open a triangulation along a crack.
 
     Args:
-        points: Positions [m], shape (N, 2).
+        points: Positions [m], shape (N, 2), or (N, 3) on a curved sheet.
         triangles: Counter-clockwise, shape (F, 3); the crack runs along their edges.
         crack: Points along the crack, shape (L,).
         mouths: Whether the crack starts and ends at the edge of the sheet, where its end point is doubled, too.
+        frames: Tangent vectors at the points of a curved sheet, shape (N, 3, 2).
     """
     first, last = (0 if mouths[0] else 1), (len(crack) if mouths[1] else len(crack) - 1)
     doubled = crack[first:last]
@@ -42,6 +49,8 @@ def split_along(points: np.ndarray, triangles: np.ndarray, crack: np.ndarray, mo
     middle = points[triangles[face]].mean(axis=1) - points[vertex]
     ahead = points[crack[np.minimum(at + 1, len(crack) - 1)]] - points[vertex]
     behind = points[crack[np.maximum(at - 1, 0)]] - points[vertex]
+    if frames is not None:
+        middle, ahead, behind = (np.einsum("pc,pca->pa", v, frames[vertex]) for v in (middle, ahead, behind))
     # At a mouth the crack has one direction there; the other is its continuation.
     ahead = np.where((at == len(crack) - 1)[:, None], -behind, ahead)
     behind = np.where((at == 0)[:, None], -ahead, behind)

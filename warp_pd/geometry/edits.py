@@ -87,6 +87,7 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
         lattice=None,
         grid=None if grid is None else grid[kept],
         spacings=None if shape.spacings is None else shape.spacings[kept],
+        frames=None if shape.frames is None else shape.frames[kept],
         bodies=None if shape.bodies is None else shape.bodies[kept],
         pieces=None if shape.pieces is None else shape.pieces[kept],
         barriers=None if barriers is None else barriers.astype(np.int32),

@@ -29,7 +29,9 @@ def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray
         if np.allclose(areas, shape.areas, rtol=1e-9, atol=0.0):
             return _cells_without(removed, shape.grid, shape.spacing)
     kept = shape.triangles[~removed[shape.triangles].any(axis=1)]
-    return kept, point_areas(shape.points, kept)
+    areas = point_areas(shape.points, kept)
+    # The areas of a tube or sphere are those of the smooth surface.
+    return kept, areas if shape.frames is None else areas / point_areas(shape.points, shape.triangles) * shape.areas
 
 
 def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:

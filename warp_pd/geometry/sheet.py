@@ -19,6 +19,7 @@ from .rectangles import filled, line, rectangle
 from .selection import SelectableShape
 from .shape import Shape
 from .stretching import before_stretch
+from .surface_edits import slit_surface
 from .surfaces import sphere, surface, tube
 from .triangulation import Segment
 
@@ -337,6 +338,27 @@ class Sheet(SelectableShape):
 
         return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 
+    def slit(self, *path: tuple[float, float, float]) -> Sheet:
+        """A copy of a curved sheet with a slit along edges of its triangles, for a cut in a tube, sphere or mesh.
+
+        Each point on the slit becomes two, one for each face, and no bond crosses it; its tips stay one. An end on an
+        open edge of the sheet opens that edge. Its points are the parts "slit 1", "slit 1 left" and "slit 1 right" as
+        seen along it from outside.
+
+        Args:
+            path: Two or more places [m]; the slit takes the shortest way through the points nearest to them.
+
+        Raises:
+            InputError: for a flat sheet, fewer than two places, or a slit that meets itself or an edge on its way.
+        """
+        if self.frames is None:
+            raise InputError("slit: expected a curved sheet; a flat one has cut, and cracks in Sheet.outline")
+        if len(path) < 2:
+            raise InputError(f"slit holds {len(path)} places: expected two at least")
+        places = np.array([vector(f"slit: path[{k}]", place, 3) for k, place in enumerate(path)])
+        changed, source = slit_surface(self, places, f"slit from {path[0]!r} to {path[-1]!r}")
+        return replace(self, **changed, **self.at_points(lambda values: values[source]))
+
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
 
@@ -344,23 +366,24 @@ class Sheet(SelectableShape):
         left side. Triangles crossed by the cut are removed, also from pictures.
 
         Raises:
-            InputError: if the segment has no length or crosses no triangle, or the sheet is curved.
+            InputError: if the segment has no length or crosses no triangle, or the sheet is curved and needs
+                `slit`.
         """
         self._require_flat("cut")
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
         return slit(self, segment, f"cut from {start!r} to {end!r}")
 
-    def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
+    def hole(self, centre: tuple[float, ...], radius: float) -> Sheet:
         """A copy without the points closer than `radius` [m] to `centre`; the other points stay on their grid.
 
-        On a grid, cells that lost a corner are also removed, and the areas of the points around them shrink.
+        On a grid, cells that lost a corner are also removed, and the areas of the points around them shrink. On a
+        curved sheet, triangles that lost a corner are.
 
         Raises:
-            InputError: if the hole contains no points or removes the whole sheet, or the sheet is curved.
+            InputError: if the hole contains no points or removes the whole sheet.
         """
-        self._require_flat("hole")
-        offset = self.points - vector("centre", centre, 2)
-        inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
+        offset = self.points - vector("centre", centre, self.points.shape[1])
+        inside = np.linalg.norm(offset, axis=1) < positive("radius", radius) * (1.0 - 1e-9)
         smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 

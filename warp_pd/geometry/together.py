@@ -15,8 +15,9 @@ def together(*sheets: Sheet) -> Sheet:
     """Combine sheets into one sheet of several pieces, side by side in the reference state, without bonds between them.
 
     The points of a piece are the part "sheet 1", "sheet 2", ...; names of its parts get this prefix, such as "sheet 1
-    outline". All pieces have the same force law; `stiffened` makes a piece stiffer. `placed` moves the pieces to their
-    positions, and `SelfContact` prevents interpenetration.
+    outline". All pieces have the same force law; `stiffened` makes a piece stiffer, and `ByRegion`
+    gives it another material. `placed` moves the pieces to their positions, and `SelfContact` prevents
+    interpenetration.
 
     Raises:
         InputError: for fewer than two sheets, a mixture of flat and curved sheets, or prestretched sheets.

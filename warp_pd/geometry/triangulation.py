@@ -191,7 +191,12 @@ def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """A third of each adjacent triangle for every point [m^2], shape (N,)."""
     areas = np.zeros(len(points))
-    third = np.abs(signed_areas(points, triangles)) / 3.0
+    flat = points.shape[1] == 2
+    third = (
+        np.abs(signed_areas(points, triangles)) / 3.0
+        if flat
+        else np.linalg.norm(doubled_normals(points, triangles), axis=1) / 6.0
+    )
     for k in range(3):
         np.add.at(areas, triangles[:, k], third)
     return areas

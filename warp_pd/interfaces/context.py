@@ -127,6 +127,7 @@ class Context:
         prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
         compact: Name of the influence function of a compact cloud (kernels/families.py); "" on other sheets. Set
             by the force law, which is built before any kernel.
+        regions: Whether bonds have several materials (kernels/by_region.py), set by the force law.
         state: Arrays shared by all parts.
     """
 
@@ -147,6 +148,7 @@ class Context:
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     compact: str = ""
+    regions: bool = False
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -164,7 +166,9 @@ class Context:
     def layout(self) -> Layout:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
-        return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened)
+        return Layout(
+            sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions
+        )
 
     def array(
         self,

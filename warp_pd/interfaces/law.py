@@ -40,8 +40,12 @@ class SparseTangent(Protocol):
         """K of the free components [N/m], a SciPy sparse matrix."""
         ...
 
-    def factorise(self) -> Solve | None:
-        """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3); None if K is singular.
+
+        Args:
+            added: Blocks that are added to K on its diagonal [N/m], shape (N, 3, 3).
+        """
         ...
 
 

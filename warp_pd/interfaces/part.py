@@ -44,11 +44,13 @@ class Part(Protocol):
     Attributes:
         argument: Argument of the scene that takes it: "loads", "contact" or "damage".
         adds_force: Whether it adds to the external force.
+        loads_at_rest: Whether static solvers take it as a load, which `build` then returns.
         does_work: Whether it does work on the sheet, for the energy balance.
     """
 
     argument: ClassVar[str] = "loads"
     adds_force: ClassVar[bool] = False
+    loads_at_rest: ClassVar[bool] = False
     does_work: ClassVar[bool] = False
 
     def check(self, others: Sequence[Part]) -> None:
@@ -78,6 +80,32 @@ class Part(Protocol):
         raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
+class ContactAtRest(Protocol):
+    """What a load is to Newton's method that pushes each point by where that point alone is.
+
+    Attributes:
+        label: Its name in messages.
+        blocks: Change of the force on a point with its displacement [N/m], (N,) mat33, as of `add_blocks`.
+        memory: What is settled in equilibrium, and undone by a cutback.
+    """
+
+    label: str
+    blocks: Array
+    memory: Sequence[Array]
+
+    def stiffen(self, modulus: float) -> None:
+        """Take the mean modulus of the sheet [Pa]; called before the first load step."""
+        ...
+
+    def add_blocks(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `blocks` at a displacement [m], and what `settle` runs; called once."""
+        ...
+
+    def settle(self) -> bool:
+        """Settle what is left in equilibrium; whether that asks for a new one."""
+        ...
+
+
 class BuiltLoad(BuiltPart, Protocol):
     """A load on a device. Every solver calls the same `add_force`.
 
@@ -85,11 +113,13 @@ class BuiltLoad(BuiltPart, Protocol):
         follows_displacement: Whether the force depends on the displacement.
         coarsens: Whether a displacement-dependent load can be built on coarser sheets, for multigrid.
         symmetric: Whether the tangent of a displacement-dependent load is symmetric.
+        at_rest: The load as contact in static equilibrium, or None.
     """
 
     follows_displacement: bool = False
     coarsens: bool = False
     symmetric: bool = False
+    at_rest: ContactAtRest | None = None
 
     def constant_force(self) -> np.ndarray | None:
         """The force [N], shape (N, 3), if it is constant; `add_force` is then not called. Otherwise None."""

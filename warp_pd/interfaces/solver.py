@@ -99,6 +99,16 @@ class System:
                 if len(trial):
                     raise InputError(f"{part.label}: not supported by the solver {solver}; expected Explicit")
 
+    def refuse_contact(self, solver: str) -> None:
+        """Refuse contact at rest for a solver that does not settle it.
+
+        Raises:
+            InputError: if there is any.
+        """
+        for load in self.external.following:
+            if load.at_rest is not None:
+                raise InputError(f"{load.label}: the solver {solver} has no contact; expected Newton or Explicit")
+
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
         """Set the time per step, the end time and optionally the current time [s]; evaluate the schedules."""
         if self._schedules is None:

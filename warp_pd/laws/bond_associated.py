@@ -22,6 +22,7 @@ from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
 from .point_fields import ShownFields, factors
+from .region_tables import region_tables
 from .variational import Key
 from .weight_tables import MAX_CORRECTED, law_tables
 
@@ -107,6 +108,7 @@ class BondAssociatedForce(FamilyLaw):
     takes_curved = True
     takes_graded = True
     takes_tension_field = True
+    takes_regions = True
     divides = True
     paths: ClassVar[Sequence[type[ForcePath]]] = PATHS
 
@@ -121,10 +123,14 @@ class BondAssociatedForce(FamilyLaw):
                 raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
             # Their kernels compute the weights themselves.
             require_one_material(sheet, "weights 'published'")
-        if self._has_compact_families(context):
+        regions = capabilities(law.material).regions
+        context.regions = bool(regions)
+        if not regions and self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
             context.compact = str(law.influence) if named else "table"
-        families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
+        settings = law.horizon, law.influence, self.weights
+        tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
+        families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
@@ -191,8 +197,10 @@ class BondAssociatedForce(FamilyLaw):
         self.damage = damage
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
-        """Energy density of the material [J/m^3], in pure shear by default."""
-        return energy_density(self.material, stretch, across, self.context.device)
+        """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""
+        materials = capabilities(self.material).materials or (self.material,)
+        found = [energy_density(each, stretch, across, self.context.device) for each in materials]
+        return np.asarray(np.max(found, axis=0))
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the row sums of the stiffness [N/m].

@@ -214,15 +214,15 @@ class BondAssociatedMatrix:
         A = sparse.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(6 * count, 6 * count))
         return (self.gradients.T @ (A.tocsr() @ self.gradients)).tocsc()
 
-    def factorise(self) -> Solve | None:
-        """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
         from scipy import sparse
 
         matrix, t = self.matrix(), self.tangent
         if t.force.intact is not None:
             least = LOOSE * t.modulus() * t.force.thickness
             matrix += least * sparse.identity(matrix.shape[0], format="csc")
-        return factorised(matrix, self.free)
+        return factorised(matrix, self.free, added)
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:

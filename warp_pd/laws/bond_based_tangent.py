@@ -140,6 +140,6 @@ class BondBasedMatrix:
         lost = ~unpack(intact.numpy().T, families.members).any(axis=1)
         return np.asarray(np.repeat(lost, 3)[self.free] * self.tangent.modulus() * self.tangent.force.thickness)
 
-    def factorise(self) -> Solve | None:
-        """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
-        return factorised(self.matrix(), self.free)
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
+        return factorised(self.matrix(), self.free, added)

@@ -76,6 +76,7 @@ class FamilyLaw(BuiltLaw):
         takes_curved: Whether the law supports curved sheets.
         takes_graded: Whether it supports sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
+        takes_regions: Whether its material may be a ByRegion.
         divides: Whether it supports several processes.
     """
 
@@ -92,6 +93,7 @@ class FamilyLaw(BuiltLaw):
     takes_curved: bool = False
     takes_graded: bool = False
     takes_tension_field: bool = False
+    takes_regions: bool = False
     divides: bool = False
 
     def __init__(
@@ -136,6 +138,8 @@ class FamilyLaw(BuiltLaw):
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
+        if known.regions and not self.takes_regions:
+            raise InputError(f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion")
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
         constants = padded_constants(law.material)
         self.constants = context.types.constants(len(constants))(*constants)

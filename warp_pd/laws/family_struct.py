@@ -93,6 +93,8 @@ def family_struct(
     s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)
+    if families.materials is not None:
+        s.materials = put("bond_materials", _by_member(families.materials, np.uint8), wp.uint8)
     if families.frames is not None and families.chords is not None:
         s.frames = put("frames", families.frames, types.mat33)
         s.chords = put("chords", _by_member(families.chords, real, (1, 0, 2)), types.vec3)

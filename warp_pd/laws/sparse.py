@@ -26,15 +26,20 @@ class Factors:
         return int((self._factors.U.diagonal() < 0.0).sum())
 
 
-def factorised(matrix: Any, free: np.ndarray) -> Factors | None:
+def factorised(matrix: Any, free: np.ndarray, added: np.ndarray | None = None) -> Factors | None:
     """Factorise K and return a solver of K x = b on arrays of shape (N, 3); None if K is singular.
 
     Args:
         matrix: K of the free components [N/m], symmetric, in compressed sparse column format.
         free: Mask of the free components, shape (3 N,); other components of x are zero.
+        added: Blocks to add to the diagonal of K [N/m], shape (N, 3, 3), or None.
     """
+    from scipy.sparse import bsr_matrix
     from scipy.sparse.linalg import splu
 
+    if added is not None:
+        points = np.arange(len(added) + 1)
+        matrix = matrix + bsr_matrix((added, points[:-1], points)).tocsr()[free][:, free].tocsc()
     try:
         factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:

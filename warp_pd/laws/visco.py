@@ -100,6 +100,7 @@ class ViscoForce(ElasticVisco):
     paths: ClassVar[Sequence[type[ForcePath]]] = (Reference,)
     depends_on_time = True
     takes_tension_field = False
+    takes_regions = False
 
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)

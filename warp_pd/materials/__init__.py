@@ -1,5 +1,6 @@
 """Materials: constants and their device functions."""
 
+from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
 from .energy import borne, energy_density, stretch_of_density, tension_energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
@@ -12,6 +13,7 @@ __all__ = [
     "WRINKLES",
     "ArrudaBoyce",
     "Bimodular",
+    "ByRegion",
     "Capabilities",
     "Gent",
     "Incompressible",

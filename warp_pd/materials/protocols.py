@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -60,6 +60,8 @@ class Capabilities:
         wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
         notes: Notes on its constants for the summary of a run, one line each.
         goes_slack: Whether it carries no compression.
+        materials: All materials of a ByRegion.
+        regions: Its pairs of points and their material.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 
@@ -75,6 +77,8 @@ class Capabilities:
     wrinkle_width: FunctionFactory | None = None
     notes: tuple[str, ...] = ()
     goes_slack: bool = False
+    materials: Sequence[Material] = ()
+    regions: Sequence[tuple[Any, Material]] = ()
     one_modulus: bool = False
 
 

@@ -40,6 +40,8 @@ class TensionField(PlaneStress):
         check_material(self.material, "functions")
         known = capabilities(self.material)
         name = type(self.material).__name__
+        if known.regions:
+            raise InputError("TensionField.material = ByRegion: expected a TensionField in each region instead")
         if known.goes_slack:
             raise InputError(f"TensionField.material = {name}: expected a material that resists compression")
         if not known.isotropic:

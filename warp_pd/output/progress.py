@@ -21,6 +21,8 @@ class Progress:
         self.quiet = quiet
         self._bar: Any = None
         self._rounds = 0
+        # Percent at the last frame, and from one frame to the next.
+        self._reached, self._step = 0.0, 100.0
 
     def begin(self, headline: str) -> None:
         """Print the headline before the kernels are compiled."""
@@ -48,17 +50,18 @@ class Progress:
             text += f", balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
-        self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
+        self._reached, self._step = 100.0 * report.fraction, 100.0 / max(1, report.frames)
+        self._show(self._reached, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
-        """Show every tenth residual of a static run; the bar counts the decades to the tolerance, frames the rest."""
-        percent = 0.0
+        """Show the residual of a static run; its decades lead the bar on to the next frame."""
+        percent = self._reached
         if math.isfinite(residual) and residual > 0.0:
-            percent = min(99.9, max(0.0, 100.0 * math.log(residual) / math.log(tolerance)))
+            percent += self._step * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
         text = f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})"
         if rounds:
-            text += f", round {rounds} of rupture"
-        self._show(percent, text, every=10)
+            text = f"{text}, round {rounds} of rupture"
+        self._show(min(percent, 99.9), text, every=10)
 
     def close(self) -> None:
         """Close the bar, leaving it visible."""

@@ -11,14 +11,16 @@ import warp as wp
 
 from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, Part, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import body_contact
+from ..kernels.effects import Kernel
+from ..kernels.static_contact import static_contact
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -30,8 +32,13 @@ SKIN = 1e-4
 FAR, UNSURE = 4.0, 1e-5
 # The most that a body with edges moves in a step, over the spacing, if triangles touch it: at twice that they cut in.
 EDGE_TRAVEL = 0.05
+# How far a free body may yield to points in a step before points of large sheets are marked again [spacings].
+SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
+# Static contact: how many times stiffer every round is than the one before, and how far a point may be from where it is
+# kept, in float64 and float32 [spacings].
+STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ class RigidBody(Contact):
     surface: bool = False
 
     half_steps: ClassVar[bool] = True
+    loads_at_rest: ClassVar[bool] = True
     meets_others: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -102,8 +110,13 @@ class RigidBody(Contact):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """Build the body on a device."""
-        return BuiltBody(self, context, law)
+        """Build the body on a device.
+
+        Raises:
+            InputError: for friction, a free body or a surface with a static solver.
+        """
+        at_rest = self.loads_at_rest and not context.features.dynamic
+        return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
 
 class BuiltBody(BuiltContact):
@@ -192,32 +205,31 @@ class BuiltBody(BuiltContact):
             )  # fmt: skip
             take = kernels.take_in_step if project else kernels.take_at_end
             stage.pointwise(part.name, take, context.sheet.size, **self._surface.when, **self._arguments())
-            motion.after(stage, **self._surface.when)
+            motion.after(stage, at_end=not project, **self._surface.when)
             self._surface.add_end(stage)
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
-        if alone:
-            # The forces of the bonds are gathered in the launch before it, for which registers are precious.
-            mark = kernels.mark if project else kernels.mark_now
-            stage.pointwise(part.name, mark, points, alone=not project, **shared)
+        if alone and project:
+            stage.pointwise(part.name, kernels.mark, points, **shared)
         if part.motion.free:
             stage.pointwise(part.name, find, points, alone=alone, **shared)
-            (self.motion.before_projection if project else self.motion.before_separation)(stage)
+            self.motion.yields(stage, at_end=not project)
             if alone and project:
-                # The body has yielded: other points may touch it.
-                stage.pointwise(part.name, kernels.mark, points, **shared)
+                stage.pointwise(part.name, kernels.mark_again, points, alone=True, **shared)
         stage.pointwise(part.name, act, points, alone=alone, **shared)
-        self.motion.after(stage)
+        self.motion.after(stage, at_end=not project)
 
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
         names = ("need", "rows", "push", "arms", "slips", "push_work", "rub", "rub_work")
         flying = {name: getattr(motion, name, None) for name in names}
+        flying["yielded"] = getattr(motion, "changes", None)
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
-            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing, "unsure": self._unsure,
+            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing,
+            "slack": SLACK * context.sheet.spacing if part.motion.free else 0.0, "unsure": self._unsure,
             "seen": self._seen, "marks": motion.marks, "friction": float(part.friction),
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
@@ -282,17 +294,26 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """It moves a quarter of a spacing, or of half its thickness, at most; less if bonds break, or with edges."""
-        shape, sheet = self.part.shape, self.context.whole
+        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of its thickness.
+
+        With friction, the initial velocity of the sheet is added to that of the body: points that friction stops in a
+        step in which their neighbours move half a spacing overstretch the sheet.
+        """
+        shape, sheet, context = self.part.shape, self.context.whole, self.context
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
         speed = self.part.motion.speed(min(shape.radius(), furthest))
-        if speed == 0.0:
+        if self._rubs:
+            thrown = float(np.linalg.norm(context.state.velocity.numpy().astype(np.float64), axis=1).max())
+            speed -= context.communicator.minimum(-thrown)
+        if speed <= 0.0:
             return None
         smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
         if self._surface is not None and self._surface.edged:
             travel = min(travel, EDGE_TRAVEL * sheet.spacing / smaller)
-        return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel:.3g} spacings")
+        return StepLimit(
+            travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel:.3g} spacings"
+        )
 
     def outline(self) -> Body:
         """Surface for drawing."""
@@ -316,3 +337,88 @@ class BuiltBody(BuiltContact):
         """Signed distances [m], shape (N,), of points, shape (N, 3), from its surface at a frame."""
         pose = self.pose()
         return self._distances(points, pose[:3], pose[3:])
+
+
+class BodyAtRest(BuiltBody, BuiltLoad):
+    """A body in static equilibrium: it presses on points without friction, see kernels/static_contact.py.
+
+    Attributes:
+        multiplier: Pressure at the last equilibrium [Pa], (N,) float64.
+        blocks: Change of the force on each point with its displacement [N/m], (N,) mat33.
+    """
+
+    follows_displacement = True
+    symmetric = True
+
+    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+        for name, value, wanted in (
+            ("friction", part.friction, 0.0), ("surface", part.surface, False), ("motion.free", part.motion.free, False)
+        ):  # fmt: skip
+            if value != wanted:
+                raise InputError(
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
+                )
+        super().__init__(part, context, law)
+        name, points, types = part.name, context.sheet.size, context.types
+        self.at_rest = self
+        self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
+        self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
+        self.memory = [self.multiplier, self._stiffness]
+        self._softest = 0.0
+        self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
+        self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
+        self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
+        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.features.held)
+
+    def _contact(self) -> Any:
+        part, context = self.part, self.context
+        radius = part.shape.radius()
+        values = {
+            "reference": self._reference, "areas": self._areas, "held_mask": context.state.held_mask,
+            "multiplier": self.multiplier, "body": self._body, "place": self.motion.place,
+            "rotation": self.motion.rotation, "stiffness": self._stiffness,
+            "reach": radius if np.isfinite(radius) else UNBOUNDED, "around": 0.25 * context.sheet.spacing,
+        }  # fmt: skip
+        return with_values(self._kernels.struct(), values)
+
+    def _launch(self, stage: Stage, kernel: Kernel, displacement: Array, **arrays: Any) -> None:
+        points = self.context.sheet.size
+        stage.launch(self.part.name, kernel, points, displacement=displacement, a=self._contact(), **arrays)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the motion, and those of what frames show."""
+        self.motion.add(phase, stage)
+        if phase is Phase.FRAME:
+            displacement = self.context.state.displacement
+            self._launch(stage, self._kernels.show, displacement, force=self.impulse, turn=self.turn)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that pushes points."""
+        self._launch(stage, self._kernels.press, displacement, out=out)
+
+    def add_blocks(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `blocks`, and a stage that settles."""
+        self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
+        settle = self.context.stage(f"settle {self.part.name}", "every equilibrium")
+        self._launch(settle, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+
+    def stiffen(self, modulus: float) -> None:
+        """Press about as stiffly as a point hangs on its neighbours."""
+        sheet = self.context.sheet
+        if not self._stiffness.numpy()[0]:
+            stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
+            self._stiffness.assign(np.array([stiffness]))
+        self._softest = float(self._stiffness.numpy()[0])
+
+    def settle(self) -> bool:
+        """Take the pressure as multiplier; whether a point is off the surface, on which the next round then presses."""
+        context = self.context
+        context.run(f"settle {self.part.name}")
+        stiffness = self._stiffness.numpy()
+        off = bool(self._off.numpy().max() > SETTLED[context.bits] * context.sheet.spacing * stiffness[0])
+        self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
+        return off
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Force [N] and torque about the centre [N m] on the body; its place."""
+        return super().columns(totals, 1.0)

@@ -347,6 +347,8 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
     mesh = wp.Mesh(
         points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=device),
         indices=wp.array(triangles.astype(np.int32).ravel(), dtype=wp.int32, device=device),
+        # Built once, searched in every step.
+        bvh_constructor="sah",
     )
     made.mesh = mesh.id
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)

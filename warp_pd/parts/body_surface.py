@@ -36,7 +36,6 @@ class BodySurface:
         self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, body: Any, motion: BuiltMotion, rubs: bool
     ) -> None:
         self.name, self.context, self._law, self._shape, self._body = name, context, law, shape, body
-        self._motion = motion
         sheet, f = context.sheet, context.features
         self._layer = LAYER * min(sheet.spacing, shape.thinnest())
         self._segments, self._tree = segments_on_device(shape, self._layer, context.device)
@@ -153,7 +152,12 @@ class BodySurface:
                     **self._sums, **self.when,
                 )  # fmt: skip
                 stage.launch(name, made.give_way, 1, **half, **self._sums, **self._yielded, **self.when)
-        self._motion.give_way(stage, self._yielded["changes"], at_end, **self.when)
+        if self._sums:
+            moved = {name: body[name] for name in ("place", "rotation", "motion")}
+            stage.launch(
+                name, made.move, 1, at_end=int(at_end), changes=self._yielded["changes"], step=state.step, **moved,
+                **self.when,
+            )  # fmt: skip
         stage.launch(
             name, made.spread, context.sheet.size, a=half["a"], changes=self.changes, rubbed=self.rubbing, **before,
             **constraints, **self.when,

@@ -12,10 +12,12 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.body_motion import ROWS, free_motion, path_motion, vec6d
+from ..kernels.body_motion import Equations, Given, free_motion, path_motion, vec6d
 
 # Points from which those that may touch are marked first: below, launches cost more than registers.
 MARKED_FROM = 2**17
+# Sums over points: threads of a block of a GPU, and the most blocks.
+LANES, MOST_BLOCKS = 256, 512
 # What a free body gives to the sheet, and what is lost; the last with friction only.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
@@ -69,21 +71,15 @@ class BuiltMotion:
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that move the body."""
 
-    def before_projection(self, stage: Stage) -> None:
-        """Add launches between the search for points inside the body and their projection."""
-
-    def before_separation(self, stage: Stage) -> None:
-        """Add launches between the search for touching points and their separation."""
-
-    def after(self, stage: Stage, **when: Any) -> None:
-        """Add launches after points have got their impulses; `when` says when they need not run."""
+    def yields(self, stage: Stage, at_end: bool) -> None:
+        """Add launches between the search for touching points and their projection or, `at_end`, separation."""
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in its frame [kg m^2], (3, 3), of a body that feels the sheet."""
         return None
 
-    def give_way(self, stage: Stage, changes: Array | None, at_end: bool, **when: Any) -> None:
-        """Add the launch that changes velocity and spin, in the step with the place, before points get impulses."""
+    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
+        """Add launches after the points have received their impulses."""
 
     def sums(self) -> dict[str, Array]:
         """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
@@ -123,7 +119,7 @@ class OnPath(BuiltMotion):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path."""
-        if phase is Phase.RIGID_DRIFT:
+        if phase is (Phase.RIGID_DRIFT if self.context.features.dynamic else Phase.SCHEDULES):
             clock = self.context.clock
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,
@@ -136,6 +132,7 @@ class InFlight(BuiltMotion):
     """A free body on a device.
 
     Attributes:
+        changes: Change of velocity and spin in the last half step [m/s, 1/s], (1,) vec6d.
         need: Speed into the body that each point must lose [m/s], -1 for none, (N,) float64.
         rows: Normal, and arm x normal, of these points, (N,) vec6d.
         push: Impulse on each point in the last half step [N s], (N,) vec3d.
@@ -167,8 +164,10 @@ class InFlight(BuiltMotion):
         self._friction, self._rubs = friction, rubs and tracked
         self._sums_given = SUMS if self._rubs else SUMS[:-1]
         self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
-        self.block = max(64, int(np.sqrt(points)))
-        self.blocks = -(-points // self.block)
+        blocks = min(MOST_BLOCKS, -(-points // LANES))
+        self._block = -(-points // blocks)
+        self._lanes = LANES if context.device.is_cuda else 1
+        self._threads = blocks * self._lanes
 
         def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
@@ -179,9 +178,9 @@ class InFlight(BuiltMotion):
         self.push_work = room("push_work", wp.float64, points) if tracked else None
         self.rub = room("rub", wp.vec3d, points) if self._rubs else None
         self.rub_work = room("rub_work", wp.float64, points) if self._rubs else None
-        self._sums = room("sums", wp.float64, (ROWS, self.blocks), "block")
-        self._totals = room("totals", wp.float64, ROWS, "once")
-        self._changes = room("changes", vec6d, 1, "once")
+        self._sums = room("sums", Equations, blocks, "block")
+        self._sums_of_given = room("sums_of_given", Given, blocks, "block")
+        self.changes = room("changes", vec6d, 1, "once")
         self._inertia = wp.mat33d(*inertia.ravel().tolist())
         self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
         self._gravity = wp.vec3d(*map(float, body.gravity))
@@ -201,59 +200,40 @@ class InFlight(BuiltMotion):
                 momenta=self.momenta,
             )  # fmt: skip
 
-    def before_projection(self, stage: Stage) -> None:
-        """Add the launches that compute the response of the body to the points inside it, and move it."""
-        self._solve(stage, at_end=False)
-        self.give_way(stage, self._changes, at_end=False)
-
-    def before_separation(self, stage: Stage) -> None:
-        """Add the launches that compute the response of the body to the touching points."""
-        self._solve(stage, at_end=True)
-        self.give_way(stage, self._changes, at_end=True)
-
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
         return float(self.body.mass), self.inertia
 
-    def give_way(self, stage: Stage, changes: Array | None, at_end: bool, **when: Any) -> None:
-        """Change velocity and spin, and in the step the place."""
-        if at_end:
-            stage.launch(self.name, self._kernels.foresee, 1, changes=changes, motion=self.motion, **when)
-            return
-        stage.launch(
-            self.name, self._kernels.yield_to, 1, changes=changes, step=self.context.state.step,
-            place=self.place, rotation=self.rotation, motion=self.motion, **when,
-        )  # fmt: skip
-
-    def _solve(self, stage: Stage, at_end: bool) -> None:
+    def yields(self, stage: Stage, at_end: bool) -> None:
+        """Add the launches that compute the response of the body to the touching points, and move it."""
         state = self.context.state
         # The second time without the points that would have to be pulled.
         for again in (0, 1):
             stage.launch(
-                self.name, self._kernels.gather, self.blocks, mass=state.mass, marks=self.marks,
+                self.name, self._kernels.gather, self._threads, block_dim=LANES, mass=state.mass, marks=self.marks,
                 need=self.need, rows=self.rows, arms=self.arms, slips=self.slips, friction=self._friction,
-                changes=self._changes, use_changes=again, at_end=int(at_end), step=state.step,
-                damping=state.damping, block=self.block, sums=self._sums,
+                changes=self.changes, use_changes=again, at_end=int(at_end), step=state.step,
+                damping=state.damping, block=self._block, sums=self._sums,
             )  # fmt: skip
-            stage.launch(self.name, self._kernels.reduce, ROWS, sums=self._sums, totals=self._totals)
             stage.launch(
-                self.name, self._kernels.solve, 1, totals=self._totals, mass=float(self.body.mass),
-                inertia=self._inertia, rotation=self.rotation, changes=self._changes,
+                self.name, self._kernels.solve, self._lanes, block_dim=LANES, sums=self._sums,
+                mass=float(self.body.mass), inertia=self._inertia, use_changes=again, at_end=int(at_end),
+                step=state.step, changes=self.changes, place=self.place, rotation=self.rotation, motion=self.motion,
             )  # fmt: skip
 
-    def after(self, stage: Stage, **when: Any) -> None:
-        """Take from the body what the points got."""
+    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
+        """Add the launches that subtract the points' impulses from the body."""
+        # Before the end of the step, the internal force need not wait for them.
+        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end and not when, **when}
         stage.launch(
-            self.name, self._kernels.gather_given, self.blocks, marks=self.marks, push=self.push, arms=self.arms,
-            push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self.block, sums=self._sums,
-            **when,
+            self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,
+            arms=self.arms, push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self._block,
+            sums=self._sums_of_given,
         )  # fmt: skip
-        rows = 14 if self._rubs else 7
-        stage.launch(self.name, self._kernels.reduce, rows, sums=self._sums, totals=self._totals, **when)
         stage.launch(
-            self.name, self._kernels.give, 1, totals=self._totals, mass=float(self.body.mass),
-            inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
-            given=self.given, **when,
+            self.name, self._kernels.give, self._lanes, **beside, sums=self._sums_of_given,
+            mass=float(self.body.mass), inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion,
+            momenta=self.momenta, given=self.given,
         )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:

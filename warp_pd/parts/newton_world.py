@@ -171,6 +171,7 @@ class NewtonBody(RigidBody):
     motion: NewtonMotion
 
     meets_others: ClassVar[bool] = True
+    loads_at_rest: ClassVar[bool] = False
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that no other body has its name, and that its world is there.

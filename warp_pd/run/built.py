@@ -22,7 +22,7 @@ from ..parts.loads import ExternalForce
 from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
 from .scene import Scene
-from .scene_context import constraints_here, parts_here, scene_context, shared_state
+from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state
 
 
 @dataclass(eq=False)
@@ -88,7 +88,7 @@ def compose(
     law = scene.force.build(context)
     built = [part.build(context, law) for part in parts_here(parts, context)]
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
-    loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
+    loads = [on_device for part, on_device in zip(parts, built, strict=True) if is_load(part, scene)]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
     if scene.solver.dynamic:

@@ -70,7 +70,7 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
         yield name, type(part).__name__
         for f in fields(part):
             yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
-    elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
+    elif isinstance(part, list | tuple) and _holds_parts(part):
         for index, p in enumerate(part):
             yield from _texts(f"{name}.{index}", p)
     else:
@@ -78,6 +78,13 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
         named = type(part) if callable(part) else part
         text = repr(getattr(part, "__qualname__", getattr(named, "__qualname__", part)))
         yield name, text if len(text) <= MAX_LENGTH else f"{type(part).__name__} {_hash(text.encode())}"
+
+
+def _holds_parts(part: Any) -> bool:
+    """Whether it is a part, an array, or a list of lists that hold one."""
+    if isinstance(part, list | tuple):
+        return any(_holds_parts(each) for each in part)
+    return is_dataclass(part) or isinstance(part, np.ndarray)
 
 
 def _hash(data: bytes | memoryview) -> str:

@@ -36,7 +36,7 @@ def scene_context(
     start, placement = scene.initial("initial_displacement"), sheet.placement()
     features = Features(
         held=bool(held.any()),
-        loaded=any(part.adds_force for part in parts),
+        loaded=any(is_load(part, scene) for part in parts),
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
@@ -53,6 +53,11 @@ def scene_context(
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
     return made if communicator.partition is None else _context_here(made, communicator.partition)
+
+
+def is_load(part: Part, scene: Scene) -> bool:
+    """Whether a part adds to the external force in a scene."""
+    return part.adds_force or (part.loads_at_rest and not scene.solver.dynamic)
 
 
 def partition_of(scene: Scene, communicator: Communicator) -> Partition:

@@ -13,7 +13,7 @@ import warp as wp
 from ..device.fields import assign
 from .level import Level, dot
 from .linear import LinearSolver
-from .newton_settings import EquilibriumSettings
+from .newton_settings import StaticSolver
 from .static_rupture import MIN_LOAD
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
@@ -65,7 +65,7 @@ class Descent:
     """
 
     def __init__(
-        self, settings: EquilibriumSettings, level: Level, solver: LinearSolver, linearise: Callable[[float], bool],
+        self, settings: StaticSolver, level: Level, solver: LinearSolver, linearise: Callable[[float], bool],
         target: np.ndarray, sizes: Sizes, tolerance: float, told: Callable[[int, float], None] | None,
     ) -> None:  # fmt: skip
         self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise

@@ -24,7 +24,8 @@ class Level:
     Attributes:
         context: Arrays and stages of this sheet.
         tangent: Tangent of its internal force.
-        following: Loads that depend on the displacement.
+        following: Loads that depend on the displacement, without contacts.
+        contacts: Bodies that touch it.
         displacement: Displacement at which the residual is evaluated [m], (N,) vec3.
         base: Last accepted displacement [m].
         direction: Newton's step [m].
@@ -39,7 +40,9 @@ class Level:
         Raises:
             InputError: for a displacement-dependent load without a tangent.
         """
-        self.context, self.law, self.tangent, self.following = context, law, tangent, list(following)
+        self.context, self.law, self.tangent = context, law, tangent
+        self.following = [load for load in following if load.at_rest is None]
+        self.contacts = [load.at_rest for load in following if load.at_rest is not None]
         t, n = context.types, context.sheet.size
         self.displacement = context.state.displacement
         self.kernels = equilibrium(t.bits, context.features.held)
@@ -56,7 +59,10 @@ class Level:
             OWNER, self.kernels.advance, n,
             base=self.base, direction=self.direction, step_length=self._step_length, displacement=self.displacement,
         )  # fmt: skip
-        tangent.add_linearise(context.stage("linearise", "every tangent of Newton"), self.displacement, self._tension)
+        linearise = context.stage("linearise", "every tangent of Newton")
+        tangent.add_linearise(linearise, self.displacement, self._tension)
+        for contact in self.contacts:
+            contact.add_blocks(linearise, self.displacement)
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 
     @property
@@ -96,6 +102,9 @@ class Level:
             InputError: if such a load has no tangent.
         """
         self.tangent.add_product(stage, vector, image)
+        for contact in self.contacts:
+            kernel = self.kernels.add_blocks
+            stage.launch(OWNER, kernel, self.points, blocks=contact.blocks, direction=vector, change=image)
         if following:
             for load in self.following:
                 if not load.add_tangent(stage, self.displacement, vector, image):
@@ -120,6 +129,11 @@ class Level:
         """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
         assign(self._tension, np.array([tension]))
         self.run("linearise")
+
+    def contact_stiffness(self) -> np.ndarray | None:
+        """Stiffness of contact at the last tangent [N/m], shape (N, 3, 3); None without contact."""
+        blocks = [contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
+        return -np.sum(blocks, axis=0) if blocks else None
 
     def step_to(self, step_length: float) -> None:
         """Set displacement = base + step length x direction."""

@@ -67,7 +67,7 @@ class LinearSolver:
     def prepare(self) -> bool:
         """Factorise if the preconditioner needs it; return whether that succeeded."""
         if self._sparse is not None:
-            self.factors = self._sparse.factorise()
+            self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None
         return True
 

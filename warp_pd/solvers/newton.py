@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import below_one, count, one_of, positive
+from ..device.checks import count, one_of
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
+from ..interfaces import BuiltLaw, BuiltSolver, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from .newton_settings import StaticSolver
 from .search import Search
+from .static_system import BuiltStatic
 
 STIFFNESSES = ("tangent", "constant")
-PRECONDITIONERS = ("auto", "multigrid", "direct", "jacobi")
 # What Newton's method does of a step in time: forces, prescribed motion (by itself), rupture in equilibrium.
 NOT_DONE = (
     Phase.RIGID_DRIFT, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.RIGID_KICK, Phase.SEPARATE,
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Newton:
+@dataclass(frozen=True, kw_only=True)
+class Newton(StaticSolver):
     """Newton's method for static equilibrium, for force laws with an energy ("plain" or "corrected" weights).
 
     The load factor s runs from 0 to 1: schedules are evaluated at the time s * duration, and loads without a schedule
@@ -54,28 +53,12 @@ class Newton:
             only: it becomes slow and then oscillates as deformations and the ratio of moduli grow.
     """
 
-    tolerance: float | None = None
     load_steps: int = 1
-    most_iterations: int = 30
-    most_cuts: int = 6
-    preconditioner: str = "auto"
     stiffness: str = "tangent"
-    duration: float = 1.0
-    precision: int = 64
-
-    dynamic: ClassVar[bool] = False
-    steps_explicitly: ClassVar[bool] = False
-    equal_frames: ClassVar[bool] = False
-    mass_damping: ClassVar[float | None] = None
 
     def __post_init__(self) -> None:
-        if self.tolerance is not None:
-            below_one("tolerance", self.tolerance)
-        positive("duration", self.duration)
+        super().__post_init__()
         count("load_steps", self.load_steps, 1)
-        count("most_iterations", self.most_iterations, 1)
-        count("most_cuts", self.most_cuts, 0)
-        one_of("preconditioner", self.preconditioner, PRECONDITIONERS)
         one_of("stiffness", self.stiffness, STIFFNESSES)
 
     @property
@@ -97,8 +80,8 @@ class Newton:
         return BuiltNewton(self, context, law)
 
 
-class BuiltNewton(BuiltSolver):
-    """Newton's method on a device; it adds no launches to time steps."""
+class BuiltNewton(BuiltStatic):
+    """Newton's method on a device; a failed run ends in the state of its last good load step."""
 
     label = "solver = Newton"
     search: Search
@@ -115,14 +98,7 @@ class BuiltNewton(BuiltSolver):
             InputError: for parts that Newton's method does not support.
         """
         system.refuse_phases("Newton", NOT_DONE)
-        self.search = Search(self.solver, system, self.tangent)
-
-    def run(self, sink: FrameSink) -> str:
-        """Bring every load step to equilibrium and record it as a frame; return the final status.
-
-        After a failure the state is that of the last good load step.
-        """
-        return self.search.run(sink)
+        self.search = Search(self.solver, self.solver.load_steps, system, self.tangent)
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on load steps between which the sheet may have jumped."""
@@ -134,11 +110,3 @@ class BuiltNewton(BuiltSolver):
             "(EnclosedVolume)"
             for jump in self.search.jumps
         ] + self.search.rupture.notes()
-
-    def host_state(self) -> dict[str, Any]:
-        """The state of the search."""
-        return self.search.host_state()
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Restore the result of `host_state`."""
-        self.search.restore(state)

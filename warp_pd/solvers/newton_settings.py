@@ -3,74 +3,61 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar
+
+from ..device.checks import InputError, below_one, count, one_of, positive
+
+PRECONDITIONERS = ("auto", "multigrid", "direct", "jacobi")
 
 
-class EquilibriumSettings(Protocol):
-    """Settings common to all searches for equilibrium, see `warp_pd.Newton`."""
+@dataclass(frozen=True, kw_only=True)
+class StaticSolver:
+    """Settings common to `Newton` and `ArcLength`; attributes as for `Newton`."""
 
-    @property
-    def tolerance(self) -> float | None:
-        """Relative residual of equilibrium, or None for the default."""
-        ...
+    tolerance: float | None = None
+    most_iterations: int = 30
+    most_cuts: int = 6
+    preconditioner: str = "auto"
+    duration: float = 1.0
+    precision: int = 64
 
-    @property
-    def most_iterations(self) -> int:
-        """Maximum number of Newton steps per load step."""
-        ...
-
-    @property
-    def preconditioner(self) -> str:
-        """Preconditioner, or "auto"."""
-        ...
+    dynamic: ClassVar[bool] = False
+    steps_explicitly: ClassVar[bool] = False
+    equal_frames: ClassVar[bool] = False
+    mass_damping: ClassVar[float | None] = None
 
     @property
     def stiffness(self) -> str:
-        """Stiffness: "tangent" or "constant"."""
-        ...
+        """The tangent, or "constant" (`Newton`)."""
+        return "tangent"
 
-    @property
-    def duration(self) -> float:
-        """Load time at full load [s]."""
-        ...
-
-
-class NewtonSettings(EquilibriumSettings, Protocol):
-    """Settings of `warp_pd.Newton`."""
-
-    @property
-    def load_steps(self) -> int:
-        """Number of planned load steps."""
-        ...
-
-    @property
-    def most_cuts(self) -> int:
-        """Maximum number of cutbacks over the whole path."""
-        ...
+    def __post_init__(self) -> None:
+        if self.tolerance is not None:
+            below_one("tolerance", self.tolerance)
+        positive("duration", self.duration)
+        count("most_iterations", self.most_iterations, 1)
+        count("most_cuts", self.most_cuts, 0)
+        one_of("preconditioner", self.preconditioner, PRECONDITIONERS)
 
 
-class PathSettings(EquilibriumSettings, Protocol):
-    """Settings of `warp_pd.ArcLength`."""
+@dataclass(frozen=True, kw_only=True)
+class PathSettings(StaticSolver):
+    """Settings of `ArcLength` besides; attributes as there."""
 
-    @property
-    def increment(self) -> float:
-        """Largest change of the load factor in a step."""
-        ...
+    increment: float = 0.1
+    most_steps: int = 200
+    most_iterations: int = 12
+    most_cuts: int = 10
+    modes: int = 3
+    switch: int = 0
 
-    @property
-    def most_steps(self) -> int:
-        """Maximum number of steps along the path."""
-        ...
-
-    @property
-    def most_cuts(self) -> int:
-        """Maximum number of times that one step is halved."""
-        ...
-
-    @property
-    def modes(self) -> int:
-        """Number of lowest eigenvalues of the tangent to find."""
-        ...
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        below_one("increment", self.increment)
+        count("most_steps", self.most_steps, 1)
+        count("modes", self.modes, 0)
+        if count("switch", self.switch, 0) and self.modes == 0:
+            raise InputError(f"switch = {self.switch!r}: expected modes above 0, which find bifurcations")
 
 
 @dataclass

@@ -13,18 +13,20 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
-from .descent import Sizes
 from .level import OWNER
 from .newton_settings import PathSettings
 from .stability import stability
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
-from .turning_points import Point, changes
+from .turning_points import Change, Point, changes
 
 # Accuracy of the linear solves, and the part of the largest increment over which loads are differenced.
 ACCURACY, DIFFERENCE = 1e-6, 0.1
 # Corrector steps that are aimed at, and the part of the largest increment by which the predictor may miss the load.
 AIMED_STEPS, AIMED_MISS = 4.0, 0.25
 LEAST_GROWTH, MOST_GROWTH = 0.5, 2.0
+# A limit point or bifurcation is a point of the path: what is zero there is so many times smaller than at the points
+# around it, or has been sought so many times.
+SHARP, MOST_LANDINGS = 0.01, 10
 # Cosine of the angle between the directions of two steps below which the second is on another branch.
 SAME_BRANCH = 0.5
 
@@ -40,7 +42,8 @@ class Progress:
         length: Next step length [m], the root mean square of the displacement.
         negative: Number of negative eigenvalues of the tangent, or None.
         lowest: Lowest eigenvalues, see `Stability`.
-        found: Limit points and bifurcations.
+        found: Limit points and bifurcations: kind, load_factor, step, number of eigenvalues that change their sign, and
+            whether the path switched to the other branch there.
     """
 
     step: int = 0
@@ -87,11 +90,17 @@ class Path(StaticSystem):
         """Add all stages.
 
         Raises:
-            InputError: if the sheet does not allow the preconditioner, or bonds can break.
+            InputError: if the sheet or `switch` does not allow the preconditioner, or bonds can break.
         """
         if system.rupture is not None:
             raise InputError(f"{system.rupture.label}: ArcLength does not support rupture; expected Newton")
+        system.refuse_contact("ArcLength")
         super().__init__(settings, system, tangent)
+        if settings.switch and self.preconditioner != "direct":
+            raise InputError(
+                f"switch = {settings.switch!r}: expected preconditioner = 'direct', whose factorisation finds "
+                f"bifurcations, got {self.preconditioner!r}"
+            )
         context = system.context
         self.direction = context.array(
             "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
@@ -100,11 +109,12 @@ class Path(StaticSystem):
 
     def host_state(self) -> dict[str, Any]:
         """The state of the path, for a bitwise identical restart."""
-        return {"sizes": asdict(self.sizes), "path": asdict(self.state)}
+        return {**super().host_state(), "path": asdict(self.state)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
-        self.sizes, self.state = Sizes(**state["sizes"]), Progress(**state["path"])
+        super().restore(state)
+        self.state = Progress(**state["path"])
 
     def run(self, sink: FrameSink) -> str:
         """Follow the path; return the final status."""
@@ -140,7 +150,7 @@ class Path(StaticSystem):
                         "solver = ArcLength: expected a load or a motion that changes with the load factor"
                     )
                 origin = Origin(start, secant / length, 0.0, factor / length)
-                return self._accept(origin, factor, length, 1.0)
+                return self._accept(origin, factor, length, sink)
             wp.copy(level.displacement, self.good)
             factor *= 0.5
         return False
@@ -177,7 +187,8 @@ class Path(StaticSystem):
         growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
         if miss > 0.0:
             growth = min(growth, math.sqrt(AIMED_MISS * increment / miss))
-        entry["converged"] = self._accept(origin, factor, length, min(MOST_GROWTH, max(LEAST_GROWTH, growth)))
+        growth = min(MOST_GROWTH, max(LEAST_GROWTH, growth))
+        entry["converged"] = self._accept(origin, factor, growth * length, sink)
         return bool(entry["converged"])
 
     def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
@@ -190,24 +201,86 @@ class Path(StaticSystem):
         found["converged"] &= LEAST_GROWTH * length < moved < MOST_GROWTH * length
         return factor, found
 
-    def _accept(self, origin: Origin, factor: float, length: float, growth: float) -> bool:
-        """Accept the current equilibrium as the next point unless it is on another branch."""
-        state, level = self.state, self.levels[0]
-        ahead = self._tangent(origin, factor)
+    def _accept(self, origin: Origin, factor: float, length: float, sink: FrameSink) -> bool:
+        """Accept the current equilibrium as the next point unless it is on another branch; `length`: of the next step.
+
+        Where the load turns or branches meet on the way there, the next point is that place.
+        """
+        state, ahead = self.state, self._look(origin, factor)
         if ahead is None:
             return False
-        direction, rate = ahead
-        found = stability(level, self.solvers[0], self.settings.modes) if self.settings.modes else None
-        before = Point(state.step, state.factor, origin.rate, state.negative, state.lowest)
-        state.step, state.factor, state.rate = state.step + 1, factor, rate
-        state.negative = None if found is None else found.negative
-        state.lowest = [] if found is None else found.lowest
-        after = Point(state.step, factor, rate, state.negative, state.lowest)
-        moved = norm(level.displacement.numpy().astype(np.float64) - origin.displacement)
-        state.found += changes(before, after, moved)
-        state.length = min(growth * length, self.settings.increment / abs(rate) if rate else math.inf)
+        direction, after = ahead
+        switched = bool(state.found) and state.found[-1]["switched"] and state.found[-1]["step"] == state.step
+        before = Point(state.step, state.factor, origin.rate, None if switched else state.negative, state.lowest)
+        change, direction, here = self._land(origin, before, after, direction, sink)
+        state.step, state.factor, state.rate = here.step, here.factor, here.rate
+        state.negative, state.lowest = here.negative, here.lowest
+        if change is not None:
+            if before.negative is not None and after.negative is not None:
+                # Eigenvalues that are zero here count as those of the next point.
+                gained = math.copysign(change.eigenvalues, after.negative - before.negative)
+                state.negative = before.negative + int(gained)
+            direction = self._pass(change, direction, here)
+        state.length = min(length, self.settings.increment / abs(state.rate) if state.rate else math.inf)
         assign(self.direction, direction)
         return True
+
+    def _look(self, origin: Origin, factor: float) -> tuple[np.ndarray, Point] | None:
+        """Direction of the path at the present equilibrium, and the point; None on another branch."""
+        ahead, state, settings = self._tangent(origin, factor), self.state, self.settings
+        if ahead is None:
+            return None
+        found = stability(self.levels[0], self.solvers[0], settings.modes) if settings.modes else None
+        if found is None:
+            return ahead[0], Point(state.step + 1, factor, ahead[1], None, [])
+        return ahead[0], Point(state.step + 1, factor, ahead[1], found.negative, found.lowest, found.mode)
+
+    def _land(
+        self, origin: Origin, before: Point, after: Point, direction: np.ndarray, sink: FrameSink
+    ) -> tuple[Change | None, np.ndarray, Point]:
+        """The first change on the way to the present equilibrium; its place, or the present one, which stays so."""
+        level, low, found, here = self.levels[0], 0.0, None, (direction, after)
+        arrived = level.displacement.numpy().astype(np.float64)
+        high = mean_product(origin.direction, arrived - origin.displacement)
+        for attempt in range(MOST_LANDINGS):
+            between = changes(before, after, high - low)
+            if not between:
+                break
+            change = between[0]
+            # Every second time the middle: another mode may be softer before that which becomes unstable.
+            place = low + (0.5 if attempt % 2 else change.place) * (high - low)
+            factor, entry = self._correct(origin, place, sink)
+            self.report.load_steps[-1]["lattices"].append(entry)
+            ahead = self._look(origin, factor) if entry["converged"] else None
+            if ahead is None:
+                break
+            sizes, (_, point) = (change.size(before), change.size(after)), ahead
+            found, here, arrived = change, ahead, level.displacement.numpy().astype(np.float64)
+            if change.size(point) <= SHARP * max(sizes):
+                break
+            if changes(before, point, place - low):
+                after, high = point, place
+            else:
+                before, low = point, place
+        assign(level.displacement, arrived)
+        self.set_loads(here[1].factor)
+        return found, *here
+
+    def _pass(self, change: Change, direction: np.ndarray, here: Point) -> np.ndarray:
+        """Note a limit point or bifurcation at the present point; the direction from here, on either branch."""
+        state = self.state
+        number = 1 + sum(found["kind"] == "bifurcation" for found in state.found)
+        switch = change.kind == "bifurcation" and number == self.settings.switch and here.mode is not None
+        state.found.append({
+            "kind": change.kind, "load_factor": here.factor, "step": here.step, "eigenvalues": change.eigenvalues,
+            "switched": switch,
+        })  # fmt: skip
+        if switch or change.kind != "bifurcation":
+            state.rate = 0.0
+        if not switch or here.mode is None:
+            return direction
+        mode = here.mode - mean_product(here.mode, direction) * direction
+        return np.asarray(mode / norm(mode))
 
     def _tangent(self, origin: Origin, factor: float) -> tuple[np.ndarray, float] | None:
         """Direction of the path at the current point and the rate of the load factor; None on another branch."""

@@ -152,6 +152,7 @@ class BuiltRelaxation(BuiltSolver):
         """
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)
+        system.refuse_contact("Relaxation")
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         system.add(STEPPED, step)

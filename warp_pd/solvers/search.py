@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..device.fields import assign
+from ..device.fields import Array, assign
 from ..interfaces import FrameSink, System, Tangent
-from .descent import Sizes
 from .level import OWNER
-from .newton_settings import NewtonSettings
+from .newton_settings import StaticSolver
 from .static_rupture import StaticRupture
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
@@ -27,15 +25,14 @@ class Search(StaticSystem):
     """The search for equilibrium of one simulation.
 
     Attributes:
-        settings: Settings of Newton's method.
+        planned: Number of load steps, as long as none fails.
         earlier: Displacement of the last good load step but one [m], (N,) vec3.
     """
 
     name = "Newton"
     definite = True
-    settings: NewtonSettings
 
-    def __init__(self, settings: NewtonSettings, system: System, tangent: Tangent) -> None:
+    def __init__(self, settings: StaticSolver, planned: int, system: System, tangent: Tangent) -> None:
         """Add all stages.
 
         Raises:
@@ -47,7 +44,7 @@ class Search(StaticSystem):
             "earlier_load_step", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
         self.rupture = StaticRupture(system)
-        self._size, self._cutbacks = 1.0 / settings.load_steps, 0
+        self.planned, self._size, self._cutbacks = planned, 1.0 / planned, 0
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
         self._resumed = False
@@ -58,13 +55,13 @@ class Search(StaticSystem):
     def host_state(self) -> dict[str, Any]:
         """The state of the search, for a bitwise identical restart."""
         return {
-            **asdict(self.sizes), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
+            **super().host_state(), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
             "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
-        self.sizes = Sizes(state["modulus"], state["largest"])
+        super().restore(state)
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
         self._moved, self.jumps = state["moved"], state["jumps"]
@@ -82,10 +79,14 @@ class Search(StaticSystem):
 
     def run(self, sink: FrameSink) -> str:
         """Follow the load path; return the final status."""
-        finest, planned = self.levels[0], self.settings.load_steps
+        finest, planned = self.levels[0], self.planned
         self._start_report(sink)
+        if finest.contacts:
+            finest.linearise(0.0)
+            for contact in finest.contacts:
+                contact.stiffen(finest.tangent.modulus())
         reached = sink.time / self.settings.duration
-        broken = self._keep(reached)
+        broken, settled = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
@@ -93,13 +94,15 @@ class Search(StaticSystem):
             if converged:
                 self._compare(reached, factor)
                 reached = factor
-                broken = self._keep(reached)
+                broken, settled = self._keep(reached)
                 if factor == goal:
                     self._record(sink, reached)
                 continue
             wp.copy(finest.displacement, self.good)
             self._earlier_factor = self._kept_factor = None
             self.rupture.restore(broken)
+            for array, values in settled:
+                array.assign(values)
             self._cutbacks += 1
             self._size *= 0.5
             if self._cutbacks > self.settings.most_cuts:
@@ -121,8 +124,8 @@ class Search(StaticSystem):
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
-    def _keep(self, reached: float) -> Sequence[np.ndarray]:
-        """Store the state as the last good load step, including that of rupture."""
+    def _keep(self, reached: float) -> tuple[Sequence[np.ndarray], list[tuple[Array, np.ndarray]]]:
+        """Store the state as the last good load step; return that of rupture, and that of contact."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -131,7 +134,8 @@ class Search(StaticSystem):
         wp.copy(self.good, self.levels[0].displacement)
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        return self.rupture.remember()
+        settled = [array for contact in self.levels[0].contacts for array in contact.memory]
+        return self.rupture.remember(), [(array, array.numpy().copy()) for array in settled]
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.
@@ -146,13 +150,16 @@ class Search(StaticSystem):
         converged, residual = self._load_step(factor, sink)
         entry = self.report.load_steps[-1]
         while converged:
-            breaks = self.rupture.breaks(entry["rounds"])
+            # Nothing breaks before contact has settled.
+            settles = sum(contact.settle() for contact in self.levels[0].contacts) > 0
+            breaks = settles or self.rupture.breaks(entry["rounds"])
             if not breaks and residual <= self.tolerance:
                 break
             if breaks:
                 entry["rounds"] += 1
+            if breaks and not settles:
                 self._kept_factor = None
-            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks else self.tolerance
+            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks and not settles else self.tolerance
             found, whole = self._descend(0, factor, sink, tolerance, entry["rounds"]), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]

@@ -23,10 +23,12 @@ class Stability:
         negative: Number of negative eigenvalues; 0 in a stable equilibrium.
         lowest: Lowest eigenvalues, in ascending order. With displacement-dependent loads those of K x = mu K0 x, where
             K0 is the tangent without these loads [-]; otherwise the one nearest to zero [N/m].
+        mode: Eigenvector of the one nearest to zero [m], shape (N, 3), of norm 1.
     """
 
     negative: int
     lowest: list[float]
+    mode: np.ndarray
 
 
 def stability(level: Level, solver: LinearSolver, number: int) -> Stability | None:
@@ -65,22 +67,25 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
 
     if not level.following:
         inverse = _extreme(solved, len(free), 1, "LM")
-        return None if inverse is None else Stability(negative, [1.0 / float(inverse[0])])
+        return None if inverse is None else Stability(negative, [1.0 / float(inverse[0][0])], whole(inverse[1]))
     found = _extreme(solved_product, len(free), min(number, len(free) - 2), "SR")
     if found is None:
         return None
-    return Stability(negative + int((found < 0.0).sum()), found.tolist())
+    values, mode = found
+    return Stability(negative + int((values < 0.0).sum()), values.tolist(), whole(mode))
 
 
-def _extreme(product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str) -> np.ndarray | None:
-    """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order; None if they are not found."""
+def _extreme(
+    product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of that nearest to zero; real parts."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
     operator = LinearOperator((size, size), matvec=product, dtype=np.float64)
     start = np.random.default_rng(0).normal(size=size)
-    vectors = min(size, 2 * number + FURTHER)
+    krylov = min(size, 2 * number + FURTHER)
     try:
-        found = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=vectors, return_eigenvectors=False)
+        values, vectors = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=krylov)
     except ArpackNoConvergence:
         return None
-    return np.sort(found.real)
+    return np.sort(values.real), vectors[:, np.argmin(np.abs(values))].real

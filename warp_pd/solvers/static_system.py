@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from time import perf_counter
 from typing import Any, ClassVar
@@ -12,12 +13,12 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.fields import assign
-from ..interfaces import FrameSink, System, Tangent
+from ..interfaces import BuiltSolver, FrameSink, System, Tangent
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
-from .newton_settings import EquilibriumSettings, Report
+from .newton_settings import Report, StaticSolver
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -40,7 +41,7 @@ class StaticSystem:
     # Number of points up to which the tangent is factorised on the host before anything else.
     factorised: ClassVar[int] = 0
 
-    def __init__(self, settings: EquilibriumSettings, system: System, tangent: Tangent) -> None:
+    def __init__(self, settings: StaticSolver, system: System, tangent: Tangent) -> None:
         """Add all stages.
 
         Raises:
@@ -67,8 +68,27 @@ class StaticSystem:
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
         self.sizes, self._begin = Sizes(), 0.0
 
+    def run(self, sink: FrameSink) -> str:
+        """Find the equilibria, each a frame; returns the final status."""
+        raise NotImplementedError
+
+    def host_state(self) -> dict[str, Any]:
+        """Where the search stands, for a restart that goes on bit for bit."""
+        return {"sizes": asdict(self.sizes)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        self.sizes = Sizes(**state["sizes"])
+
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
+        for load in self.system.external.following:
+            if load.at_rest is not None and wanted not in ("auto", "direct"):
+                raise InputError(
+                    f"preconditioner = {wanted!r}: {load.label}: expected 'auto' or 'direct', which has contact in it"
+                )
+            if load.at_rest is not None:
+                return "direct"
         sheet, held = context.sheet, context.held
         smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
         lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
@@ -174,3 +194,25 @@ class StaticSystem:
             return self.hierarchy.usable
         self.levels[0].linearise(tension)
         return self.solvers[0].prepare()
+
+
+class BuiltStatic(BuiltSolver):
+    """A static solver on a device: adds nothing to a step in time.
+
+    Attributes:
+        search: What finds its equilibria.
+    """
+
+    search: StaticSystem
+
+    def run(self, sink: FrameSink) -> str:
+        """Find the equilibria, each a frame; returns the final status."""
+        return self.search.run(sink)
+
+    def host_state(self) -> dict[str, Any]:
+        """Where the search stands."""
+        return self.search.host_state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        self.search.restore(state)

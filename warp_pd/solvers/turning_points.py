@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ class Point:
         rate: Derivative of the load factor by the arc length [1/m].
         negative: Number of negative eigenvalues of the tangent, or None if unknown.
         lowest: Lowest eigenvalues, in ascending order.
+        mode: Eigenvector of the one nearest to zero, shape (N, 3), if known.
     """
 
     step: int
@@ -25,44 +26,53 @@ class Point:
     rate: float
     negative: int | None
     lowest: list[float]
+    mode: np.ndarray | None = None
+
+    def eigenvalue(self, index: int) -> float:
+        """That of an index, lowest first, or the one nearest to zero where fewer are known; NaN if none is."""
+        return self.lowest[index] if index < len(self.lowest) else min(self.lowest, key=abs, default=math.nan)
 
 
-def changes(before: Point, after: Point, length: float) -> list[dict[str, Any]]:
-    """Limit points and bifurcations between two points at the distance `length` [m].
+@dataclass(frozen=True)
+class Change:
+    """What happens between two points of a path.
 
-    At a limit point the load turns and one eigenvalue changes sign; if others change sign, there is a bifurcation.
-    Positions are found on the cubic through both points with their slopes.
-
-    Returns:
-        An entry for each limit point and bifurcation: kind, load factor, steps before and after, and number of
-        eigenvalues that change sign.
+    Attributes:
+        place: Where, from 0 to 1.
+        kind: "maximum" or "minimum" of the load, or "bifurcation".
+        eigenvalues: Number of eigenvalues that change their sign.
+        first: Index of the first of them.
     """
-    found: list[dict[str, Any]] = []
+
+    place: float
+    kind: str
+    eigenvalues: int
+    first: int = 0
+
+    def size(self, point: Point) -> float:
+        """What is zero where it happens."""
+        return abs(point.eigenvalue(self.first) if self.kind == "bifurcation" else point.rate)
+
+
+def changes(before: Point, after: Point, length: float) -> list[Change]:
+    """What happens between two points that are `length` [m] apart, in order.
+
+    At a limit point the load turns and one eigenvalue changes its sign; where others do, branches meet. A limit point
+    is that of the cubic through both points with their slopes, a bifurcation the zero of an eigenvalue on a straight
+    line.
+    """
+    found = []
     # x runs from 0 to 1 between the points.
     a, b, da, db = before.factor, after.factor, before.rate * length, after.rate * length
-    cubic = np.polynomial.Polynomial([a, da, 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db])
-
-    def add(kind: str, x: float, crossing: int) -> None:
-        steps = [before.step, after.step]
-        found.append({"kind": kind, "load_factor": float(cubic(x)), "steps": steps, "eigenvalues": crossing})
-
     turns = before.step > 0 and da * db < 0.0
     if turns:
-        roots = cubic.deriv().roots()
-        add("maximum" if da > 0.0 else "minimum", float(min(roots.real, key=lambda x: abs(x - 0.5))), 1)
-    if before.negative is None or after.negative is None:
-        return found
-    crossing = abs(after.negative - before.negative) - int(turns)
-    if crossing > 0:
-        add("bifurcation", _zero(before, after), crossing)
-    return found
-
-
-def _zero(before: Point, after: Point) -> float:
-    """Fraction (0 to 1) at which the first eigenvalue that changes sign is zero, by linear interpolation."""
-    k = min(before.negative or 0, after.negative or 0)
-    if k < min(len(before.lowest), len(after.lowest)):
-        a, b = before.lowest[k], after.lowest[k]
-        if a * b < 0.0:
-            return a / (a - b)
-    return 0.5
+        cubic = np.polynomial.Polynomial([a, da, 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db])
+        place = float(min(cubic.deriv().roots().real, key=lambda x: abs(x - 0.5)))
+        found.append(Change(place, "maximum" if da > 0.0 else "minimum", 1))
+    if before.negative is not None and after.negative is not None:
+        crossing = abs(after.negative - before.negative) - int(turns)
+        if crossing > 0:
+            first = min(before.negative, after.negative)
+            a, b = before.eigenvalue(first), after.eigenvalue(first)
+            found.append(Change(a / (a - b) if a * b < 0.0 else 0.5, "bifurcation", crossing, first))
+    return sorted(found, key=lambda change: change.place)

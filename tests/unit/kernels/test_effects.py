@@ -131,6 +131,7 @@ def further():
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
         "bonds torn": Simulation(plane, bonds, Explicit(1.0), damage=CriticalStretch(2.0)),
+        "newton contact": Simulation(plane, law, Newton(), loads=[clamp], contact=bodies(0.0)[0]),
         "newton bonds": Simulation(plane, bonds, Newton(preconditioner="jacobi"), loads=in_plane),
     }
 

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 
 import pytest
 from helpers import StopAt, square
@@ -71,6 +72,9 @@ def test_static_runs_say_their_share_of_the_load_and_no_time(tmp_path, capfd):
     assert summary["time"] is None and summary["load_share"] == 1.0
     said = capfd.readouterr().err
     assert "load factor 0.5" in said and "t = " not in said
+    # The bar goes on from frame to frame, and is full once.
+    percents = [float(found) for found in re.findall(r"^ *([0-9.]+) %", said, re.MULTILINE)]
+    assert percents == sorted(percents) and percents.count(100.0) == 1
     assert "load factor 0 to load factor 1" in info.describe(tmp_path / "frames.vtkhdf")
     assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["load factor 0.5", "load factor 1"]
 

@@ -4,7 +4,7 @@ import pytest
 from helpers import square
 from small_runs import cli, simulate
 
-from warp_pd import BoundaryForce, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
 from warp_pd.geometry.triangulation import Lattice
 from warp_pd.solvers.multigrid import coarser
 from warp_pd.solvers.newton_settings import Report
@@ -47,6 +47,8 @@ WRONG = [
     (lambda: Newton(most_iterations=0), "most_iterations = 0"),
     (lambda: Newton(most_cuts=-1), "most_cuts = -1"),
     (lambda: Newton(preconditioner="multigird"), "did you mean 'multigrid'"),
+    (lambda: ArcLength(switch=1, modes=0), "switch = 1: expected modes above 0"),
+    (lambda: simulate(square(9), ArcLength(switch=1, preconditioner="jacobi")).build("cpu"), "got 'jacobi'"),
     (lambda: Relaxation(tolerance=-1.0), "tolerance = -1.0"),
     (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
     (lambda: Relaxation(load_steps=0), "load_steps = 0"),

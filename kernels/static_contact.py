@@ -1,0 +1,155 @@
+"""Contact with a rigid body in static equilibrium: an augmented Lagrangian, which settles on an active set.
+
+A point of the area A at the signed distance g from the body, whose normal there is n, is pushed by A p n with the
+pressure p = max(0, q - k g). The multiplier q is that of the last equilibrium, the stiffness k any number: equilibrium
+is sought again with q = p until g is small, so that q alone keeps the point on the surface. Newton's method on
+max(0, q - k g) is a primal-dual active set (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13, 2003; multipliers as in
+Alart and Curnier, Comput. Meth. Appl. Mech. Eng. 92, 1991).
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .body_search import wide_places
+from .distances import BodyShape
+from .effects import Kernel, kernel
+from .numeric import numeric
+
+# Change of the normal within half a spacing from which it counts as an edge, whose stiffness has no sign to trust.
+EDGE = wp.constant(wp.float64(0.25))
+
+
+@dataclass(frozen=True)
+class StaticContactKernels:
+    """Kernels of one shape; `a` is the struct.
+
+    Attributes:
+        struct: Numbers of the body and arrays of the sheet.
+        press: Adds the forces on points.
+        show: Force on each point [N], and its moment about the centre of the body [N m].
+        linearise: Change of the force on a point with its displacement [N/m].
+        settle: Takes the pressure as multiplier; by how much that changes [Pa].
+    """
+
+    struct: Any
+    press: Kernel
+    show: Kernel
+    linearise: Kernel
+    settle: Kernel
+
+
+@functools.cache
+def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -> StaticContactKernels:
+    """Kernels of contact in equilibrium.
+
+    Args:
+        bits: 32 or 64.
+        distance: Signed distance of the shape, see kernels/distances.py.
+        curved: Whether the reference positions have a z.
+        held: Whether any component is held; held points do not feel the body.
+    """
+    types = numeric(bits)
+    real, vec3, mat33 = types.real, types.vec3, types.mat33
+    _wide, placed = wide_places(bits, curved)
+
+    @wp.struct
+    class StaticContact:
+        reference: wp.array(dtype=vec3 if curved else types.vec2)
+        areas: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        multiplier: wp.array(dtype=wp.float64)
+        body: BodyShape
+        place: wp.array(dtype=wp.vec3d)
+        rotation: wp.array(dtype=wp.quatd)
+        stiffness: wp.array(dtype=wp.float64)
+        reach: wp.float64
+        around: wp.float64
+
+    @wp.func
+    def surface(x: wp.vec3d, a: StaticContact):
+        """Normal and signed distance, in the coordinates of the sheet."""
+        q = a.rotation[0]
+        found = distance(wp.quat_rotate_inv(q, x - a.place[0]), a.reach, a.body)
+        return wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2])), found[3]
+
+    @wp.func
+    def pressed(i: int, u: vec3, a: StaticContact):
+        """Place, normal and pressure of a point."""
+        x = placed(a.reference[i], u)
+        n, gap = surface(x, a)
+        p = wp.max(wp.float64(0.0), a.multiplier[i] - a.stiffness[0] * gap)
+        if wp.static(held):
+            if a.held_mask[i] != wp.uint8(0):
+                p = wp.float64(0.0)
+        return x, n, p
+
+    @wp.func
+    def narrow(v: wp.vec3d):
+        return vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @kernel()
+    def press_out(displacement: wp.array(dtype=vec3), a: StaticContact, first: int, out: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        _x, n, p = pressed(i, displacement[i], a)
+        out[i] = out[i] + narrow(wp.float64(a.areas[i]) * p * n)
+
+    @kernel()
+    def show_pressure(
+        displacement: wp.array(dtype=vec3),
+        a: StaticContact,
+        first: int,
+        force: wp.array(dtype=vec3),
+        turn: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        x, n, p = pressed(i, displacement[i], a)
+        push = wp.float64(a.areas[i]) * p * n
+        force[i] = narrow(push)
+        turn[i] = narrow(wp.cross(x - a.place[0], push))
+
+    @kernel()
+    def linearise_contact(
+        displacement: wp.array(dtype=vec3), a: StaticContact, first: int, blocks: wp.array(dtype=mat33)
+    ):
+        """The normal turns with the place by what it is half a spacing apart: the corners of a mesh have no other."""
+        i = wp.tid() + first
+        x, n, p = pressed(i, displacement[i], a)
+        found = wp.mat33d()
+        if p > wp.float64(0.0):
+            area = wp.float64(a.areas[i])
+            turned = wp.mat33d()
+            for c in range(3):
+                apart = wp.vec3d()
+                apart[c] = a.around
+                ahead, _gap = surface(x + apart, a)
+                behind, _other = surface(x - apart, a)
+                column = (ahead - behind) / (wp.float64(2.0) * a.around)
+                if wp.length(ahead - behind) > wp.static(EDGE):
+                    column = wp.vec3d()
+                for r in range(3):
+                    turned[r, c] = column[r]
+            turned = wp.float64(0.5) * (turned + wp.transpose(turned))
+            found = (area * p) * turned - (area * a.stiffness[0]) * wp.outer(n, n)
+        block = mat33()
+        for r in range(3):
+            for c in range(3):
+                block[r, c] = real(found[r, c])
+        blocks[i] = block
+
+    @kernel()
+    def settle_contact(
+        displacement: wp.array(dtype=vec3),
+        a: StaticContact,
+        first: int,
+        multiplier: wp.array(dtype=wp.float64),
+        off: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        _x, _n, p = pressed(i, displacement[i], a)
+        off[i] = wp.abs(p - a.multiplier[i])
+        multiplier[i] = p
+
+    return StaticContactKernels(StaticContact, press_out, show_pressure, linearise_contact, settle_contact)

@@ -1,0 +1,159 @@
+"""Families of a sheet of several materials: each region has its own, and points on an interface have several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import InputError, point_indices
+from ..families import Families, InfluenceFunction, pack, unpack
+from ..geometry.sheet import Sheet
+from ..geometry.topology import boundary_edges
+from ..geometry.triangulation import point_areas, voronoi_areas
+from ..interfaces.context import Context
+from ..materials import Material
+from .weight_tables import Tables, weight_tables
+
+Regions = Sequence[tuple[Any, Material]]
+
+
+@dataclass(eq=False)
+class Region:
+    """What is of one material.
+
+    Attributes:
+        material: Index of the material.
+        sheet: The region as a sheet of its own.
+        points: Its points in the whole sheet, shape (P,).
+        share: Share of the area of each point that lies in the region, shape (P,).
+        begin: Member of each point at which its family in the region begins, shape (P,).
+    """
+
+    material: int
+    sheet: Sheet
+    points: np.ndarray
+    share: np.ndarray
+    begin: np.ndarray
+
+
+def region_tables(
+    context: Context, regions: Regions, horizon: float, influence: str | InfluenceFunction, weights: str
+) -> Tables:
+    """Families and their tables; arguments and results as for `law_tables`.
+
+    The members of a point on an interface are those of its family in each region, one after the other: neighbours along
+    the interface occur in each. An intersection holds members of one region. A point has a share of its area in each,
+    but one area on the device: the influence of a member carries the share.
+
+    Raises:
+        InputError: for a sheet whose families are not those of a cloud, or regions that do not divide it.
+    """
+    sheet, divided = context.whole, context.partition is not None
+    if sheet.layout != "cloud":
+        raise InputError("sheet: expected sheet.as_cloud() with ByRegion, as families at an interface differ")
+    if sheet.cuts or sheet.bodies is not None:
+        raise InputError("sheet: expected one without cuts and rigid inclusions of an outline with ByRegion")
+    if divided or weights == "published":
+        raise InputError("material = ByRegion: expected one process and weights that conserve energy")
+    parts = _parts(sheet, regions)
+    tables, width = [], np.zeros(sheet.size, int)
+    for part in parts:
+        tables.append(weight_tables(part.sheet, horizon, influence, weights))
+        part.begin = width[part.points]
+        width[part.points] += tables[-1][0].exists.sum(axis=1)
+    reports = [report for _, _, _, report in tables if report is not None]
+    worst = max(reports, key=lambda report: report["residual"]) if reports else None
+    families, inverse, at_rows = _merged(sheet, parts, tables, int(width.max()))
+    return families, inverse, families.scaled(at_rows), worst
+
+
+def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
+    """The regions and what is in none of them.
+
+    Raises:
+        InputError: for a region without a triangle, a triangle of two regions, or a point of none.
+    """
+    material = np.zeros(len(sheet.triangles), int)
+    for n, (points, _) in enumerate(regions, start=1):
+        name = f"ByRegion.regions[{n - 1}]"
+        inside = np.isin(sheet.triangles, point_indices(name, points, sheet.size)).all(axis=1)
+        if not inside.any():
+            raise InputError(f"{name} holds no triangle: expected its points, those on its edge too")
+        if material[inside].any():
+            raise InputError(f"{name} shares a triangle with regions[{material[inside].max() - 1}]: expected none")
+        material[inside] = n
+    parts = [_part(sheet, sheet.triangles[material == n], int(n)) for n in np.unique(material)]
+    cells = np.zeros(sheet.size)
+    for part in parts:
+        cells[part.points] += part.sheet.areas
+    if (cells == 0.0).any():
+        raise InputError(f"points[{int(np.argmin(cells))}] is the corner of no triangle: expected one with ByRegion")
+    for part in parts:
+        part.share = part.sheet.areas / cells[part.points]
+        part.sheet = replace(part.sheet, areas=part.share * sheet.areas[part.points])
+    return parts
+
+
+def _part(sheet: Sheet, triangles: np.ndarray, material: int) -> Region:
+    """A region, its areas those of its Voronoi cells, on a curved sheet a third of each triangle."""
+    points, corners = np.unique(triangles, return_inverse=True)
+    corners = corners.reshape(-1, 3).astype(np.int32)
+    places, edges = sheet.points[points], boundary_edges(corners)
+    areas = (voronoi_areas if sheet.frames is None else point_areas)(places, corners)
+    here: dict[str, Any] = {
+        name: None if (values := getattr(sheet, name)) is None else values[points]
+        for name in ("spacings", "frames", "pieces")
+    }
+    alone = replace(
+        sheet, points=places, areas=areas, triangles=corners, barriers=edges if sheet.frames is None else None,
+        inclusions=(), parts={"rim": np.unique(edges)}, **here, **sheet.at_points(lambda values: values[points]),
+    )  # fmt: skip
+    return Region(material, alone, points, areas, np.zeros(0, int))
+
+
+def _merged(
+    sheet: Sheet, parts: list[Region], tables: list[Tables], width: int
+) -> tuple[Families, np.ndarray, np.ndarray]:
+    """Families of all regions with `width` members, their K^-1, (N, n, 3), and weights over the area, (N, n)."""
+    shape, reference = (sheet.size, width), float(sheet.areas.mean())
+    curved = sheet.frames is not None
+    families = Families(
+        horizon=tables[0][0].horizon,
+        reference_area=reference,
+        exists=np.zeros(shape, bool),
+        bonds=np.zeros((*shape, 2)),
+        influence=np.zeros(shape),
+        common=np.zeros(0),
+        member_areas=np.zeros(shape),
+        areas=sheet.areas / reference,
+        reverses=np.zeros(shape, np.int32),
+        neighbours=np.full(shape, -1, np.int32),
+        severed=np.zeros(sheet.size, bool),
+        factors=sheet.factors,
+        frames=np.zeros((sheet.size, 3, 3)) if curved else None,
+        chords=np.zeros((*shape, 3)) if curved else None,
+        materials=np.zeros(shape, np.uint8),
+    )
+    inverse, weights, common = np.zeros((*shape, 3)), np.zeros(shape), np.zeros((*shape, width), bool)
+    for part, (alone, own_inverse, own_weights, _) in zip(parts, tables, strict=True):
+        assert alone.neighbours is not None and families.neighbours is not None and families.materials is not None
+        here = np.nonzero(alone.exists)
+        member, scale = alone.neighbours[here], alone.reference_area / reference
+        to = part.points[here[0]], part.begin[here[0]] + here[1]
+        families.exists[to], families.materials[to] = True, part.material
+        families.neighbours[to] = part.points[member]
+        families.reverses[to] = part.begin[member] + alone.reverses[here]
+        families.bonds[to] = alone.bonds[here]
+        families.influence[to] = alone.influence[here] * part.share[member]
+        families.member_areas[to] = sheet.areas[part.points[member]] / reference
+        inverse[to], weights[to] = own_inverse[here] / scale, own_weights[here] * scale
+        rows, first, second = np.nonzero(unpack(alone.common, alone.members) & alone.exists[:, None])
+        common[part.points[rows], part.begin[rows] + first, part.begin[rows] + second] = True
+        if curved:
+            assert families.frames is not None and families.chords is not None and alone.chords is not None
+            families.frames[part.points], families.chords[to] = alone.frames, alone.chords[here]
+    families.common = pack(common)
+    return families, inverse, weights
