@@ -270,19 +270,30 @@ def body_contact(
                         shift += dt * lost + push_out(x + dt * lost, n, reach, a)
                     strike_in_step(i, shift, shift / dt, lost, arm, a)
 
-    @pointwise(BodyContact, writes=("displacement", *given))
+    @wp.func
+    def take_change(i: int, a: BodyContact):
+        """The change of a point's velocity, which belongs to one half step."""
+        change = a.changes[i]
+        a.changes[i] = wp.vec3d()
+        forget(i, a)
+        if wp.static(moves_freely and marked):
+            if wp.length_sq(change) > wp.float64(0.0):
+                a.marks[i] = wp.uint8(1)
+        return change
+
+    @pointwise(BodyContact, writes=("displacement", "changes", "marks", *given))
     def take_in_step(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            change = a.changes[i]
+            change = take_change(i, a)
             if wp.length_sq(change) > wp.float64(0.0):
                 dt = wp.float64(a.step[0])
                 arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
                 strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
 
-    @pointwise(BodyContact, writes=given)
+    @pointwise(BodyContact, writes=("changes", "marks", *given))
     def take_at_end(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            change = a.changes[i]
+            change = take_change(i, a)
             if wp.length_sq(change) > wp.float64(0.0):
                 end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
 

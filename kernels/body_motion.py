@@ -439,5 +439,8 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                 rubbing = wp.vec3d(totals[7], totals[8], totals[9])
                 twist = wp.vec3d(totals[10], totals[11], totals[12])
                 given[7] = given[7] + wp.dot(rubbing, moved) + wp.dot(twist, turned) - totals[13]
+        # What else touches in this half step comes after it.
+        momenta[2] = momenta[2] + velocity - before
+        momenta[3] = momenta[3] + spin - spin_before
 
     return FreeMotion(move_body, kick_body, gather_touching, solve_touching, gather_given, give)

@@ -4,8 +4,10 @@ A distance is a function (arm, reach, body) -> vec4d (normal, distance); `arm` i
 body is further away than `reach`, the function may return `reach`. Distances are float64 whatever the precision of the
 sheet, because float32 cannot resolve contact with a large body.
 
-Meshes are searched with Warp's bounding volume hierarchy in float32; the distance to the triangle found is then
-computed in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is
+then taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The
+sign is that of the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes, Signed distance
+computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 
 import functools
@@ -30,12 +32,16 @@ NEAR = wp.constant(wp.float64(1e-7))
 
 @wp.struct
 class BodyShape:
-    """Sizes [m] of a body, documented at each distance function, and its surface if it is a mesh."""
+    """Sizes [m] of a body, and its surface if it is a mesh; what they mean, each distance says.
+
+    normals: of the sides of each triangle, opposite to its corners, and of its corners, (F, 6), of any length.
+    """
 
     size: wp.vec4d
     mesh: wp.uint64
     vertices: wp.array(dtype=wp.vec3d)
     triangles: wp.array(dtype=wp.vec3i)
+    normals: wp.array2d(dtype=wp.vec3d)
 
 
 @wp.func
@@ -173,11 +179,14 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
         if length <= NEAR * body.size[0]:
             distance = height
         else:
-            side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
-            if wp.abs(height) <= wp.float64(0.999) * length:
-                # Nearest is an edge or a corner, whose normal takes a longer search.
-                around = wp.mesh_query_point_sign_normal(body.mesh, point, wp.float32(further))
-                side = wp.where(around.sign < wp.float32(0.0), wp.float64(-1.0), wp.float64(1.0))
+            toward = n
+            for k in range(3):
+                if w[k] == wp.float64(0.0):
+                    toward = body.normals[hit.face, k]
+            for k in range(3):
+                if w[k] == wp.float64(1.0):
+                    toward = body.normals[hit.face, 3 + k]
+            side = wp.where(wp.dot(out, toward) < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
             distance = side * length
             n = (side / length) * out
     return with_normal(n, distance)

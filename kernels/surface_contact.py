@@ -1,18 +1,21 @@
-"""Contact of the triangles of a sheet with a rigid sphere or capsule, i.e. a point or segment with a radius.
+"""Contact of the triangles of a sheet with a rigid body that is thin or has edges.
 
-Each nearby triangle has one constraint per half step. Take the point of the triangle nearest to the axis of the body at
-the beginning of the half step, with barycentric weights b and normal n. Its distance along n must stay larger than the
-radius (RATTLE, as in kernels/body_contact.py). The impulse is lambda n, and a corner gets b lambda n: action equals
-reaction exactly, and the work at a corner is computed as for any point.
+A body has segments with a radius: the axis of a sphere or capsule, or the convex edges of a box or mesh with a thin
+layer around them. Points of the sheet and faces of the body are the matter of kernels/body_contact.py. What remains are
+pairs of an end of a segment and a triangle, and of a segment and a side of a triangle. A triangle has a constraint for
+each pair that is near when half a step begins: the nearest point of the triangle, which has the weights b of its
+corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in
+kernels/body_contact.py). The impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a
+corner's work is that of any point. A free body yields to the sum of all impulses in every iteration.
 
-The impulses are found by projected Jacobi iteration (lambda >= 0) with Nesterov momentum, because convergence is slow
-where a thin tip in a cone of triangles presses on all of them and their impulses nearly cancel. A point divides its
-mass among the triangles that press on it, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting
-for jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a
-fixed order.
+The impulses are found by Jacobi's method, projected onto lambda >= 0, with Nesterov's momentum: a thin tip in a cone of
+triangles presses on all of them, and their impulses nearly cancel. Points, and a free body, divide their mass among the
+constraints that press on them, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting for
+jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a fixed
+order.
 
-The distance of a triangle has no sign. A triangle that passes the axis during a step is detected by its normal at the
-beginning of the step.
+The distance of a pair has no sign. What passes a segment within a step is told by the normal of its beginning. A pair
+counts only where the body has nothing nearer to that point of the triangle.
 """
 
 import functools
@@ -21,27 +24,40 @@ from typing import Any
 
 import warp as wp
 
+from .body_motion import spin_of, turned_by, vec6d, wrench
 from .body_search import wide_places
-from .distances import TINY, weights_of_nearest
+from .distances import TINY, BodyShape, ways_out, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
 from .numeric import numeric
 
 # Part of the depth at the beginning of a step that the step mends: more of it would become velocity.
 MENDED = wp.constant(wp.float64(0.2))
+# Constraints of a triangle, at most: those of the nearest pairs.
+SLOTS = 4
+# A segment is what the body has nearest if the distance of the body is no less than this part of that of the segment.
+NEAREST = wp.constant(wp.float64(0.999))
 
 
 @wp.struct
-class Nearest:
-    """Nearest point of a triangle to a segment: corner weights, vector from the segment, place on it (-1 to 1)."""
+class Segments:
+    """Segments of a body in its frame.
 
-    weights: wp.vec3d
-    away: wp.vec3d
-    along: wp.float64
+    vertices: [m]. ends: indices of the vertices of a segment, and which of them it owns (1: first, 2: second, 3: both);
+    each vertex has one owner. tree: of the boxes of the segments, float32. core: radius of the body around them [m].
+    radius: the same with the layer [m]. size: largest distance of a vertex from the origin [m].
+    """
+
+    vertices: wp.array(dtype=wp.vec3d)
+    ends: wp.array(dtype=wp.vec3i)
+    tree: wp.uint64
+    core: wp.float64
+    radius: wp.float64
+    size: wp.float64
 
 
 @wp.func
 def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
-    """Nearest points p + s d, |s| <= 1, and q + t e, 0 <= t <= 1: (s, t). Ericson, 2005, section 5.1.9."""
+    """Nearest points p + s d and q + t e, 0 <= s, t <= 1: (s, t). Ericson, 2005, section 5.1.9."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     r = p - q
@@ -53,101 +69,155 @@ def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
     s = zero
     left = dd * ee - de * de
     if left > wp.float64(1e-12) * dd * ee:
-        s = wp.clamp((de * er - dr * ee) / left, -one, one)
+        s = wp.clamp((de * er - dr * ee) / left, zero, one)
     t = wp.clamp((de * s + er) / ee, zero, one)
-    s = wp.clamp((de * t - dr) / dd, -one, one)
+    s = wp.clamp((de * t - dr) / dd, zero, one)
     return s, t
 
 
 @wp.func
-def nearest_to_segment(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, axis: wp.vec3d):
-    """Nearest point of a triangle to the segment from -axis to axis, or to the origin if `axis` is zero."""
-    one = wp.float64(1.0)
-    found = Nearest()
-    if wp.length(axis) <= TINY:
-        w = weights_of_nearest(wp.vec3d(), a, b, c)
-        found.weights = w
-        found.away = w[0] * a + w[1] * b + w[2] * c
-        return found
-    normal = wp.cross(b - a, c - a)
-    over = wp.dot(normal, axis)
-    if wp.abs(wp.dot(normal, a)) < wp.abs(over):
-        s = wp.dot(normal, a) / over
-        w = weights_of_nearest(s * axis, a, b, c)
-        off = w[0] * a + w[1] * b + w[2] * c - s * axis
-        if wp.length(off) <= wp.float64(1e-12) * (wp.length(axis) + wp.length(a)):
-            found.weights = w
-            found.along = s
-            return found
-    least = wp.float64(1e300)
-    for end in range(2):
-        s = wp.float64(2 * end - 1)
-        w = weights_of_nearest(s * axis, a, b, c)
-        away = w[0] * a + w[1] * b + w[2] * c - s * axis
-        if wp.length_sq(away) < least:
-            least = wp.length_sq(away)
-            found.weights = w
-            found.away = away
-            found.along = s
-    for k in range(3):
-        q = a
-        r = b
-        if k == 1:
-            q = b
-            r = c
-        elif k == 2:
-            q = c
-            r = a
-        s, t = between_segments(wp.vec3d(), axis, q, r - q)
-        away = q + t * (r - q) - s * axis
-        if wp.length_sq(away) < least:
-            least = wp.length_sq(away)
-            w = wp.vec3d()
-            w[k] = one - t
-            w[(k + 1) % 3] = t
-            found.weights = w
-            found.away = away
-            found.along = s
-    return found
+def nearest_pair(pair: int, x: wp.mat33d, entry: int, of: Segments):
+    """Where two features of a triangle, with the corners x in the frame of the body, and a segment are nearest.
+
+    Pairs 0 and 1 are an end of the segment and the triangle, 2 to 4 the segment and a side. Weights of the corners, the
+    point on the segment, and whether the pair stands for itself: no end that another segment owns, no side nearest to
+    an end.
+    """
+    ends = of.ends[entry]
+    begin = of.vertices[ends[0]]
+    along = of.vertices[ends[1]] - begin
+    spot = begin
+    w = wp.vec3d()
+    counts = bool(True)
+    if pair < 2 or ends[0] == ends[1]:
+        counts = (ends[2] & (pair + 1)) != 0 and pair < 2
+        if pair == 1:
+            spot = begin + along
+        w = weights_of_nearest(spot, x[0], x[1], x[2])
+    else:
+        k = pair - 2
+        side = x[(k + 1) % 3] - x[k]
+        s, t = between_segments(begin, along, x[k], side)
+        spot = begin + s * along
+        w[k] = wp.float64(1.0) - t
+        w[(k + 1) % 3] = t
+        counts = s > wp.float64(0.0) and s < wp.float64(1.0)
+    return w, spot, counts
 
 
-@unstaged
-def distances_of_faces(
-    corners: wp.array2d(dtype=wp.vec3d), axis: wp.vec3d, first: int, out: wp.array(dtype=wp.float64)
-):
-    """Distances [m] of triangles with corners (F, 3) from the segment between -axis and axis."""
-    f = wp.tid() + first
-    out[f] = wp.length(nearest_to_segment(corners[f, 0], corners[f, 1], corners[f, 2], axis).away)
+@wp.func
+def passes_through(x: wp.mat33d, entry: int, of: Segments):
+    """Whether a segment passes through a triangle."""
+    ends = of.ends[entry]
+    begin = of.vertices[ends[0]] - x[0]
+    end = of.vertices[ends[1]] - x[0]
+    normal = wp.cross(x[1] - x[0], x[2] - x[0])
+    below = wp.dot(normal, begin)
+    above = wp.dot(normal, end)
+    passes = bool(False)
+    if below * above < wp.float64(0.0):
+        met = x[0] + (above * begin - below * end) / (above - below)
+        w = weights_of_nearest(met, x[0], x[1], x[2])
+        # The weights of a point within have no zero.
+        passes = wp.min(w) > wp.float64(0.0)
+    return passes
+
+
+@wp.func
+def box_around(x: wp.mat33d, reach: wp.float64, of: Segments):
+    """Lower and upper corner of the box of a triangle and what is nearer than `reach`, in float32."""
+    wider = reach + wp.float64(1e-6) * (of.size + wp.length(x[0]))
+    lower = wp.min(x[0], wp.min(x[1], x[2]))
+    upper = wp.max(x[0], wp.max(x[1], x[2]))
+    return (
+        wp.vec3(wp.float32(lower[0] - wider), wp.float32(lower[1] - wider), wp.float32(lower[2] - wider)),
+        wp.vec3(wp.float32(upper[0] + wider), wp.float32(upper[1] + wider), wp.float32(upper[2] + wider)),
+    )
+
+
+@functools.cache
+def clearances(distance: wp.Function) -> wp.Kernel:
+    """Kernel of the distances of triangles (F, 3), in the frame of a body, from its segments, as far as `reach` [m].
+
+    It is -1 where a segment passes through the triangle, or one of its sides through the body.
+    """
+    way_out = ways_out(distance).way_out
+
+    @unstaged
+    def find_clearances(
+        corners: wp.array2d(dtype=wp.vec3d), reach: wp.float64, of: Segments, body: BodyShape, first: int,
+        out: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        f = wp.tid() + first
+        least = reach
+        x = wp.matrix_from_rows(corners[f, 0], corners[f, 1], corners[f, 2])
+        lower, upper = box_around(x, reach, of)
+        query = wp.bvh_query_aabb(of.tree, lower, upper)
+        entry = int(0)  # noqa: RUF046
+        while wp.bvh_query_next(query, entry):
+            for pair in range(5):
+                w, spot, _counts = nearest_pair(pair, x, entry, of)
+                least = wp.min(least, wp.length(wp.transpose(x) * w - spot))
+            if passes_through(x, entry, of):
+                least = wp.float64(-1.0)
+        for k in range(3):
+            begin = x[k]
+            end = x[(k + 1) % 3]
+            far = wp.length(begin) + wp.length(end) + of.size
+            unturned = wp.quat_identity(wp.float64)
+            touches, _n, _shift, _pressed, _of = way_out(
+                begin, end, distance(end, far, body), unturned, far, body, wp.float64(1e-6) * of.size
+            )
+            if touches:
+                least = wp.float64(-1.0)
+        out[f] = least
+
+    return find_clearances
 
 
 @dataclass(frozen=True)
 class SurfaceContact:
-    """Struct and kernels of one configuration.
+    """Structs and kernels of one configuration.
 
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
-        find: Constraints of nearby triangles, at the beginning of a half step.
+        constraints: Arrays of the constraints of triangles, SLOTS for each.
+        find: Constraints of the triangles that are near, when a half of a step begins.
         press: Impulses of the triangles, after one more iteration.
-        spread: Velocity changes of the points from these impulses, and the number of triangles that press on each
-            point.
+        react: Sums of blocks of triangles, of their impulses on a free body.
+        give_way: Change of velocity and spin of a free body by them.
+        move: Changes its velocity and spin so, in the step also its place.
+        spread: What the points get.
+        clear: After the last launch that needs to know that any triangle is near.
     """
 
     struct: Any
+    constraints: Any
     find: Kernel
     press: Kernel
+    react: Kernel
+    give_way: Kernel
+    move: Kernel
     spread: Kernel
+    clear: Kernel
 
 
 @functools.cache
-def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool) -> SurfaceContact:
-    """Kernels of contact of triangles.
+def surface_contact(
+    bits: int, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, held: bool,
+    damped: bool, torn: bool,
+) -> SurfaceContact:  # fmt: skip
+    """Kernels of contact by triangles.
 
     Args:
         bits: 32 or 64.
+        distance: Signed distance of the body, see kernels/distances.py.
+        moves_freely: Whether it feels the sheet.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
-        torn: Whether bonds can break; triangles cut by a crack have no contact.
+        held: Whether any component is held; held points do not feel the body.
+        damped: Whether there is mass damping.
+        torn: Whether bonds can break; triangles that a crack cuts do not press.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -160,20 +230,43 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
         held_mask: wp.array(dtype=wp.uint8)
         triangles: wp.array(dtype=wp.vec3i)
         intact_faces: wp.array(dtype=wp.uint8)
-        half_length: wp.float64
-        radius: wp.float64
+        segments: Segments
+        body: BodyShape
         skin: wp.float64
         friction: wp.float64
         place: wp.array(dtype=wp.vec3d)
         rotation: wp.array(dtype=wp.quatd)
         motion: wp.array(dtype=wp.vec3d)
         step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
+        inverse_mass: wp.float64
+        inverse_inertia: wp.mat33d
+        easiest_turn: wp.float64
+
+    @wp.struct
+    class Constraints:
+        """near: how many a triangle has. weights: of the corners, and the gap that must be left [m]. normals: in space.
+        spots: on the segment, in the frame of the body [m]. begins, sides: 3 f + k for each triangle f of a point, its
+        corner k.
+        """
+
+        near: wp.array(dtype=wp.uint8)
+        weights: wp.array(dtype=wp.vec4d)
+        normals: wp.array(dtype=wp.vec3d)
+        spots: wp.array(dtype=wp.vec3d)
+        begins: wp.array(dtype=wp.int32)
+        sides: wp.array(dtype=wp.int32)
 
     @wp.func
     def position(i: int, a: Surface):
         return placed(a.reference[i], a.displacement[i])
+
+    @wp.func
+    def began(i: int, back: wp.float64, a: Surface):
+        """Where a point was when the half of the step began."""
+        return position(i, a) - back * wide(a.velocity[i])
 
     @wp.func
     def mobility(i: int, a: Surface):
@@ -182,22 +275,16 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
                 return wp.float64(0.0)
         return wp.float64(1.0) / wp.float64(a.mass[i])
 
-    @wp.func
-    def axis_of(q: wp.quatd, a: Surface):
-        return wp.quat_rotate(q, wp.vec3d(wp.float64(0.0), wp.float64(0.0), a.half_length))
-
     @kernel(per="face")
     def find_pressing(
         a: Surface, at_end: int, first: int,
-        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
-        pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
+        near: wp.array(dtype=wp.uint8), any_near: wp.array(dtype=wp.int32), weights: wp.array(dtype=wp.vec4d),
+        normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d), pushes: wp.array(dtype=wp.vec4d),
+        pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64), gaps: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        """`normals`: normal and place on the axis; `pushes`: friction impulse and normal impulse."""
+        """`pushes`: impulse of friction, and along the normal."""
         f = wp.tid() + first
-        weights[f] = wp.vec4d()
-        pushes[f] = wp.vec4d()
-        earlier[f] = wp.float64(0.0)
-        pressed[f] = wp.uint8(0)
+        count = wp.int32(0)
         whole = bool(True)
         if wp.static(torn):
             whole = a.intact_faces[f] != wp.uint8(0)
@@ -207,113 +294,217 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
             back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
             when = wp.where(at_end != 0, 0, 1)
             centre = a.place[when]
-            xa = position(corners[0], a) - back * wide(a.velocity[corners[0]]) - centre
-            xb = position(corners[1], a) - back * wide(a.velocity[corners[1]]) - centre
-            xc = position(corners[2], a) - back * wide(a.velocity[corners[2]]) - centre
-            most = wp.max(wp.length_sq(xb - xa), wp.length_sq(xc - xa))
-            va = wide(a.velocity[corners[0]]) - a.motion[0]
-            vb = wide(a.velocity[corners[1]]) - a.motion[0]
-            vc = wide(a.velocity[corners[2]]) - a.motion[0]
-            fast = wp.sqrt(wp.max(wp.length_sq(va), wp.max(wp.length_sq(vb), wp.length_sq(vc))))
-            turning = wp.length(a.motion[1]) * (a.half_length + a.radius)
-            reach = a.radius + a.skin + back * (fast + turning)
-            if wp.length(xa) < reach + a.half_length + wp.sqrt(most):
-                axis = axis_of(a.rotation[when], a)
-                near = nearest_to_segment(xa, xb, xc, axis)
-                gap = wp.length(near.away)
-                if gap > TINY and gap < reach:
-                    n = near.away / gap
-                    w = near.weights
-                    left = wp.min((wp.float64(1.0) - MENDED) * (gap - a.radius), wp.float64(0.0))
-                    weights[f] = wp.vec4d(w[0], w[1], w[2], left)
-                    normals[f] = wp.vec4d(n[0], n[1], n[2], near.along)
+            q = a.rotation[when]
+            x = wp.mat33d()
+            most = wp.float64(0.0)
+            fast = wp.float64(0.0)
+            for k in range(3):
+                x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
+                most = wp.max(most, wp.length(x[k] - x[0]))
+                fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
+            turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
+            reach = a.segments.radius + a.skin + back * (fast + turning)
+            if wp.length(x[0]) < reach + a.segments.size + most:
+                lower, upper = box_around(x, reach, a.segments)
+                query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
+                entry = int(0)  # noqa: RUF046
+                while wp.bvh_query_next(query, entry):
+                    passes = passes_through(x, entry, a.segments)
+                    for pair in range(5):
+                        w, spot, counts = nearest_pair(pair, x, entry, a.segments)
+                        away = wp.transpose(x) * w - spot
+                        gap = wp.length(away)
+                        counts = counts and gap > TINY and gap < reach and not passes
+                        if counts:
+                            beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
+                            counts = beside[3] + a.segments.core >= NEAREST * gap
+                        slot = count
+                        if counts and count == wp.static(SLOTS):
+                            slot = 0
+                            for k in range(1, wp.static(SLOTS)):
+                                if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
+                                    slot = k
+                            counts = gap < gaps[wp.static(SLOTS) * f + slot]
+                        if counts:
+                            s = wp.static(SLOTS) * f + slot
+                            left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
+                            weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
+                            normals[s] = wp.quat_rotate(q, away / gap)
+                            spots[s] = spot
+                            pushes[s] = wp.vec4d()
+                            pressed[s] = wp.uint8(0)
+                            earlier[s] = wp.float64(0.0)
+                            gaps[s] = gap
+                            count = wp.max(count, slot + 1)
+        near[f] = wp.uint8(count)
+        if count > 0:
+            any_near[0] = 1
 
     @wp.func
-    def surface_velocity(arm: wp.vec3d, a: Surface):
-        return a.motion[0] + wp.cross(a.motion[1], arm)
-
-    @kernel(per="face")
-    def press(
-        a: Surface, at_end: int, weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d),
-        changes: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32), momentum: wp.float64, first: int,
-        pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        """`pushes` has the normal impulse with Nesterov momentum, `earlier` the last one without it."""
-        f = wp.tid() + first
-        b = wp.vec3d(weights[f][0], weights[f][1], weights[f][2])
-        if wp.length_sq(b) > wp.float64(0.0):
-            zero = wp.float64(0.0)
-            dt = wp.float64(a.step[0])
-            along = normals[f]
-            n = wp.vec3d(along[0], along[1], along[2])
-            corners = a.triangles[f]
-            spot = wp.vec3d()
-            moving = wp.vec3d()
-            ease = wp.vec3d()
-            sure = bool(True)
-            for k in range(3):
-                i = corners[k]
-                x = position(i, a) - a.place[0]
-                if at_end == 0:
-                    x += dt * changes[i]
-                spot += b[k] * x
-                moving += b[k] * (wide(a.velocity[i]) + changes[i])
-                ease[k] = mobility(i, a) * wp.float64(wp.max(counts[i], 1))
-                sure = sure and (b[k] == zero or counts[i] > 0)
-            axis = axis_of(a.rotation[0], a)
-            full = ease[0] * b[0] * b[0] + ease[1] * b[1] * b[1] + ease[2] * b[2] * b[2]
-            rate = zero
-            relative = moving - surface_velocity(spot, a)
-            if at_end != 0:
-                rate = wp.dot(relative, n)
-                if wp.length(spot - along[3] * axis) > a.radius + a.skin:
-                    rate = wp.max(rate, zero)
-            else:
-                gap = wp.dot(n, spot - along[3] * axis) - a.radius
-                rate = (gap - weights[f][3]) / dt
-            push = pushes[f]
-            much = push[3]
-            rub = wp.vec3d(push[0], push[1], push[2])
-            if sure and full > zero:
-                much = wp.max(much - rate / full, zero)
-                if wp.static(rubs):
-                    rub -= (relative - wp.dot(relative, n) * n) / full
-                    size = wp.length(rub)
-                    if size > a.friction * much:
-                        rub = (a.friction * much / size) * rub
-            ahead = wp.max(much + momentum * (much - earlier[f]), zero)
-            earlier[f] = much
-            pushes[f] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
-            pressed[f] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
-
-    @kernel(per="list")
-    def spread(
-        a: Surface, begins: wp.array(dtype=wp.int32), sides: wp.array(dtype=wp.int32),
-        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
-        pressed: wp.array(dtype=wp.uint8), first: int,
-        changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32),
-    ):  # fmt: skip
-        """`sides`: 3 f + k for each triangle f of a point, where k is the point's corner index in f."""
-        i = wp.tid() + first
+    def given_to(i: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8)):
+        """Impulses of a point along normals, those of friction, and the number of constraints that press on it."""
         pushed = wp.vec3d()
         dragged = wp.vec3d()
         count = wp.int32(0)
-        for at in range(begins[i], begins[i + 1]):
-            f = sides[at] / 3
-            if pressed[f] != wp.uint8(0):
-                w = weights[f]
-                b = w[sides[at] - 3 * f]
-                along = normals[f]
-                push = pushes[f]
-                pushed += (b * push[3]) * wp.vec3d(along[0], along[1], along[2])
-                if wp.static(rubs):
-                    dragged += b * wp.vec3d(push[0], push[1], push[2])
-                if b > wp.float64(0.0):
-                    count += 1
+        for at in range(c.begins[i], c.begins[i + 1]):
+            f = c.sides[at] / 3
+            corner = c.sides[at] - 3 * f
+            for slot in range(wp.int32(c.near[f])):
+                s = wp.static(SLOTS) * f + slot
+                if pressed[s] != wp.uint8(0):
+                    b = c.weights[s][corner]
+                    push = pushes[s]
+                    pushed += (b * push[3]) * c.normals[s]
+                    if wp.static(rubs):
+                        dragged += b * wp.vec3d(push[0], push[1], push[2])
+                    if b > wp.float64(0.0):
+                        count += 1
+        return pushed, dragged, count
+
+    @kernel(per="face")
+    def press(
+        a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64), momentum: wp.float64, first: int,
+        pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
+        earlier: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
+        f = wp.tid() + first
+        if c.near[f] != wp.uint8(0):
+            zero = wp.float64(0.0)
+            dt = wp.float64(a.step[0])
+            drift = wp.where(at_end != 0, zero, dt)
+            corners = a.triangles[f]
+            x = wp.mat33d()
+            v = wp.mat33d()
+            counts = wp.vec3i()
+            for k in range(3):
+                i = corners[k]
+                pushed, dragged, count = given_to(i, c, pushes, pressed)
+                change = mobility(i, a) * (pushed + dragged)
+                x[k] = position(i, a) - a.place[0] + drift * change
+                v[k] = wide(a.velocity[i]) + change
+                counts[k] = count
+            for slot in range(wp.int32(c.near[f])):
+                s = wp.static(SLOTS) * f + slot
+                w = c.weights[s]
+                n = c.normals[s]
+                spot = wp.vec3d()
+                moving = wp.vec3d()
+                full = zero
+                sure = bool(True)
+                for k in range(3):
+                    b = w[k]
+                    spot += b * x[k]
+                    moving += b * v[k]
+                    full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
+                    sure = sure and (b == zero or counts[k] > 0)
+                on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
+                relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
+                full_slip = full
+                if wp.static(moves_freely):
+                    d = changes[0]
+                    yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)
+                    relative -= yielded
+                    on_body += drift * yielded
+                    split = wp.max(splits[0], wp.float64(1.0))
+                    lever = wp.cross(on_body, n)
+                    turned = wp.dot(lever, spin_of(a.rotation[0], a.inverse_inertia, lever))
+                    full += split * (a.inverse_mass + turned)
+                    full_slip += split * (a.inverse_mass + a.easiest_turn * wp.length_sq(on_body))
+                rate = (wp.dot(n, spot - on_body) - a.segments.radius - w[3]) / dt
+                if at_end != 0:
+                    rate = wp.dot(relative, n)
+                    if wp.length(spot - on_body) > a.segments.radius + a.skin:
+                        rate = wp.max(rate, zero)
+                push = pushes[s]
+                much = push[3]
+                rub = wp.vec3d(push[0], push[1], push[2])
+                if sure and full > zero:
+                    much = wp.max(much - rate / full, zero)
+                    if wp.static(rubs):
+                        rub -= (relative - wp.dot(relative, n) * n) / full_slip
+                        size = wp.length(rub)
+                        if size > a.friction * much:
+                            rub = (a.friction * much / size) * rub
+                ahead = wp.max(much + momentum * (much - earlier[s]), zero)
+                earlier[s] = much
+                pushes_after[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
+                pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
+
+    @kernel(per="block")
+    def react(
+        a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
+        block: int, first: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        part = wp.tid() + first
+        total = vec6d()
+        number = wp.float64(0.0)
+        back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
+        centre = a.place[wp.where(at_end != 0, 0, 1)]
+        for f in range(part * block, wp.min((part + 1) * block, c.near.shape[0])):
+            for slot in range(wp.int32(c.near[f])):
+                s = wp.static(SLOTS) * f + slot
+                if pressed[s] != wp.uint8(0):
+                    push = pushes[s]
+                    impulse = push[3] * c.normals[s] + wp.vec3d(push[0], push[1], push[2])
+                    for k in range(3):
+                        i = a.triangles[f][k]
+                        if mobility(i, a) > wp.float64(0.0):
+                            total += wrench(c.weights[s][k] * impulse, began(i, back, a) - centre)
+                    number += wp.float64(1.0)
+        sums[part] = total
+        numbers[part] = number
+
+    @kernel(per="once")
+    def give_way(
+        a: Surface, at_end: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64), first: int,
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        total = vec6d()
+        number = wp.float64(0.0)
+        for part in range(sums.shape[0]):
+            total += sums[part]
+            number += numbers[part]
+        if wp.static(damped):
+            if at_end != 0:
+                # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
+                total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
+        turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
+        m = a.inverse_mass
+        changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
+        splits[0] = number
+
+    @kernel(per="once")
+    def move_body(
+        at_end: int, changes: wp.array(dtype=vec6d), step: wp.array(dtype=real), first: int,
+        place: wp.array(dtype=wp.vec3d), rotation: wp.array(dtype=wp.quatd), motion: wp.array(dtype=wp.vec3d),
+    ):  # fmt: skip
+        d = changes[0]
+        linear = wp.vec3d(d[0], d[1], d[2])
+        turn = wp.vec3d(d[3], d[4], d[5])
+        motion[0] = motion[0] + linear
+        motion[1] = motion[1] + turn
+        if at_end == 0:
+            place[0] = place[0] + wp.float64(step[0]) * linear
+            rotation[0] = turned_by(wp.float64(step[0]) * turn, rotation[0])
+
+    @kernel(per="list")
+    def spread(
+        a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), first: int,
+        changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d),
+    ):  # fmt: skip
+        i = wp.tid() + first
+        pushed, dragged, _count = given_to(i, c, pushes, pressed)
         ease = mobility(i, a)
         changes[i] = ease * (pushed + dragged)
         if wp.static(rubs):
             rubbed[i] = ease * dragged
-        counts[i] = count
 
-    return SurfaceContact(Surface, find_pressing, press, spread)
+    @kernel(per="once")
+    def clear(first: int, any_near: wp.array(dtype=wp.int32), changes: wp.array(dtype=vec6d)):
+        any_near[0] = 0
+        if wp.static(moves_freely):
+            changes[0] = vec6d()
+
+    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, move_body, spread, clear)

@@ -64,6 +64,7 @@ SCENES: dict[str, Shown] = {
     "bimodular_bar": Shown({"points": 100}),
     "bulge_test": Shown({"points": 31}, "displacement along z", view="3D"),
     "cantilever": Shown({"points": 100}),
+    "cutting": Shown({"points": 20, "frames": 50}, share=0.85, view="top"),
     "double_notch": Shown(
         {"points": 40, "duration": 1.3, "frames": 30, "slow_from": 0.94, "slow_to": 0.99}, "damage", 0.68, "top"
     ),

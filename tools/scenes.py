@@ -66,6 +66,7 @@ SCENES = (
     SceneCase("running_crack", "Crack that runs along a strip"),
     SceneCase("flaw_sensitivity", "Small and large flaws"),
     SceneCase("puncture", "Ball through a slit"),
+    SceneCase("cutting", "Blade that cuts", {"points": 30}),
     SceneCase("stable_crack", "Crack that grows at rest"),
     SceneCase("bulge_test", "Bulge test"),
     SceneCase("holed_strip", "Strip with a hole"),

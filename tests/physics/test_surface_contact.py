@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers import square
+from resumed_runs import require_same_when_stopped
+from scipy.spatial.transform import Rotation
 from small_runs import run, simulate
 
 from warp_pd import (
@@ -11,6 +13,7 @@ from warp_pd import (
     BondAssociated,
     Box,
     Capsule,
+    Cylinder,
     EnclosedGas,
     Explicit,
     Fixed,
@@ -23,33 +26,65 @@ from warp_pd import (
     Sphere,
     TearingEnergy,
     TensionField,
+    TriangleMesh,
 )
-from warp_pd.kernels.surface_contact import distances_of_faces
+from warp_pd.kernels.surface_contact import clearances
+from warp_pd.parts.body_shapes import in_frame, on_device
+from warp_pd.parts.body_surface import segments_on_device
 
 MU, SHARE, THICKNESS, DENSITY, RADIUS, STRETCH, LENGTH = 0.4e6, 0.1, 0.3e-3, 1000.0, 0.05, 2.5, 0.1
-# Of transverse waves: the Cauchy stress over the density.
-WAVE_SPEED = np.sqrt(MU * (1.0 - SHARE + SHARE * STRETCH**2) * (STRETCH**2 - STRETCH**-4) / DENSITY)
 
 
 def distances(corners, half_length):
     """Distances of triangles (F, 3, 3) from a segment along z about the origin, (F,)."""
+    shape = Capsule(1e-9, 2.0 * half_length) if half_length else Sphere(1e-9)
+    segments, _tree = segments_on_device(shape, 0.0, wp.get_device("cpu"))
+    body, _mesh = on_device(shape, wp.get_device("cpu"))
     found = wp.zeros(len(corners), dtype=wp.float64, device="cpu")
-    axis, given = wp.vec3d(0.0, 0.0, half_length), wp.array(corners, dtype=wp.vec3d, device="cpu")
-    wp.launch(distances_of_faces, len(corners), inputs=[given, axis, 0], outputs=[found], device="cpu")
-    return found.numpy()
+    given = wp.array(corners, dtype=wp.vec3d, device="cpu")
+    inputs = [given, 100.0, segments, body, 0]
+    wp.launch(clearances(shape.distance), len(corners), inputs=inputs, outputs=[found], device="cpu")
+    return np.maximum(found.numpy(), 0.0)
+
+
+def crossings(corners, vertices, triangles):
+    """How many sides of triangles (F, 3, 3) pass through faces of a closed mesh, and its edges through triangles."""
+
+    def passes(begin, end, faces):
+        def side(a, b, c, d):
+            return np.einsum("...c,...c->...", np.cross(b - a, c - a), d - a)
+
+        p, q, (a, b, c) = begin[:, None], end[:, None], faces.swapaxes(0, 1)[:, None]
+        turns = np.array([side(p, q, *two) for two in ((a, b), (b, c), (c, a))])
+        one_way = (turns >= 0.0).all(axis=0) | (turns <= 0.0).all(axis=0)
+        return int((one_way & (side(a, b, c, p) * side(a, b, c, q) <= 0.0)).sum())
+
+    lower, upper, body = vertices.min(axis=0), vertices.max(axis=0), vertices[triangles]
+    near = corners[((corners.max(axis=1) >= lower) & (corners.min(axis=1) <= upper)).all(axis=1)]
+    pairs = ((near, body), (body, near))
+    return sum(passes(one[:, k], one[:, (k + 1) % 3], other) for one, other in pairs for k in range(3))
 
 
 class Gaps:
-    """A writer that keeps the least distance of a whole triangle from a body at every frame [m]."""
+    """A writer that keeps how far outside a body all whole triangles are at every frame.
 
-    def __init__(self, sheet, body, half_length):
-        self.sheet, self.body, self.half_length, self.least = sheet, body, half_length, []
+    Of a sphere or capsule the least distance [m]; of others minus the number of crossings with the body, smaller by
+    `shrunk` [m], as points rest on its faces.
+    """
+
+    def __init__(self, sheet, body, shrunk=1e-5):
+        self.sheet, self.shape, self.least = sheet, body.shape, []
+        vertices, self.triangles = body.shape.outline(0.0)
+        self.vertices = vertices * (1.0 - shrunk / np.abs(vertices).min(axis=0, initial=1.0, where=vertices != 0.0))
 
     def write(self, frame):
-        place = self.body.motion.pose(frame.time)[0]
         whole = self.sheet.triangles if frame.intact_faces is None else self.sheet.triangles[frame.intact_faces]
-        corners = (self.sheet.positions + frame.displacement - place)[whole]
-        self.least.append(float(distances(corners, self.half_length).min()) - 0.5 * self.body.shape.diameter)
+        pose = np.asarray(frame.bodies, float)[0]
+        corners = in_frame(self.sheet.positions + frame.displacement, pose[:3], pose[3:])[whole]
+        if isinstance(self.shape, Capsule):
+            self.least.append(float(distances(corners, 0.5 * self.shape.length).min()) - 0.5 * self.shape.diameter)
+        else:
+            self.least.append(-crossings(corners, self.vertices, self.triangles))
 
     def save(self):
         pass
@@ -57,23 +92,29 @@ class Gaps:
     close = save
 
 
-def pinned(diameter, speed, depth, points, frames, precision=64, **parts):
-    """A run of a pin that is pushed into a balloon, and its gap at every frame."""
-    top = STRETCH * RADIUS
+def wave_speed(stretch):
+    """Of transverse waves in the balloon, by the Cauchy stress over the density, or those in plane without stress."""
+    stress = MU * (1.0 - SHARE + SHARE * stretch**2) * (stretch**2 - stretch**-4)
+    return np.sqrt(max(stress, 4.0 * MU) / DENSITY)
+
+
+def pushed_in(shape, speed, depth, points, frames, precision=64, stretch=STRETCH, **parts):
+    """A run of a body that is pushed into a balloon at a speed over that of its waves, and its gap at every frame."""
+    top, speed = stretch * RADIUS, speed * wave_speed(stretch)
     sheet = Sheet.sphere(top, thickness=THICKNESS, density=DENSITY, points=points)
-    gauge = 2.0 * MU * THICKNESS / RADIUS * (1.0 / STRETCH - STRETCH**-7) * (1.0 - SHARE + SHARE * STRETCH**2)
+    gauge = 2.0 * MU * THICKNESS / RADIUS * (1.0 / stretch - stretch**-7) * (1.0 - SHARE + SHARE * stretch**2)
     gas = EnclosedGas(gauge=gauge, leak=0.8 if parts else 0.0)
-    start = top + 0.5 * LENGTH + 0.55 * diameter
+    start = top + 0.02 * shape.thinnest() + 0.03 * sheet.spacing - shape.outline(0.0)[0][:, 2].min()
     path = BodyPath([0.0, depth / speed], [(0.003, 0.002, start), (0.003, 0.002, start - depth)])
-    pin = RigidBody(Capsule(diameter, LENGTH), path, name="pin", surface=True)
+    pin = RigidBody(shape, path, name="pin", surface=True)
     law = BondAssociated(
         TensionField(MooneyRivlin(0.5 * (1.0 - SHARE) * MU, 0.5 * SHARE * MU)), horizon=2.015, weights="corrected"
     )
     scene = Simulation(
-        sheet.prestretched(STRETCH), law, Explicit(depth / speed, frames=frames, damping=5.0, safety=0.3),
+        sheet.prestretched(stretch), law, Explicit(depth / speed, frames=frames, damping=5.0, safety=0.3),
         loads=[Fixed(sheet.where(lambda x, y, z: z < -0.5 * top)), gas], contact=pin, track_energy=True, **parts,
     )  # fmt: skip
-    gaps = Gaps(scene.sheet, pin, 0.5 * LENGTH)
+    gaps = Gaps(scene.sheet, pin)
     return scene.run(device="cpu", precision=precision, writers=[gaps]), np.array(gaps.least)
 
 
@@ -94,20 +135,34 @@ def test_distances_of_triangles_from_a_segment():
 
 
 @pytest.mark.parametrize(
-    ("diameter", "speed", "points", "frames"),
-    [(8e-3, 0.1, 16, 200), (8e-3, 3.0, 24, 200), (8e-4, 1.0, 16, 500), (8e-4, 3.0, 16, 500)],
+    ("diameter", "speed", "stretch"),
+    [(8e-3, 0.1, 2.5), (8e-4, 1.0, 2.5), (8e-4, 3.0, 2.5), (8e-3, 3.0, 1.0), (8e-4, 3.0, 5.0)],
 )
-def test_a_pin_dents_a_balloon_and_stays_outside(diameter, speed, points, frames):
-    """Finer than its triangles, with sides of 12 mm; every step, on every triangle."""
-    depth = 0.06 if speed < 1.0 else 0.03
-    result, gaps = pinned(diameter, speed * WAVE_SPEED, depth, points, frames)
+def test_a_pin_dents_a_balloon_and_stays_outside(diameter, speed, stretch):
+    """Finer than its triangles, with sides of 5 to 25 mm; every step, on every triangle."""
+    depth, frames = (0.06, 200) if speed < 1.0 else (0.03, 500)
+    result, gaps = pushed_in(Capsule(diameter, LENGTH), speed, depth, 16, frames, stretch=stretch)
     assert result.status == "finished" and result.summary["steps"] <= 1.01 * frames
     assert gaps.min() > 0.0
     assert gaps[-1] < 0.05 * diameter
-    assert result.history[-1]["pin_force_z"] > 0.5
-    assert max(abs(row["balance_error"]) for row in result.history) < 1e-5
+    assert result.history[-1]["pin_force_z"] > 0.2
+    assert abs(result.history[-1]["balance_error"]) < 1e-4
     assert all(row["pin_loss"] >= 0.0 for row in result.history)
     assert not [note for note in result.summary["notes"] if "pin" in note]
+
+
+def spike(length=0.06, width=0.006):
+    """A thin tetrahedron with its sharp corner down."""
+    vertices = [(0.0, 0.0, -length), (width, 0.0, 0.0), (-0.5 * width, width, 0.0), (-0.5 * width, -width, 0.0)]
+    return TriangleMesh(np.array(vertices), np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]))
+
+
+@pytest.mark.parametrize(("shape", "precision"), [(Box((0.03, 6e-4, 0.06)), 64), (spike(), 32)], ids=["blade", "spike"])
+def test_edges_and_corners_dent_a_balloon_and_stay_outside(shape, precision):
+    result, gaps = pushed_in(shape, 3.0, 0.03, 16, 400, precision)
+    assert result.status == "finished" and result.summary["steps"] <= 1.01 * 400
+    assert gaps.max() == gaps.min() == 0.0
+    assert result.history[-1]["pin_force_z"] > 0.5
 
 
 @pytest.mark.parametrize("damping", [0.0, 40.0])
@@ -137,9 +192,61 @@ def test_a_thin_pin_gives_what_the_sheet_gets(damping):
         assert force[2] < -1e-4
 
 
+@pytest.mark.parametrize(
+    ("shape", "mass", "friction", "precision"),
+    [(Capsule(1e-3, 0.04), 1e-4, 0.0, 64), (spike(0.04, 0.005), 0.1, 0.4, 64), (spike(0.04, 0.005), 1e-2, 0.4, 32)],
+    ids=["needle", "spike", "spike 32"],
+)
+def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction, precision):
+    """Momentum and angular momentum of both, to round-off, and the energy: 0.01 to 10 times the mass of the sheet."""
+    sheet, turn = square(15), np.array([0.19, 0.28, 0.09, 0.0])
+    turn[3] = np.sqrt(1.0 - turn @ turn)
+    moves, spins = np.array([0.1, 0.05, -0.8]), np.array([3.0, -2.0, 5.0])
+    lowest = in_frame(shape.outline(0.0)[0], np.zeros(3), turn * [-1.0, -1.0, -1.0, 1.0])[:, 2].min()
+    place = (0.0505, 0.0522, 1e-3 - lowest)
+    motion = Free(mass, place, tuple(moves), tuple(spins), tuple(turn), gravity=(0.0, 0.0, 0.0))
+    body = RigidBody(shape, motion, friction=friction, surface=True)
+    scene = simulate(sheet, Explicit(0.05, frames=50, safety=0.1), contact=body)
+    gaps = Gaps(sheet, body, 1e-5)
+    result = scene.run(device="cpu", precision=precision, writers=[gaps])
+    rows, pose = result.history, np.asarray(result.frame.bodies, float)[0]
+    now = {what: np.array([rows[-1][f"body_{what}_{c}"] for c in "xyz"]) for what in ("velocity", "spin")}
+    mv = result.built.to_numpy(result.built.state.mass)[:, None] * result.frame.velocity
+
+    def angular(place, rotation, velocity, spin):
+        axes = Rotation.from_quat(rotation)
+        return mass * (np.cross(place, velocity) + axes.apply(shape.inertia() @ axes.inv().apply(spin)))
+
+    began = angular(place, turn, moves, spins)
+    ended = angular(pose[:3], pose[3:], now["velocity"], now["spin"])
+    ended += np.cross(sheet.positions + result.frame.displacement, mv).sum(axis=0)
+    exact = 1e-6 if precision == 32 else 1e-13
+    assert np.linalg.norm(mv.sum(axis=0)) > 0.1 * min(mass, 0.01) * 0.8
+    np.testing.assert_allclose(mv.sum(axis=0) + mass * now["velocity"], mass * moves, rtol=0.0, atol=exact * mass)
+    # Points drift by what the body foresees, see docs/contact.md.
+    points = 0.0 if isinstance(shape, Capsule) else 1e-6
+    np.testing.assert_allclose(ended, began, rtol=0.0, atol=(exact + points) * np.linalg.norm(began))
+    energy = [sum(row[k] for k in ("kinetic", "strain", "body_kinetic", "body_loss")) for row in rows]
+    assert np.ptp(energy) < 2e-4 * energy[0]
+    assert min(gaps.least) > 0.0 if isinstance(shape, Capsule) else max(gaps.least) == min(gaps.least) == 0.0
+    if friction:
+        assert 0.0 < rows[-1]["body_rubbed"] <= rows[-1]["body_loss"]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_run_resumed_in_contact_goes_on_bit_for_bit(tmp_path, precision):
+    def scene():
+        body = RigidBody(spike(0.04, 0.005), Free(1e-3, (0.0505, 0.0522, 0.032), (0.1, 0.0, -0.8)), 0.4, surface=True)
+        return simulate(square(15), Explicit(0.02, frames=4, safety=0.3), contact=body)
+
+    complete = require_same_when_stopped(scene, tmp_path, [2], precision)
+    forces = [row["body_force_z"] for row in complete.history]
+    assert forces[2] > 0.0 < forces[3]
+
+
 def test_a_pin_bursts_a_balloon_that_tears():
     """Gas flows out; whole triangles stay outside, and those that tore let the pin pass. 0.8 mm: docs/contact.md."""
-    result, gaps = pinned(8e-3, WAVE_SPEED, 0.2, 16, 60, 32, damage=TearingEnergy(1.4e5, 0.008))
+    result, gaps = pushed_in(Capsule(8e-3, LENGTH), 1.0, 0.2, 16, 60, 32, damage=TearingEnergy(1.4e5, 0.008))
     rows = result.history
     assert 0.9 < result.frame.intact_faces.mean() < 0.995
     assert rows[-1]["pressure"] < 0.6 * rows[0]["pressure"]
@@ -151,15 +258,14 @@ def test_bodies_without_a_surface_leave_nothing_of_it():
         pin = RigidBody(Capsule(0.03, 0.03), BodyPath.still((0.0, 0.0, 5.0)), surface=surface)
         return simulate(square(7), contact=pin).plan("cpu", 64)
 
-    for name in ("find_pressing", "spread", "take_in_step", "body_pushes"):
+    for name in ("find_pressing", "spread", "take_in_step", "body_pushes_after"):
         assert name in plan(True) and name not in plan(False)
 
 
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ({"shape": Box((0.1, 0.1, 0.1))}, "expected a Sphere or Capsule on a BodyPath"),
-        ({"motion": Free(1.0, (0.0, 0.0, 5.0))}, "expected a Sphere or Capsule on a BodyPath"),
+        ({"shape": Cylinder(0.1, 0.1)}, "a cylinder has no edges: expected a Sphere, Capsule, Box or TriangleMesh"),
         ({"surface": 1}, "RigidBody.surface = 1: expected True or False"),
     ],
 )

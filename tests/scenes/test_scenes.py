@@ -27,6 +27,7 @@ SMALL = {
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
     "balloon_paths": {},
     "balloon_burst": {"points": 10, "duration": 4e-3, "frames": 8},
+    "cutting": {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.2},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
     "holed_strip": {"points": 21, "load_steps": 2},
@@ -121,6 +122,18 @@ def test_a_pricked_balloon_tears_from_there_and_snaps_back():
     assert column(result, "pressure")[-1] < 0.01 * column(result, "pressure")[0]
     assert 20.0 < value(result, "largest_speed") < 80.0
     assert value(result, "energy_balance") < 5e-3
+
+
+def test_a_blade_cuts_as_far_as_it_goes_and_takes_more_than_the_tearing_energy():
+    """The small run is coarse and fast: 1.75 Gc; docs/contact.md has finer and slower ones, of 1.12 to 1.21 Gc."""
+    result = ran("cutting")
+    assert 1.0 < value(result, "cutting_energy") < 2.0
+    assert 0.02 < value(result, "cut_length") < 0.03
+    assert value(result, "worst_energy_balance") < 1e-3
+    # It feels nothing before it meets the tip, in a strip that does not tear by itself.
+    rows = [row for row in result.history if row["blade_position_x"] < 0.048]
+    assert len(rows) > 10
+    assert all(row["cut_length"] == 0.0 and abs(row["blade_force_x"]) < 1e-6 for row in rows)
 
 
 def test_fingers_of_the_glove_pull_back():

@@ -292,12 +292,13 @@ class Stage:
         begin: int = 0,
         alone: bool = False,
         only_if: Array | None = None,
+        grouped: bool = False,
         **arguments: Any,
     ) -> None:
         """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
 
-        With `alone` it is not joined; this suits work at few points that needs many registers. On a CPU a stage with
-        `only_if` is not joined either, so that it can be skipped.
+        A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
+        `only_if` where it can be left out: on a CPU, and `grouped` on a GPU.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -305,10 +306,10 @@ class Stage:
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
-        alone = alone or (only_if is not None and not self.device.is_cuda)
+        alone = alone or grouped or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, run, alone=alone, only_if=only_if, every=self._every,
+            begin, run, alone=alone, only_if=only_if, grouped=grouped, every=self._every,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]

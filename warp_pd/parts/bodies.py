@@ -22,7 +22,7 @@ from ..kernels.body_contact import body_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
 from .body_motion import BodyMotion
-from .body_shapes import BodyShape, on_device, signed_distances
+from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 
@@ -30,6 +30,8 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 SKIN = 1e-4
 # How far from a point the surface of a mesh is sought [spacings], and how wrong the search may be, over the size.
 FAR, UNSURE = 4.0, 1e-5
+# The most that a body with edges moves in a step, over the spacing, if triangles touch it: at twice that they cut in.
+EDGE_TRAVEL = 0.05
 # How far a free body may yield to points in a step before points of large sheets are marked again [spacings].
 SLACK = 0.05
 # Radius of a half space [m].
@@ -51,12 +53,12 @@ class RigidBody(Contact):
         shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
         motion: BodyPath or Free.
         friction: Coefficient of Coulomb friction; 0 for none.
-        name: Prefix of its columns of the history; bodies of one scene need different names.
-        surface: Whether triangles of the sheet have contact with it, not only points, so that it may be thinner than
-            the spacing. Only for Sphere and Capsule on a BodyPath. Triangles cut by a crack have no contact.
+        name: What its columns of the history begin with; bodies of one scene have different names.
+        surface: Whether triangles of the sheet press on it, not only points: it may be thinner than the spacing. For
+            Sphere, Capsule, Box and TriangleMesh. Triangles that a crack cuts do not press.
 
     Raises:
-        InputError: for a wrong shape or motion, negative friction, or `surface` with another shape or motion.
+        InputError: for a wrong shape or motion, negative friction, or a surface with another shape.
     """
 
     shape: BodyShape
@@ -80,8 +82,11 @@ class RigidBody(Contact):
         self.motion.check(self.shape)
         if not isinstance(self.surface, bool):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
-        if self.surface and (self.shape.axis() is None or self.motion.free):
-            raise InputError(f"RigidBody {self.name!r}: surface = True: expected a Sphere or Capsule on a BodyPath")
+        if self.surface and self.shape.segments() is None:
+            raise InputError(
+                f"RigidBody {self.name!r}: surface = True: a {self.shape.kind} has no edges: expected a Sphere, "
+                "Capsule, Box or TriangleMesh"
+            )
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that no other body has the same name.
@@ -127,12 +132,15 @@ class BuiltBody(BuiltContact):
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body passes between points.
         if part.shape.bounded and not part.surface:
-            resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
+            what = f"RigidBody {name!r}: surface = {part.surface}: smallest extent"
+            resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
         self._rubs = part.friction > 0.0
-        self._surface = BodySurface(name, context, law, part.shape, self._rubs) if part.surface else None
-        self._check_apart()
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
+        self._surface: BodySurface | None = None
+        if part.surface:
+            self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
+        self._check_apart()
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
@@ -174,10 +182,8 @@ class BuiltBody(BuiltContact):
             )
 
     def _distances(self, points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """Signed distances [m] of points from the body at a given position and unit quaternion."""
-        arms, back = points - place, -rotation[:3]
-        axis = np.cross(back, arms)
-        arms = arms + 2.0 * (rotation[3] * axis + np.cross(back, axis))
+        """Signed distances of points [m] from the surface of the body at a place and unit quaternion."""
+        arms = in_frame(points, place, rotation)
         return signed_distances(self.part.shape, arms, self.context.device, (self._body, self._mesh))[:, 3]
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -198,7 +204,9 @@ class BuiltBody(BuiltContact):
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
             take = kernels.take_in_step if project else kernels.take_at_end
-            stage.pointwise(part.name, take, context.sheet.size, **self._arguments())
+            stage.pointwise(part.name, take, context.sheet.size, **self._surface.when, **self._arguments())
+            motion.after(stage, at_end=not project, **self._surface.when)
+            self._surface.add_end(stage)
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
         if alone and project:
@@ -301,7 +309,11 @@ class BuiltBody(BuiltContact):
             return None
         smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
-        return StepLimit(travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel} spacings")
+        if self._surface is not None and self._surface.edged:
+            travel = min(travel, EDGE_TRAVEL * sheet.spacing / smaller)
+        return StepLimit(
+            travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel:.3g} spacings"
+        )
 
     def outline(self) -> Body:
         """Surface for drawing."""

@@ -51,10 +51,11 @@ class BodyChecks(BuiltPart):
         for body in self.bodies:
             texts["thin", body.label] = (
                 f"{body.label} is {body.thickness() or 0.0:.3g} m thick, and points near it are more than "
-                f"1/{MIN_DIAMETER:g} of that apart: it may pass between them"
+                f"1/{MIN_DIAMETER:g} of that apart: it may pass between them, without surface=True"
             )
             texts["passed", body.label] = (
-                f"{body.label} passed through the sheet without breaking it: expected a thicker body, or more points"
+                f"{body.label} passed through the sheet without breaking it: "
+                "expected surface=True, a thicker body, or more points"
             )
         return texts
 

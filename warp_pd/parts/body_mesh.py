@@ -13,7 +13,7 @@ from ..geometry.enclosure import volume_of
 from ..geometry.files import read_mesh
 from ..geometry.mesh_checks import require_closed, require_faces, require_surface
 from ..kernels import distances
-from .body_shapes import BodyShape, Outline
+from .body_shapes import BodyShape, Outline, convex_edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +92,10 @@ class TriangleMesh(BodyShape):
     def surface(self) -> Outline:
         """The mesh."""
         return self.outline(0.0)
+
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The convex edges."""
+        return *convex_edges(*self.surface()), 0.0
 
 
 def _moments(points: np.ndarray, triangles: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

@@ -55,8 +55,8 @@ class BodyShape(Protocol):
         """Vertices and triangles of a mesh, which its distance function searches; None for other shapes."""
         return None
 
-    def axis(self) -> tuple[float, float] | None:
-        """Radius and half length of the axis [m] of a sphere or capsule along z; None for other shapes."""
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """What may enter a triangle: vertices [m], (V, 3), pairs of them, (S, 2), and a radius [m]; None: unknown."""
         return None
 
 
@@ -84,9 +84,9 @@ class Sphere(BodyShape):
         """The diameter [m]."""
         return self.diameter
 
-    def axis(self) -> tuple[float, float] | None:
-        """Radius and zero half length [m]."""
-        return self.radius(), 0.0
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The centre, with the radius."""
+        return np.zeros((1, 3)), np.array([[0, 0]]), self.radius()
 
     def inertia(self) -> np.ndarray:
         """Two fifths of the squared radius [m^2], isotropic."""
@@ -169,9 +169,10 @@ class Capsule(BodyShape):
         """The diameter [m]."""
         return self.diameter
 
-    def axis(self) -> tuple[float, float] | None:
-        """The radius, and half of the length."""
-        return 0.5 * self.diameter, 0.5 * self.length
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The axis, with the radius."""
+        radius, half = self.sizes()
+        return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), np.array([[0, 1]]), radius
 
     def inertia(self) -> np.ndarray:
         """Sum for the cylinder and the hemispheres, divided by mass [m^2]."""
@@ -263,6 +264,48 @@ class Box(BodyShape):
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
+    def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """The edges."""
+        return *convex_edges(*self.outline(0.0)), 0.0
+
+
+def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices of a closed surface, and pairs of them, (S, 2), along which it is convex."""
+    face, corner, beyond = _sides(triangles)
+    begin, end, opposite = (triangles[face, (corner + k) % 3] for k in (1, 2, 0))
+    normals = _unit_normals(vertices, triangles)[face[beyond]]
+    height = np.einsum("sc,sc->s", normals, vertices[opposite] - vertices[begin])
+    convex = height < -1e-9 * np.ptp(vertices)
+    return vertices, np.column_stack([begin, end])[convex & (begin < end)]
+
+
+def side_and_corner_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals of the sides opposite to the corners of triangles, and of the corners, by angles: (F, 6, 3)."""
+    normals = _unit_normals(vertices, triangles)
+    face, _, beyond = _sides(triangles)
+    sides = (normals[face] + normals[face[beyond]]).reshape(3, -1, 3)
+    to = [vertices[np.roll(triangles, -k, axis=1)] - vertices[triangles] for k in (1, 2)]
+    angles = np.arctan2(np.linalg.norm(np.cross(*to), axis=2), np.einsum("fkc,fkc->fk", *to))
+    corners = np.zeros_like(vertices)
+    np.add.at(corners, triangles, angles[:, :, None] * normals[:, None])
+    return np.concatenate([sides.swapaxes(0, 1), corners[triangles]], axis=1)
+
+
+def _sides(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the sides of a closed surface, corner by corner: triangle, corner opposite, and the same side beyond."""
+    face, corner = np.tile(np.arange(len(triangles)), 3), np.repeat(np.arange(3), len(triangles))
+    begin, end = triangles[face, (corner + 1) % 3], triangles[face, (corner + 2) % 3]
+    beyond = np.empty(len(face), np.int64)
+    # There the side runs the other way.
+    beyond[np.lexsort((begin, end))] = np.lexsort((end, begin))
+    return face, corner, beyond
+
+
+def _unit_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
 
 def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
     """Surface of revolution of a profile, from top to bottom, about z; its first and last radius are zero."""
@@ -285,6 +328,13 @@ def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
     return vertices, np.vstack(triangles).astype(np.int32)
 
 
+def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Points [m], shape (N, 3), in the frame of a body at a place and unit quaternion."""
+    arms, back = points - place, -rotation[:3]
+    axis = np.cross(back, arms)
+    return np.asarray(arms + 2.0 * (rotation[3] * axis + np.cross(back, axis)))
+
+
 def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]:
     """Arguments of the shape's distance function, and the Warp mesh that must stay alive with them."""
     made = distances.BodyShape()
@@ -303,6 +353,7 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
     made.mesh = mesh.id
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.triangles = wp.array(triangles, dtype=wp.vec3i, device=device)
+    made.normals = wp.array(side_and_corner_normals(vertices, triangles), dtype=wp.vec3d, device=device)
     return made, mesh
 
 

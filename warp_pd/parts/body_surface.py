@@ -11,12 +11,14 @@ from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
+from ..kernels import surface_contact as kernels
+from ..kernels.body_motion import vec6d
 from ..kernels.damage import face_damage
-from ..kernels.surface_contact import distances_of_faces, surface_contact
-from .body_shapes import BodyShape
+from .body_shapes import BodyShape, in_frame
+from .built_motion import BuiltMotion
 
-# Iterations of a half step, and the layer around the body in which triangles are held away, over the smaller of its
-# thickness and the spacing: more than iterations leave.
+# Iterations of a half step, and the layer around the segments of the body in which triangles are held away, over the
+# smaller of its thickness and the spacing: more than iterations leave.
 ITERATIONS, LAYER = 32, 0.02
 
 
@@ -24,20 +26,28 @@ class BodySurface:
     """Contact of triangles with one body; see kernels/surface_contact.py.
 
     Attributes:
-        changes: Velocity change of each point by the contact in a half step [m/s], (N,) vec3d.
-        rubbing: The part of `changes` caused by friction [m/s], (N,) vec3d, or None.
+        changes: What it changes of the velocity of each point in a half step [m/s], (N,) vec3d.
+        rubbing: The part of it by friction [m/s], (N,) vec3d, or None.
+        when: What launches take that need not run while no triangle is near.
+        edged: Whether the body has edges without a radius.
     """
 
-    def __init__(self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, rubs: bool) -> None:
-        self.name, self.context, self._law = name, context, law
+    def __init__(
+        self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, body: Any, motion: BuiltMotion, rubs: bool
+    ) -> None:
+        self.name, self.context, self._law, self._shape, self._body = name, context, law, shape, body
         sheet, f = context.sheet, context.features
-        axis = shape.axis()
-        assert axis is not None
         self._layer = LAYER * min(sheet.spacing, shape.thinnest())
-        self._radius, self._half_length = axis[0] + self._layer, axis[1]
+        self._segments, self._tree = segments_on_device(shape, self._layer, context.device)
+        self.edged = self._segments.core == 0.0
         corners = np.asarray(sheet.triangles, np.int32)
         order = np.argsort(corners.ravel(), kind="stable").astype(np.int32)
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
+        free = motion.free_inertia()
+        made = self._kernels = kernels.surface_contact(
+            context.bits, shape.distance, free is not None, rubs, sheet.frames is not None, f.held, f.damped,
+            law.intact is not None,
+        )  # fmt: skip
 
         def table(what: str, dtype: Any, values: np.ndarray) -> Any:
             return context.array(f"{name}_{what}", name, dtype, values, per="table")
@@ -46,39 +56,65 @@ class BodySurface:
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
 
         self._triangles = table("triangles", wp.vec3i, corners)
-        self._begins, self._sides = table("begins", wp.int32, begins), table("sides", wp.int32, order)
-        self._faces = len(corners)
-        self._intact = None if law.intact is None else room("pressing_faces", wp.uint8, "face", self._faces)
-        self._weights = room("weights", wp.vec4d, "face", self._faces)
-        self._normals = room("normals", wp.vec4d, "face", self._faces)
-        self._pushes = room("pushes", wp.vec4d, "face", self._faces)
-        self._earlier = room("earlier", wp.float64, "face", self._faces)
-        self._pressed = room("pressed", wp.uint8, "face", self._faces)
-        self.changes = room("changes", wp.vec3d, "point", sheet.size)
-        self.rubbing = room("rubbing", wp.vec3d, "point", sheet.size) if rubs else None
-        self._counts = room("counts", wp.int32, "point", sheet.size)
-        curved = sheet.frames is not None
-        self._kernels = surface_contact(context.bits, rubs, curved, f.held, self._intact is not None)
+        faces = self._faces = len(corners)
+        self._intact = None if law.intact is None else room("pressing_faces", wp.uint8, "face", faces)
+        self._any = room("any_near", wp.int32, "once", 1)
+        self.when = {"only_if": self._any, "grouped": True}
+        size = kernels.SLOTS * faces
+        self._found = {
+            "near": room("near", wp.uint8, "face", faces),
+            "weights": room("weights", wp.vec4d, "table", size),
+            "normals": room("normals", wp.vec3d, "table", size),
+            "spots": room("spots", wp.vec3d, "table", size),
+        }
+        sides = {"begins": table("begins", wp.int32, begins), "sides": table("sides", wp.int32, order)}
+        self._constraints = with_values(made.constraints(), {**self._found, **sides})
+        self._earlier = room("earlier", wp.float64, "table", size)
+        self._gaps = room("gaps", wp.float64, "table", size)
+        # An iteration reads one and writes the other.
+        kinds = {"pushes": wp.vec4d, "pressed": wp.uint8}
+        self._given = [
+            {what: room(what + later, dtype, "table", size) for what, dtype in kinds.items()}
+            for later in ("", "_after")
+        ]  # fmt: skip
+        self.changes = room("changes_by_faces", wp.vec3d, "point", sheet.size)
+        self.rubbing = room("rubbing_by_faces", wp.vec3d, "point", sheet.size) if rubs else None
+        self._yielded: dict[str, Any] = {"changes": None, "splits": None}
+        self._sums: dict[str, Any] = {}
+        self._numbers: dict[str, Any] = {}
+        if free is not None:
+            mass, inertia = free
+            self._block = max(64, int(np.sqrt(faces)))
+            parts = -(-faces // self._block)
+            self._sums = {"sums": room("sums_of_faces", vec6d, "block", parts)}
+            self._sums["numbers"] = room("numbers_of_faces", wp.float64, "block", parts)
+            self._yielded = {"changes": room("yielded", vec6d, "once", 1)}
+            self._yielded["splits"] = room("splits", wp.float64, "once", 1)
+            inverse = np.linalg.inv(inertia)
+            self._numbers = {
+                "inverse_mass": 1.0 / mass, "inverse_inertia": wp.mat33d(*inverse.ravel().tolist()),
+                "easiest_turn": float(np.linalg.eigvalsh(inverse)[-1]),
+            }  # fmt: skip
 
     def check_apart(self, name: str, place: np.ndarray, rotation: np.ndarray) -> None:
-        """Check that the body starts further from the sheet than the contact layer.
+        """Refuse a body that begins nearer than the layer, or with a side of a triangle through it.
 
         Raises:
             InputError: with the nearest triangle.
         """
         context, sheet = self.context, self.context.sheet
-        corners = (sheet.positions + context.initial_displacement - place)[sheet.triangles]
+        corners = in_frame(sheet.positions + context.initial_displacement, place, rotation)[sheet.triangles]
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)
         given: Any = wp.array(np.ascontiguousarray(corners, np.float64), dtype=wp.vec3d, device=context.device)
-        turned: Any = wp.quatd(*rotation.tolist())
-        along: Any = wp.vec3d(0.0, 0.0, self._half_length)
-        axis = wp.quat_rotate(turned, along)
-        wp.launch(distances_of_faces, self._faces, inputs=[given, axis, 0], outputs=[found], device=context.device)
-        gap = found.numpy() - self._radius + self._layer
+        wp.launch(
+            kernels.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
+            inputs=[given, 2.0 * self._segments.radius, self._segments, self._body, 0],
+        )  # fmt: skip
+        gap = found.numpy() - self._segments.radius + self._layer
         if gap.min() < self._layer:
             raise InputError(
                 f"{name}: surface = True: expected a body at least {self._layer:.3g} m from the sheet at the start; "
-                f"triangle {int(gap.argmin())} is {gap.min():.3g} m away"
+                f"triangle {int(gap.argmin())} is {max(float(gap.min()), 0.0):.3g} m away"
             )
 
     def add(self, stage: Stage, at_end: bool, **body: Any) -> None:
@@ -91,23 +127,66 @@ class BodySurface:
             )  # fmt: skip
         values = {
             "mass": state.mass, "held_mask": state.held_mask, "triangles": self._triangles, "step": state.step,
-            "intact_faces": self._intact, "displacement": state.displacement, "velocity": state.velocity,
-            "radius": self._radius, "half_length": self._half_length, **body,
+            "damping": state.damping, "intact_faces": self._intact, "displacement": state.displacement,
+            "velocity": state.velocity, "segments": self._segments, "body": self._body, **self._numbers, **body,
         }  # fmt: skip
-        shared = {"a": with_values(made.struct(), values), "weights": self._weights, "normals": self._normals}
-        pushed = {"pushes": self._pushes, "pressed": self._pressed}
-        spread = {
-            "begins": self._begins, "sides": self._sides, "changes": self.changes, "rubbed": self.rubbing,
-            "counts": self._counts,
-        }  # fmt: skip
-        size = context.sheet.size
-        stage.launch(name, made.find, self._faces, at_end=int(at_end), earlier=self._earlier, **shared, **pushed)
-        stage.launch(name, made.spread, size, **shared, **pushed, **spread)
+        half: dict[str, Any] = {"a": with_values(made.struct(), values), "at_end": int(at_end)}
+        constraints = {"c": self._constraints}
+        before, after = self._given
+        stage.launch(
+            name, made.find, self._faces, any_near=self._any, earlier=self._earlier, gaps=self._gaps, **before, **half,
+            **self._found,
+        )  # fmt: skip
         for iteration in range(1 + ITERATIONS):
             # The first iteration only tells which triangles press; the last one ends where it is.
             momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
             stage.launch(
-                name, made.press, self._faces, at_end=int(at_end), changes=self.changes, counts=self._counts,
-                momentum=momentum, earlier=self._earlier, **shared, **pushed,
+                name, made.press, self._faces, momentum=momentum, earlier=self._earlier, **self._yielded,
+                pushes_after=after["pushes"], pressed_after=after["pressed"], **before, **half, **constraints,
+                **self.when,
             )  # fmt: skip
-            stage.launch(name, made.spread, size, **shared, **pushed, **spread)
+            before, after = after, before
+            if self._sums:
+                stage.launch(
+                    name, made.react, len(self._sums["sums"]), block=self._block, **before, **half, **constraints,
+                    **self._sums, **self.when,
+                )  # fmt: skip
+                stage.launch(name, made.give_way, 1, **half, **self._sums, **self._yielded, **self.when)
+        if self._sums:
+            moved = {name: body[name] for name in ("place", "rotation", "motion")}
+            stage.launch(
+                name, made.move, 1, at_end=int(at_end), changes=self._yielded["changes"], step=state.step, **moved,
+                **self.when,
+            )  # fmt: skip
+        stage.launch(
+            name, made.spread, context.sheet.size, a=half["a"], changes=self.changes, rubbed=self.rubbing, **before,
+            **constraints, **self.when,
+        )  # fmt: skip
+
+    def add_end(self, stage: Stage) -> None:
+        """Add the launch after the last one that takes `when`."""
+        stage.launch(
+            self.name, self._kernels.clear, 1, any_near=self._any, changes=self._yielded["changes"], **self.when
+        )
+
+
+def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tuple[Any, wp.Bvh]:
+    """The segments of a body, and their tree, which must live as long."""
+    found = shape.segments()
+    assert found is not None
+    vertices, pairs, radius = found
+    # Each vertex belongs to the first segment that has it.
+    first = np.unique(pairs.ravel(), return_index=True)[1]
+    own = np.isin(np.arange(pairs.size), first).reshape(-1, 2) @ [1, 2]
+    ends, rounding = vertices[pairs], 1e-6 * np.abs(vertices).max(initial=0.0)
+    boxes: list[Any] = [
+        wp.array(corner.astype(np.float32), dtype=wp.vec3, device=device)
+        for corner in (ends.min(axis=1) - rounding, ends.max(axis=1) + rounding)
+    ]
+    made: Any = kernels.Segments()
+    made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
+    made.ends = wp.array(np.column_stack([pairs, own]).astype(np.int32), dtype=wp.vec3i, device=device)
+    tree = wp.Bvh(*boxes)
+    made.tree, made.core, made.radius = tree.id, radius, radius + layer
+    made.size = float(np.linalg.norm(vertices, axis=1).max(initial=0.0))
+    return made, tree

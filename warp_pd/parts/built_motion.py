@@ -74,7 +74,11 @@ class BuiltMotion:
     def yields(self, stage: Stage, at_end: bool) -> None:
         """Add launches between the search for touching points and their projection or, `at_end`, separation."""
 
-    def after(self, stage: Stage, at_end: bool) -> None:
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3), of a body that feels the sheet."""
+        return None
+
+    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
         """Add launches after the points have received their impulses."""
 
     def sums(self) -> dict[str, Array]:
@@ -196,6 +200,10 @@ class InFlight(BuiltMotion):
                 momenta=self.momenta,
             )  # fmt: skip
 
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
+        return float(self.body.mass), self.inertia
+
     def yields(self, stage: Stage, at_end: bool) -> None:
         """Add the launches that compute the response of the body to the touching points, and move it."""
         state = self.context.state
@@ -213,10 +221,10 @@ class InFlight(BuiltMotion):
                 step=state.step, changes=self.changes, place=self.place, rotation=self.rotation, motion=self.motion,
             )  # fmt: skip
 
-    def after(self, stage: Stage, at_end: bool) -> None:
+    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
         """Add the launches that subtract the points' impulses from the body."""
         # Before the end of the step, the internal force need not wait for them.
-        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end}
+        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end and not when, **when}
         stage.launch(
             self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,
             arms=self.arms, push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self._block,

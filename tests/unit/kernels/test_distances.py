@@ -56,6 +56,19 @@ def test_the_distance_of_a_mesh_is_that_of_the_box_it_is(sides, points):
     np.testing.assert_allclose(measured(mesh, points)[:, 3], measured(shape, points)[:, 3], atol=2e-6)
 
 
+def test_the_sign_of_a_sharp_mesh_is_right_beyond_its_tip():
+    """A thin tetrahedron, which is where all its faces have a point behind them."""
+    vertices = np.array([(0.0, 0.0, -0.06), (6e-3, 0.0, 0.0), (-3e-3, 6e-3, 0.0), (-3e-3, -6e-3, 0.0)])
+    mesh = TriangleMesh(vertices, np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]))
+    corners = mesh.outline(0.0)[0][mesh.triangles]
+    points = corners[0, 0] + np.random.default_rng(0).normal(scale=(4e-3, 4e-3, 3e-2), size=(5000, 3))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    behind = np.einsum("pfc,fc->pf", points[:, None] - corners[:, 0], normals) < 0.0
+    inside = behind.all(axis=1)
+    assert 10 < inside.sum() < 2500
+    np.testing.assert_array_equal(measured(mesh, points)[:, 3] < 0.0, inside)
+
+
 @pytest.mark.parametrize("shape", [Sphere(1.0), Capsule(0.6, 1.2), Cylinder(1.0, 1.4), Box((1.0, 0.8, 1.2))])
 def test_inertia_is_that_of_the_fine_mesh_and_outlines_are_closed(shape):
     mesh = TriangleMesh(*shape.outline(0.0))

@@ -72,11 +72,13 @@ CASES = (
 
 
 def bodies(friction):
-    """Two on a path, one of them with a surface, and a free one."""
+    """Two on a path and two free ones, one of each with a surface."""
     still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.BodyPath.still((0.0, 0.0, 9.0)), friction=friction, name="still")
     path = warp_pd.BodyPath.still((9.0, 0.0, 0.0))
     thin = RigidBody(Capsule(0.1, 1.0), path, friction=friction, name="thin", surface=True)
-    return [still, thin, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
+    edged = RigidBody(Box((1.0, 1.0, 1.0)), Free(1.0, (0.0, 9.0, 0.0)), friction=friction, name="edged", surface=True)
+    free = RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")
+    return [still, thin, edged, free]
 
 
 def further():

@@ -30,7 +30,7 @@ def pin(x, y):
 
 def test_a_pin_between_stretched_points_is_noted_with_its_passage():
     thin, passed = notes(pin(0.055, 0.055))
-    assert "'pin' is 0.0145 m thick" in thin and "may pass between them (at 0.0" in thin
+    assert "'pin' is 0.0145 m thick" in thin and "may pass between them, without surface=True (at 0.0" in thin
     assert "'pin' passed through the sheet without breaking it" in passed
     assert passed.endswith(" s)") and "(at 0.0" in passed
 
