@@ -45,8 +45,10 @@ def build(
     """
     around = round(2.0 * np.pi * RADIUS / LENGTH * (count("points", points, 13) - 1))
     tube = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=(around, points))
-    ends = ((RADIUS, 0.0, 0.5 * LENGTH - 0.5 * SLIT), (RADIUS, 0.0, 0.5 * LENGTH + 0.5 * SLIT))
-    sheet = tube.slit(*ends)
+    # Through points of the tube, and where pictures show it.
+    angle = -2.0 * np.pi * round(around / 6) / around
+    x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
+    sheet = tube.slit((x, y, 0.5 * (LENGTH - SLIT)), (x, y, 0.5 * (LENGTH + SLIT)))
     middle = [
         face[np.argmin(np.abs(sheet.points[face, 2] - 0.5 * LENGTH))]
         for face in (sheet.edges("slit 1 left"), sheet.edges("slit 1 right"))

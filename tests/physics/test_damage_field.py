@@ -421,3 +421,9 @@ def test_a_strength_below_that_of_the_length_is_a_constant_of_its_own():
 def test_a_length_shorter_than_the_families_is_refused():
     with pytest.raises(InputError, match=r"^TearingEnergy\.length = 0\.001: expected 0\.0151 m or more"):
         build(square(11), damage=TearingEnergy(5.0, length=1e-3))
+
+
+@pytest.mark.parametrize("given", [{"length": 0.2}, {"length": 1e308}, {"strength": 1e-3}])
+def test_a_length_longer_than_the_sheet_is_refused(given):
+    with pytest.raises(InputError, match=r"^TearingEnergy: its length is .* m; expected .*, 0\.141 m, or a higher"):
+        build(square(11), damage=TearingEnergy(5.0, **given))

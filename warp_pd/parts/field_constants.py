@@ -39,9 +39,11 @@ class FieldConstants:
         stretch_at_break: Likewise.
         law: The law.
         spacing: Of the sheet [m].
+        extent: Of the sheet, its diagonal [m].
 
     Raises:
-        InputError: for a length that is too short for the families, or a strength that is too high for the length.
+        InputError: for a length that is too short for the families or longer than the sheet, or a strength that is too
+            high for the length.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class FieldConstants:
         stretch_at_break: float | None,
         law: BuiltLaw,
         spacing: float,
+        extent: float,
     ) -> None:
         self._least_energy, self._horizon, self._spacing = float(np.min(energy)), law.families.horizon, spacing
         self._strength = strength if stretch_at_break is None else energy_at_break(law, stretch_at_break)
@@ -64,6 +67,11 @@ class FieldConstants:
                 f"{self._horizon:.3g} m; better {self.resolved:.3g} m"
             )
         self.length = max(self.wanted_length() or 0.0, self.resolved) if length is None else length
+        if self.length > extent:
+            raise InputError(
+                f"TearingEnergy: its length is {self.length:.3g} m; expected a length shorter than the sheet, "
+                f"{extent:.3g} m, or a higher strength"
+            )
         self.units = 3.0 * energy / (8.0 * self.length * bias(self._horizon / self.length))
         unit = float(np.min(self.units))
         self.limit = 0.5 * unit

@@ -148,8 +148,9 @@ class DamageField(Damaged):
         points, whole, real = context.given.points, context.whole, context.types.real
         self._energy = by_point("TearingEnergy.energy", rupture.energy, points)
         self.constants = FieldConstants(
-            self._energy, rupture.length, rupture.strength, rupture.stretch_at_break, law, context.sheet.spacing
-        )
+            self._energy, rupture.length, rupture.strength, rupture.stretch_at_break, law, context.sheet.spacing,
+            float(np.linalg.norm(np.ptp(points, axis=0))),
+        )  # fmt: skip
         self.length, self.limit = self.constants.length, self.constants.limit
         self._fastest = self.constants.steepness
         weak = self._fastest > 2.0
