@@ -200,7 +200,7 @@ class BuiltExplicit(BuiltSolver):
         return "finished"
 
     def _stops(self, now: float, end: float) -> list[float]:
-        """Times of a frame up to which the sheet steps by itself: its end, and those of exchanges before it."""
+        """Times within a frame at which stepping pauses: its end, and the exchanges before it [s]."""
         if not self._exchanging:
             return [end]
         count = round((end - now) / self._interval_seconds)
