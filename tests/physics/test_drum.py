@@ -80,7 +80,7 @@ def test_modes_that_cannot_be_found_are_refused():
     sheet = square(5)
     clamp = Fixed(sheet.edges("all"))
     for parts, text in (
-        ({"loads": [clamp, Pressure(1.0)]}, "follows the displacement"),
+        ({"loads": [clamp, Pressure(1.0)]}, "depends on the displacement"),
         ({"loads": [clamp, BodyForce((0.0, 0.0, 1.0))], "number": 99}, "number = 99"),
         ({"loads": [clamp], "components": "xw"}, "components = 'xw'"),
         ({"loads": [clamp], "weights": "published"}, "weights"),

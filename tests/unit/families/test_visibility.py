@@ -173,7 +173,7 @@ def test_a_convex_cloud_keeps_all_bonds():
 def test_points_outside_their_outline_are_refused():
     with pytest.raises(InputError, match=r"points\[48\] at .* has no triangle inside the outline"):
         cloud(np.vstack([strips(0.0)[:48], [(3.0, 0.1)]]), outline=[(0, 0), (1.1, 0), (1.1, 0.3), (0, 0.3)])
-    with pytest.raises(InputError, match="expected one of them"):
+    with pytest.raises(InputError, match="expected only one of them"):
         cloud(strips(0.2), outline=L_SHAPE, triangles=strip_triangles())
 
 

@@ -45,5 +45,5 @@ def test_wrong_sheets_are_named(make, text):
 )
 def test_where_takes_one_truth_value_per_point(condition):
     """Anything else would hold or pull the wrong points without a word."""
-    with pytest.raises(InputError, match=r"^condition (=|gives) .*: expected "):
+    with pytest.raises(InputError, match=r"^condition (=|returned) .*: expected "):
         square(5).where(condition)

@@ -32,7 +32,7 @@ def test_features_left_out_leave_no_array():
         (lambda: HyperelasticBonds(NeoHookean(1.0, 1.0)), "BondNeoHookean"),
         (lambda: HyperelasticBonds(BondNeoHookean(1.0), horizon=0.0), "horizon = 0.0"),
         (lambda: build(square(11), solver=Newton()), "force = HyperelasticBonds"),
-        (lambda: build(Sheet.line(1.0, 1.0, density=1.0, points=9)), "one row of points"),
+        (lambda: build(Sheet.line(1.0, 1.0, density=1.0, points=9)), "expected at least two rows of points"),
     ],
 )
 def test_wrong_input_is_named(make, says):

@@ -23,7 +23,7 @@ WRONG = [
     (lambda: Motion([0], [0.0, 1.0], x=[0.0, float("nan")]).schedule(), r"Motion\.x\[1\] = nan"),
     (lambda: Motion([0], [0.0, 1.0], y="fast").schedule(), r"Motion\.y = 'fast'"),
     (lambda: Motion([0], ["soon", 1.0], x=1.0).schedule(), r"Motion\.times = "),
-    (lambda: Motion([0], [], x=[]).schedule(), "at least one"),
+    (lambda: Motion([0], [], x=[]).schedule(), "expected one or more increasing times"),
     (lambda: Motion([0], [[0.0, 1.0]], x=[0.0, 1.0]).schedule(), "increasing"),
     (
         lambda: built_with(Motion([3], [0.0, 1.0], y=[1.0, 0.0])),

@@ -31,7 +31,7 @@ def test_a_folder_with_results_is_kept_unless_asked(tmp_path):
         simulation().run(out=tmp_path, device="cpu", usd=False)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert simulation().run(out=tmp_path, device="cpu", usd=False, overwrite=True).status == "finished"
-    with pytest.raises(InputError, match="resume = True, overwrite = True: expected one of them"):
+    with pytest.raises(InputError, match="resume = True, overwrite = True: expected at most one of them"):
         simulation().run(out=tmp_path, device="cpu", resume=True, overwrite=True)
 
 

@@ -181,8 +181,8 @@ assert not [name for name in sys.modules if name.split(".")[0] == "torch"]
     [
         (1, 10**6, "cpu", "processes = 1000000: expected at most"),
         (10**6, 1, None, "gpus = 1000000: expected at most"),
-        (2, 2, None, "gpus = 2, processes = 2: expected one of them"),
-        (2, 1, "cpu", "gpus = 2, device = 'cpu': expected one of them"),
+        (2, 2, None, "gpus = 2, processes = 2: expected only one of them"),
+        (2, 1, "cpu", "gpus = 2, device = 'cpu': expected only one of them"),
     ],
 )
 def test_more_than_the_machine_has_is_refused_before_anything_starts(gpus, processes, device, text):

@@ -1,4 +1,4 @@
-"""Restart files: a resumed run is the uninterrupted one bit for bit, and other settings are refused."""
+"""Restart files: a resumed run is the uninterrupted one bit for bit, and different settings are refused."""
 
 import shutil
 import signal
@@ -101,9 +101,9 @@ def test_a_damaged_restart_file_is_named(ball, tmp_path, content):
 def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
     shutil.copy(ball / "restart.npz", tmp_path / "restart.npz")
     done = cli("run", *BALL, "--frames", "24", "--set", "damping=1", "--resume", "--out", tmp_path)
-    assert done.exit_code == 2 and "other settings (damping = 0.0, here 1.0)" in done.output
+    assert done.exit_code == 2 and "different settings (damping = 0.0, here 1.0)" in done.output
     done = cli("run", *BALL, "--frames", "12", "--precision", "64", "--resume", "--out", tmp_path)
-    assert done.exit_code == 2 and "other settings (frames = 24, here 12; precision = 32, here 64)" in done.output
+    assert done.exit_code == 2 and "different settings (frames = 24, here 12; precision = 32, here 64)" in done.output
     done = cli("run", *BALL, "--resume", "--out", tmp_path / "new")
     assert done.exit_code == 2 and "does not exist" in done.output
     assert not (tmp_path / "new").exists()
@@ -122,7 +122,7 @@ def test_a_setting_that_only_a_measure_reads_must_be_the_same(tmp_path):
     assert cli(*command).exit_code == 0
     assert cli(*command, "--resume").exit_code == 0
     done = cli(*command, "--resume", "--set", "at=100")
-    assert done.exit_code == 2 and "other settings (at = 10, here 100)" in done.output
+    assert done.exit_code == 2 and "different settings (at = 10, here 100)" in done.output
 
 
 def simulation(points=7, density=1000.0, **changes):
@@ -150,7 +150,7 @@ def test_what_differs_from_a_restart_file_is_named_without_a_scene(name, tmp_pat
     options = {"out": tmp_path, "device": "cpu", "usd": False}
     assert simulation().run(**options, writers=[StopAt(3)]).status == "interrupted"
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match="other settings") as refused:
+    with pytest.raises(InputError, match="different settings") as refused:
         simulation(**other).run(**options, resume=True)
     assert said in str(refused.value) and "\n" not in str(refused.value)
     # Nothing has happened to the run, which can still go on.
@@ -164,7 +164,7 @@ def test_an_initial_state_of_other_numbers_is_refused(tmp_path):
     other[17, 1] *= 1.0 + 1e-12
     options = {"out": tmp_path, "device": "cpu", "usd": False}
     assert simulation(initial_velocity=first).run(**options, writers=[StopAt(3)]).status == "interrupted"
-    with pytest.raises(InputError, match=r"other settings .initial_velocity = array") as refused:
+    with pytest.raises(InputError, match=r"different settings .initial_velocity = array") as refused:
         simulation(initial_velocity=other).run(**options, resume=True)
     assert "\n" not in str(refused.value)
     assert simulation(initial_velocity=first).run(**options, resume=True).status == "finished"
@@ -194,7 +194,7 @@ def test_a_finished_run_goes_on_for_longer(tmp_path):
     options = {"device": "cpu", "out": tmp_path / "run"}
     assert scene(0.02, 4).run(**options).status == "finished"
     for duration, frames in ((0.03, 4), (0.03, 5), (0.01, 2)):
-        with pytest.raises(InputError, match=r"other settings \(solver\.(duration|frames) = "):
+        with pytest.raises(InputError, match=r"different settings \(solver\.(duration|frames) = "):
             scene(duration, frames).run(**options, resume=True)
     longer = scene(0.03, 6).run(**options, resume=True)
     whole = scene(0.03, 6).run(device="cpu", out=tmp_path / "whole")

@@ -75,7 +75,7 @@ def test_wrong_input_is_one_line(make, text):
     [
         (["pressure", "--solver", "newtn"], "did you mean 'newton'"),
         (["pressure", "--solver", "newton", "--weights", "published"], "with the solver Newton"),
-        (["ball_penetration", "--solver", "newton"], "solver is not an argument of this scene: expected one of points"),
+        (["ball_penetration", "--solver", "newton"], "solver is not an argument of this scene; expected one of points"),
     ],
 )
 def test_wrong_solver_on_the_command_line(arguments, text, tmp_path):

@@ -18,9 +18,9 @@ def test_modules_that_do_not_fit_are_refused():
     with torch.no_grad():
         not_finite.weight[0, 0] = float("nan")
     cases = [
-        (torch.nn.Linear(3, 2), r"^network = Linear: .*a callable.*refused \(2, 4\): "),
-        (torch.nn.Linear(4, 3), r"^network = Linear: .*a callable.*gave \(2, 3\)$"),
-        (lambda features: None, "^network = <lambda>: .*a callable.*gave NoneType$"),
+        (torch.nn.Linear(3, 2), r"^network = Linear: expected a callable .* raised for shape \(2, 4\): "),
+        (torch.nn.Linear(4, 3), r"^network = Linear: .*a callable.*returned \(2, 3\)$"),
+        (lambda features: None, "^network = <lambda>: .*a callable.*returned NoneType$"),
         (not_finite, "^network = Linear: its output for .* is not finite; .*finite weights$"),
     ]
     for module, said in cases:
