@@ -74,7 +74,7 @@ class ByRegion(PlaneStress):
 
     @property
     def lock(self) -> float | None:
-        """The smallest limit of the materials [-]; None if no material has one."""
+        """The smallest `lock` of the materials [-]; None if no material has one."""
         return min((known.lock for known in self._known if known.lock is not None), default=None)
 
     @property
