@@ -50,7 +50,7 @@ def build(
     """
     energy = positive("tearing_energy", tearing_energy)
     if not LEAST <= energy <= MOST:
-        raise InputError(f"tearing_energy = {energy:g}: expected {LEAST:g} to {MOST:g} J/m^2, whose curve is known")
+        raise InputError(f"tearing_energy = {energy:g}: expected {LEAST:g} to {MOST:g} J/m^2, where the curve is known")
     if not 0.0 < finite("growth", growth) <= LONGEST - CUT:
         raise InputError(f"growth = {growth:g}: expected a number greater than 0 and at most {LONGEST - CUT:g}")
     begin, end = (griffith_slope(length * HEIGHT, energy) for length in (CUT, CUT + growth))
