@@ -162,13 +162,13 @@ def body_contact(
 
     @wp.func
     def strike_in_step(i: int, shift: wp.vec3d, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
-        """A strike after the drift, which moves the point by `shift`, dt times the change."""
+        """`strike` after the drift; it also moves the point by `shift`, dt times the velocity change."""
         kick = half_kick(i, a.step, a.mass, a.force, a.external)
         start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
         a.displacement[i] = a.displacement[i] + narrow(shift)
         strike(i, change, arrested, start, start, real(1.0), arm, a)
         if wp.static(tracked and loaded):
-            # The drift took the load along the way that the point did not go.
+            # The work of the load in the drift included the distance by which the point is now moved back.
             a.work[i] = a.work[i] + wp.float64(0.5) * wp.float64(a.step[0]) * wp.dot(wide(a.external[i]), change)
 
     @wp.func
@@ -272,7 +272,7 @@ def body_contact(
 
     @wp.func
     def take_change(i: int, a: BodyContact):
-        """The change of a point's velocity, which belongs to one half step."""
+        """Return the velocity change of a point [m/s] and reset it, because it belongs to one half step."""
         change = a.changes[i]
         a.changes[i] = wp.vec3d()
         forget(i, a)

@@ -26,7 +26,7 @@ from .numeric import numeric
 
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
-# Sums over points: the upper triangle of the matrix and the right side; and what the points were given.
+# Sums over points: the upper triangle of the matrix and the right-hand side; and the impulses given to the points.
 Equations = wp.types.vector(length=27, dtype=wp.float64)
 Given = wp.types.vector(length=14, dtype=wp.float64)
 
@@ -69,7 +69,7 @@ def wrench(force: wp.vec3d, arm: wp.vec3d):
 
 @wp.func
 def with_row(sums: Equations, m: wp.float64, j: vec6d, side: wp.float64):
-    """The sums with m j j^T added to the matrix, and j times `side` to the right side."""
+    """Add m j j^T to the matrix, and `side` times j to the right-hand side."""
     found = sums
     row = int(0)  # noqa: RUF046
     for r in range(6):
@@ -82,9 +82,9 @@ def with_row(sums: Equations, m: wp.float64, j: vec6d, side: wp.float64):
 
 @functools.cache
 def block_sum(kind: Any) -> wp.Function:
-    """Function (value, count) -> sum of the values over the threads of a block, if any count is not 0.
+    """Function (value, count) -> sum of the values over the threads of a block, if any count is nonzero.
 
-    The order is that of the threads, so bits repeat. A block of a CPU has one thread.
+    The order of summation is fixed, so bits repeat. On a CPU a block has one thread.
     """
 
     @wp.func
@@ -227,7 +227,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         first: int,
         sums: wp.array(dtype=Equations),
     ):
-        """Sum over points that need a push; with `use_changes`, those that still need one after the body changed."""
+        """Sum over points that move into the body; with `use_changes`, those that still do after it has yielded."""
         thread = wp.tid() + first
         b = thread / wp.block_dim()
         lane = thread - b * wp.block_dim()
@@ -236,7 +236,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         weight = wp.float64(1.0)
         if wp.static(damped):
             if at_end != 0:
-                # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
+                # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
                 weight += wp.float64(0.5) * wp.float64(step[0]) * wp.float64(damping[0])
         for i in range(b * block + lane, wp.min((b + 1) * block, need.shape[0]), wp.block_dim()):
             needs = bool(True)
@@ -290,7 +290,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
     ):
         """Solve by Cholesky decomposition, in one block of threads; R I R^T is the inertia tensor in the sheet's frame.
 
-        With `use_changes`, change the velocity of the body, and before the end of the step its place, too.
+        With `use_changes`, also change the velocity of the body and, unless `at_end`, its position.
         """
         lane = wp.tid() + first
         totals = Equations()
@@ -320,7 +320,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         for c in range(6):
             for k in range(c):
                 A[c, c] = A[c, c] - A[c, k] * A[c, k]
-            # The diagonal holds its inverse: a division takes as long as ten products.
+            # The diagonal stores its inverse, because a division takes as long as ten products.
             A[c, c] = wp.float64(1.0) / wp.sqrt(A[c, c])
             for r in range(c + 1, 6):
                 for k in range(c):
@@ -405,10 +405,10 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         momenta: wp.array(dtype=wp.vec3d),
         given: wp.array(dtype=wp.float64),
     ):
-        """Take the impulses from the body, in one block of threads.
+        """Subtract the impulses from the momentum of the body, in one block of threads.
 
-        `given` sums since the last frame: momentum and angular momentum given to the sheet, energy lost by contact, and
-        the part of it lost by friction [J].
+        `given` has sums since the last frame: momentum and angular momentum given to the sheet, energy lost in contact,
+        and the part of it lost by friction [J].
         """
         lane = wp.tid() + first
         totals = Given()
@@ -439,7 +439,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                 rubbing = wp.vec3d(totals[7], totals[8], totals[9])
                 twist = wp.vec3d(totals[10], totals[11], totals[12])
                 given[7] = given[7] + wp.dot(rubbing, moved) + wp.dot(twist, turned) - totals[13]
-        # What else touches in this half step comes after it.
+        # Later contacts of this half step start from the changed velocities.
         momenta[2] = momenta[2] + velocity - before
         momenta[3] = momenta[3] + spin - spin_before
 

@@ -1,7 +1,7 @@
-"""Materials by region: the Warp functions of several materials as those of one.
+"""Materials by region: combines the Warp functions of several materials into one set.
 
-The constants of all materials stand in one vector, one after the other. The last number of this vector is the index of
-the material; `of_bond` of the families (kernels/families.py) sets it for each bond.
+One vector has the constants of all materials, one material after the other. Its last number is the index of the
+material; `of_bond` of the families (kernels/families.py) sets it for each bond.
 """
 
 import functools
@@ -22,7 +22,7 @@ Declare = Callable[[int, Any, wp.Function, wp.Function, int, wp.Function], wp.Fu
 
 @functools.cache
 def by_region(materials: tuple[MaterialFunctions, ...]) -> MaterialFunctions:
-    """Functions of all materials; what one of them lacks, they lack together."""
+    """Functions that select the material by its index; a function that one material lacks is missing."""
 
     def joined(bits: int, functions: tuple[wp.Function, ...], declare: Declare) -> wp.Function:
         types = [constants_of(material.functions(bits)[0]) for material in materials]
@@ -57,7 +57,7 @@ def by_region(materials: tuple[MaterialFunctions, ...]) -> MaterialFunctions:
 
 
 def own_constants(Constants: Any, Own: Any, begin: int, index: int) -> wp.Function:
-    """Function (constants of all materials) -> those of one, which stand from `begin` on."""
+    """Function (constants of all materials) -> constants of one material, which start at `begin`."""
     count = Own._length_
 
     @wp.func(name=f"constants_{index}")

@@ -4,9 +4,9 @@ A distance is a function (arm, reach, body) -> vec4d (normal, distance); `arm` i
 body is further away than `reach`, the function may return `reach`. Distances are float64 whatever the precision of the
 sheet, because float32 cannot resolve contact with a large body.
 
-Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is
-then taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The
-sign is that of the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes, Signed distance
+Meshes are searched with Warp's bounding volume hierarchy in float32; the distance to the triangle found is then
+computed in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The sign
+follows from the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes, Signed distance
 computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 
@@ -17,24 +17,24 @@ import warp as wp
 
 from .effects import unstaged
 
-# Parts of the way of a point within a step in which its entry into a body is sought, at most.
+# Maximum number of parts into which the path of a point in a step is divided to find its entry into a body.
 PARTS = 256
-# How often a point is pushed, at most, until it is on the surface; the second half of them straight out.
+# Maximum number of shifts until a point is on the surface; the second half of them go straight out.
 TRIES = 6
-# Cosine of the angle to the normal up to which a direction leads out of a body.
+# Smallest cosine of the angle to the normal for a direction along which points are moved out of a body.
 STEEP = wp.constant(wp.float64(0.9))
 
-# Below this length [m] the square of a vector loses digits: it has no direction.
+# Below this length [m] the square of a vector loses digits, so it has no direction.
 TINY = wp.constant(wp.float64(1e-140))
-# Distance from a mesh over its size below which the normal is that of the nearest triangle.
+# Distance from a mesh, divided by its size, below which the normal is that of the nearest triangle.
 NEAR = wp.constant(wp.float64(1e-7))
 
 
 @wp.struct
 class BodyShape:
-    """Sizes [m] of a body, and its surface if it is a mesh; what they mean, each distance says.
+    """Sizes [m] of a body, documented at each distance function, and its surface if it is a mesh.
 
-    normals: of the sides of each triangle, opposite to its corners, and of its corners, (F, 6), of any length.
+    normals: normals of the sides opposite the three corners of each triangle, then of the corners, (F, 6), any length.
     """
 
     size: wp.vec4d
@@ -161,7 +161,7 @@ def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
 def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     """Signed distance to a triangle mesh; size: largest distance of a vertex from the origin."""
     point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
-    # The search is float32: it must not miss what is within reach.
+    # The margin covers the rounding of the float32 search.
     further = reach + wp.float64(1e-5) * body.size[0]
     hit = wp.mesh_query_point_no_sign(body.mesh, point, wp.float32(further))
     n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
@@ -312,7 +312,7 @@ def ways_out(distance: wp.Function) -> WaysOut:
                 touches = True
             if touches:
                 shift += pushed_out(a1 + shift, n, left, reach, body, skin)
-                # Of a point at rest the shift has the digits that its place has lost.
+                # For a point that stays on the surface the shift is rounding of its position.
                 pressed = wp.where(gap < skin, wp.max(gap - end[3], zero), wp.length(shift))
         return touches, n, shift, pressed, of_start
 

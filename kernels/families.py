@@ -110,7 +110,7 @@ class FamilyFunctions:
 
 @functools.cache
 def same_constants(Family: Any) -> wp.Function:
-    """`of_bond` of a sheet of one material."""
+    """`of_bond` for a sheet with one material, whose bonds all have the same constants."""
 
     @wp.func
     def of_bond(family: Family, i: int, k: int, constants: Any):

@@ -1,11 +1,13 @@
-"""Between the sheet and bodies that Newton moves: impulses to Newton's forces, Newton's poses to paths.
+"""Coupling of the sheet with bodies moved by Newton: converts impulses to Newton's forces, and poses to paths.
 
-Newton takes steps of `seconds`, in which the sheet takes many. Over such an interval a body goes at constant velocity
-to the next of Newton's poses; its impulses on the sheet act in Newton's next step, as a constant force.
+Newton takes steps of `seconds`; the sheet takes many steps in each of these intervals. During an interval a body moves
+at constant velocity to Newton's next pose. The impulses between body and sheet act in Newton's next step, as a constant
+force.
 
-The mean force of an interval belongs to its middle, Newton's next step to its end, half a step later: a force that lags
-so would feed energy to every bounce, in proportion to the step. Half of its last change is added, which makes the error
-one of second order. Of all impulses but half of the last one, nothing is added: momentum is kept.
+The mean force of an interval is that at its middle, but Newton needs it at the end, half a step later. This lag would
+add energy to every bounce, in proportion to the step. Extrapolation by half of the last change of the force makes the
+error second order. The added terms cancel in the sum of all impulses, except half of the last one, so momentum is
+conserved.
 """
 
 import warp as wp
@@ -20,10 +22,10 @@ def take_impulses(
     last: wp.array(dtype=wp.float64),
     given: wp.array(dtype=wp.float64),
 ):
-    """What bodies give to the sheet, [6 for each shape].
+    """Compute the impulses of bodies for Newton's next step, 6 numbers per shape (momentum, angular momentum).
 
-    sums: impulses since the last frame, in blocks. before: those up to the last interval. last: those of an interval.
-    given: what the bodies are to lose in Newton's next step.
+    sums: impulses on the sheet since the last frame, per block. before: their sum up to the last interval. last:
+    impulses of one interval. given: impulses to subtract from the bodies in Newton's next step.
     """
     row = wp.tid()
     total = wp.float64(0.0)
@@ -45,7 +47,7 @@ def load_bodies(
     body_com: wp.array(dtype=wp.vec3f),
     body_f: wp.array(dtype=wp.spatial_vectorf),
 ):
-    """Force and torque about its centre of mass on each body; `bodies`: that of each shape, or -1."""
+    """Force and torque about the centre of mass of each body; `bodies`: body of each shape, or -1."""
     body = wp.tid()
     force = wp.vec3d()
     torque = wp.vec3d()
@@ -74,12 +76,12 @@ def lead_shape(
     places: wp.array(dtype=wp.vec3d),
     rotations: wp.array(dtype=wp.quatd),
 ):
-    """The path of a shape over the next interval; `frame`: its own in that of the body."""
+    """Path of a shape in the next interval; `frame`: pose of the shape in the frame of the body."""
     p = wp.transform_get_translation(body_q[body])
     q = wp.transform_get_rotation(body_q[body])
     turned = wp.quatd(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]), wp.float64(q[3]))
     rotation = wp.normalize(turned * wp.transform_get_rotation(frame))
-    # A quaternion and its opposite are one rotation: the closer one is the shorter way.
+    # A quaternion and its negative are the same rotation; the closer one gives the shorter path.
     if wp.dot(rotation, rotations[1]) < wp.float64(0.0):
         rotation = -rotation
     times[0] = time[0]

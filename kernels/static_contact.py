@@ -1,10 +1,10 @@
-"""Contact with a rigid body in static equilibrium: an augmented Lagrangian, which settles on an active set.
+"""Contact with a rigid body in static equilibrium by an augmented Lagrangian.
 
-A point of the area A at the signed distance g from the body, whose normal there is n, is pushed by A p n with the
-pressure p = max(0, q - k g). The multiplier q is that of the last equilibrium, the stiffness k any number: equilibrium
-is sought again with q = p until g is small, so that q alone keeps the point on the surface. Newton's method on
-max(0, q - k g) is a primal-dual active set (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13, 2003; multipliers as in
-Alart and Curnier, Comput. Meth. Appl. Mech. Eng. 92, 1991).
+A point with area A, at the signed distance g from a body with the normal n there, gets the force A p n with the
+pressure p = max(0, q - k g). The multiplier q is the pressure at the last equilibrium; the stiffness k is arbitrary.
+Equilibrium is found repeatedly with q = p until g is small, so that q alone keeps the point on the surface. Newton's
+method for max(0, q - k g) is a primal-dual active set method (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13, 2003;
+multipliers as in Alart and Curnier, Comput. Meth. Appl. Mech. Eng. 92, 1991).
 """
 
 import functools
@@ -18,7 +18,8 @@ from .distances import BodyShape
 from .effects import Kernel, kernel
 from .numeric import numeric
 
-# Change of the normal within half a spacing from which it counts as an edge, whose stiffness has no sign to trust.
+# Change of the normal within half a spacing above which the surface counts as an edge; the sign of the stiffness of an
+# edge is unreliable.
 EDGE = wp.constant(wp.float64(0.25))
 
 
@@ -29,9 +30,9 @@ class StaticContactKernels:
     Attributes:
         struct: Numbers of the body and arrays of the sheet.
         press: Adds the forces on points.
-        show: Force on each point [N], and its moment about the centre of the body [N m].
-        linearise: Change of the force on a point with its displacement [N/m].
-        settle: Takes the pressure as multiplier; by how much that changes [Pa].
+        show: Computes the force on each point [N] and its moment about the centre of the body [N m].
+        linearise: Computes the derivative of the force on a point by its displacement [N/m].
+        settle: Takes the pressures as multipliers; computes their changes [Pa].
     """
 
     struct: Any
@@ -49,7 +50,7 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         bits: 32 or 64.
         distance: Signed distance of the shape, see kernels/distances.py.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
+        held: Whether any component is held; held points ignore the body.
     """
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
@@ -70,14 +71,14 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
 
     @wp.func
     def surface(x: wp.vec3d, a: StaticContact):
-        """Normal and signed distance, in the coordinates of the sheet."""
+        """Normal and signed distance [m] in the frame of the sheet."""
         q = a.rotation[0]
         found = distance(wp.quat_rotate_inv(q, x - a.place[0]), a.reach, a.body)
         return wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2])), found[3]
 
     @wp.func
     def pressed(i: int, u: vec3, a: StaticContact):
-        """Place, normal and pressure of a point."""
+        """Position [m], normal and pressure [Pa] of a point."""
         x = placed(a.reference[i], u)
         n, gap = surface(x, a)
         p = wp.max(wp.float64(0.0), a.multiplier[i] - a.stiffness[0] * gap)
@@ -114,7 +115,7 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
     def linearise_contact(
         displacement: wp.array(dtype=vec3), a: StaticContact, first: int, blocks: wp.array(dtype=mat33)
     ):
-        """The normal turns with the place by what it is half a spacing apart: the corners of a mesh have no other."""
+        """The curvature comes from normals half a spacing apart, because a mesh has none at its corners."""
         i = wp.tid() + first
         x, n, p = pressed(i, displacement[i], a)
         found = wp.mat33d()

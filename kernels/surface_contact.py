@@ -1,21 +1,22 @@
 """Contact of the triangles of a sheet with a rigid body that is thin or has edges.
 
 A body has segments with a radius: the axis of a sphere or capsule, or the convex edges of a box or mesh with a thin
-layer around them. Points of the sheet and faces of the body are the matter of kernels/body_contact.py. What remains are
-pairs of an end of a segment and a triangle, and of a segment and a side of a triangle. A triangle has a constraint for
-each pair that is near when half a step begins: the nearest point of the triangle, which has the weights b of its
-corners, stays further away than the radius, along the normal n that it had then (RATTLE, as in
-kernels/body_contact.py). The impulse is lambda n, of which a corner gets b lambda n: exact action and reaction, and a
-corner's work is that of any point. A free body yields to the sum of all impulses in every iteration.
+layer around them. kernels/body_contact.py handles points of the sheet against faces of the body. This module handles
+the other two pairs: an end of a segment and a triangle, and a segment and a side of a triangle. A triangle has one
+constraint for each pair that is near at the beginning of a half step: its point nearest to the segment, with
+barycentric weights b, stays at least the radius away along the initial normal n (the position constraint of RATTLE, as
+in kernels/body_contact.py). The impulse on the triangle is lambda n, and each corner gets b lambda n. So action equals
+reaction, and the work of a corner is computed like that of any point. A free body yields to the sum of all impulses in
+every iteration.
 
-The impulses are found by Jacobi's method, projected onto lambda >= 0, with Nesterov's momentum: a thin tip in a cone of
-triangles presses on all of them, and their impulses nearly cancel. Points, and a free body, divide their mass among the
-constraints that press on them, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting for
-jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a fixed
-order.
+The impulses are found by the Jacobi method, projected onto lambda >= 0, with Nesterov momentum, because a thin tip in a
+cone of triangles presses on all of them, and their impulses nearly cancel. Points, and a free body, divide their mass
+among the constraints that press on them, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting
+for jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a
+fixed order.
 
-The distance of a pair has no sign. What passes a segment within a step is told by the normal of its beginning. A pair
-counts only where the body has nothing nearer to that point of the triangle.
+The distance of a pair has no sign; the normal at the beginning of the step tells whether a triangle has passed a
+segment. A pair counts only if no other part of the body is nearer to that point of the triangle.
 """
 
 import functools
@@ -30,11 +31,11 @@ from .distances import TINY, BodyShape, ways_out, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
 from .numeric import numeric
 
-# Part of the depth at the beginning of a step that the step mends: more of it would become velocity.
+# Fraction of the initial depth that a step removes; removing more would turn depth into velocity.
 MENDED = wp.constant(wp.float64(0.2))
-# Constraints of a triangle, at most: those of the nearest pairs.
+# Maximum number of constraints of a triangle; the nearest pairs are kept.
 SLOTS = 4
-# A segment is what the body has nearest if the distance of the body is no less than this part of that of the segment.
+# A segment is the nearest part of a body if the distance to the body is at least this fraction of that to the segment.
 NEAREST = wp.constant(wp.float64(0.999))
 
 
@@ -42,9 +43,9 @@ NEAREST = wp.constant(wp.float64(0.999))
 class Segments:
     """Segments of a body in its frame.
 
-    vertices: [m]. ends: indices of the vertices of a segment, and which of them it owns (1: first, 2: second, 3: both);
-    each vertex has one owner. tree: of the boxes of the segments, float32. core: radius of the body around them [m].
-    radius: the same with the layer [m]. size: largest distance of a vertex from the origin [m].
+    vertices: [m]. ends: indices of both vertices of a segment, and which of them it owns (1: first, 2: second,
+    3: both); each vertex has one owner. tree: bounding volume hierarchy of the segments, float32. core: radius of the
+    body around them [m]. radius: core plus the layer [m]. size: largest distance of a vertex from the origin [m].
     """
 
     vertices: wp.array(dtype=wp.vec3d)
@@ -57,7 +58,7 @@ class Segments:
 
 @wp.func
 def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
-    """Nearest points p + s d and q + t e, 0 <= s, t <= 1: (s, t). Ericson, 2005, section 5.1.9."""
+    """Parameters (s, t) of the nearest points p + s d and q + t e, 0 <= s, t <= 1 (Ericson 2005, section 5.1.9)."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     r = p - q
@@ -77,11 +78,11 @@ def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
 
 @wp.func
 def nearest_pair(pair: int, x: wp.mat33d, entry: int, of: Segments):
-    """Where two features of a triangle, with the corners x in the frame of the body, and a segment are nearest.
+    """Nearest points of one pair of features of a segment and a triangle with corners x in the frame of the body.
 
-    Pairs 0 and 1 are an end of the segment and the triangle, 2 to 4 the segment and a side. Weights of the corners, the
-    point on the segment, and whether the pair stands for itself: no end that another segment owns, no side nearest to
-    an end.
+    Pairs 0 and 1 are an end of the segment and the triangle; pairs 2 to 4 are the segment and a side. Return the
+    weights of the corners, the point on the segment, and whether the pair counts. It does not count if another segment
+    owns the end, or if the side is nearest to an end, which is a pair of its own.
     """
     ends = of.ends[entry]
     begin = of.vertices[ends[0]]
@@ -118,14 +119,14 @@ def passes_through(x: wp.mat33d, entry: int, of: Segments):
     if below * above < wp.float64(0.0):
         met = x[0] + (above * begin - below * end) / (above - below)
         w = weights_of_nearest(met, x[0], x[1], x[2])
-        # The weights of a point within have no zero.
+        # All weights are positive for a point inside the triangle.
         passes = wp.min(w) > wp.float64(0.0)
     return passes
 
 
 @wp.func
 def box_around(x: wp.mat33d, reach: wp.float64, of: Segments):
-    """Lower and upper corner of the box of a triangle and what is nearer than `reach`, in float32."""
+    """Lower and upper corner of the bounding box of a triangle, enlarged by `reach`, in float32."""
     wider = reach + wp.float64(1e-6) * (of.size + wp.length(x[0]))
     lower = wp.min(x[0], wp.min(x[1], x[2]))
     upper = wp.max(x[0], wp.max(x[1], x[2]))
@@ -137,9 +138,10 @@ def box_around(x: wp.mat33d, reach: wp.float64, of: Segments):
 
 @functools.cache
 def clearances(distance: wp.Function) -> wp.Kernel:
-    """Kernel of the distances of triangles (F, 3), in the frame of a body, from its segments, as far as `reach` [m].
+    """Kernel of the distances of triangles from the segments of a body [m], at most `reach`.
 
-    It is -1 where a segment passes through the triangle, or one of its sides through the body.
+    Corners are in the frame of the body [m], (F, 3) vec3d. The distance is -1 if a segment passes through the triangle,
+    or a side of the triangle through the body.
     """
     way_out = ways_out(distance).way_out
 
@@ -182,13 +184,13 @@ class SurfaceContact:
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
         constraints: Arrays of the constraints of triangles, SLOTS for each.
-        find: Constraints of the triangles that are near, when a half of a step begins.
-        press: Impulses of the triangles, after one more iteration.
-        react: Sums of blocks of triangles, of their impulses on a free body.
-        give_way: Change of velocity and spin of a free body by them.
-        move: Changes its velocity and spin so, in the step also its place.
-        spread: What the points get.
-        clear: After the last launch that needs to know that any triangle is near.
+        find: Finds the constraints of nearby triangles at the beginning of a half step.
+        press: Computes the impulses of the next iteration.
+        react: Sums the impulses on a free body, per block of triangles.
+        give_way: Computes the change of velocity and spin of a free body from these sums.
+        move: Applies this change to the motion of the body and, during the step, to its position.
+        spread: Computes the velocity changes of the points.
+        clear: Resets the flag that any triangle is near, after the last launch that needs it.
     """
 
     struct: Any
@@ -212,12 +214,12 @@ def surface_contact(
     Args:
         bits: 32 or 64.
         distance: Signed distance of the body, see kernels/distances.py.
-        moves_freely: Whether it feels the sheet.
+        moves_freely: Whether the sheet moves the body.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
+        held: Whether any component is held; held points ignore the body.
         damped: Whether there is mass damping.
-        torn: Whether bonds can break; triangles that a crack cuts do not press.
+        torn: Whether bonds can break; triangles cut by a crack have no contact.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -247,9 +249,11 @@ def surface_contact(
 
     @wp.struct
     class Constraints:
-        """near: how many a triangle has. weights: of the corners, and the gap that must be left [m]. normals: in space.
-        spots: on the segment, in the frame of the body [m]. begins, sides: 3 f + k for each triangle f of a point, its
-        corner k.
+        """Constraints of triangles, and the triangles of each point.
+
+        near: number of constraints of each triangle. weights: weights of the corners, and the smallest allowed gap [m].
+        normals: in the frame of the sheet. spots: points on the segments, in the frame of the body [m]. begins, sides:
+        for point i, entries begins[i] to begins[i + 1] of sides are 3 f + k if the point is corner k of triangle f.
         """
 
         near: wp.array(dtype=wp.uint8)
@@ -265,7 +269,7 @@ def surface_contact(
 
     @wp.func
     def began(i: int, back: wp.float64, a: Surface):
-        """Where a point was when the half of the step began."""
+        """Position of a point at the beginning of the half step [m]."""
         return position(i, a) - back * wide(a.velocity[i])
 
     @wp.func
@@ -282,7 +286,7 @@ def surface_contact(
         normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d), pushes: wp.array(dtype=wp.vec4d),
         pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64), gaps: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        """`pushes`: impulse of friction, and along the normal."""
+        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
         f = wp.tid() + first
         count = wp.int32(0)
         whole = bool(True)
@@ -290,7 +294,7 @@ def surface_contact(
             whole = a.intact_faces[f] != wp.uint8(0)
         if whole:
             corners = a.triangles[f]
-            # Where the half began: before the drift, or now.
+            # The half step began before the drift, or at the end of the step now.
             back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
             when = wp.where(at_end != 0, 0, 1)
             centre = a.place[when]
@@ -342,7 +346,7 @@ def surface_contact(
 
     @wp.func
     def given_to(i: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8)):
-        """Impulses of a point along normals, those of friction, and the number of constraints that press on it."""
+        """Normal impulse on a point, friction impulse, and the number of constraints that press on it."""
         pushed = wp.vec3d()
         dragged = wp.vec3d()
         count = wp.int32(0)
@@ -468,7 +472,7 @@ def surface_contact(
             number += numbers[part]
         if wp.static(damped):
             if at_end != 0:
-                # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
+                # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
                 total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
         turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
         m = a.inverse_mass

@@ -1,8 +1,9 @@
 """A dozen balls fall: nine on a stretched sheet, three beside it on the floor.
 
-A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm), stretched and clamped at its edges. The balls live in Newton
-(the physics engine, extra `bodies`): its solver XPBD keeps them out of each other and above the floor, and the sheet
-gives them its force. There is no closed form: what counts is how deep one is in another or the floor.
+A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick) is stretched and clamped at its edges. The physics engine
+Newton (extra `bodies`) moves the balls: its solver XPBD handles contact between balls and with the floor, and the sheet
+exerts its contact forces on them. There is no analytical solution; the result is the deepest overlap of a ball with
+another one or the floor.
 """
 
 import itertools
@@ -69,7 +70,7 @@ def build(
     balls = range(len(on_sheet) + len(beside))
 
     def depth(built, frame):
-        """How deep a ball is in another one or in the floor [m]."""
+        """Deepest overlap of a ball with another one or the floor [m]."""
         centres = np.array([built.contacts[k].pose()[:3] for k in balls])
         apart = [np.linalg.norm(a - b) - 2.0 * radius for a, b in itertools.combinations(centres, 2)]
         return max(0.0, -min(apart), float(radius - HEIGHT - centres[:, 2].min()))

@@ -1,16 +1,17 @@
-"""A blade cuts a stretched strip. Lake and Yeoh (1978): the energy that it takes per torn area.
+"""A blade cuts a stretched strip. Cutting energy per torn area (Lake and Yeoh, 1978).
 
-The strip of `pure_shear_tear`, H = 40 mm high, 1 mm thick, mu 1 kPa, with a cut along its middle, is held stretched
-across, so that the cut is open: G = H W(stretch) is `opening` times the tearing energy Gc, too little to tear it. A
-blade then moves along the cut at constant speed: a wire of diameter `blade` perpendicular to the sheet, finer than the
-spacing and without friction. Triangles of the sheet press on it (`surface=True`). When the blade moves by da, it does
-the work F da and the strip unloads G h da, which a sharp blade needs for the torn area h da alone:
+The strip is that of `pure_shear_tear`: height H = 40 mm, thickness h = 1 mm, mu 1 kPa, with a cut along its middle. It
+is stretched across the cut, which opens. The energy release rate G = H W(stretch) is `opening` times the tearing energy
+Gc, too small for a tear. A blade then moves along the cut at constant speed. It is a frictionless wire of diameter
+`blade`, perpendicular to the sheet and thinner than the spacing; triangles of the sheet have contact with it
+(`surface=True`). While the blade moves by da, it does the work F da, and the strip releases the energy G h da. A sharp
+blade would need only Gc for each torn area h da, so
 
     cutting energy = F / h + G >= Gc.
 
 G. J. Lake and O. H. Yeoh, Measurement of rubber cutting resistance in the absence of friction, Int. J. Fracture 14
-(1978) 509. `cutting_energy` is its mean over Gc while the blade moves through the middle half of its way: 1.21, 1.13
-and 1.12 with 20, 30 and 40 rows. A faster blade needs more, for waves.
+(1978) 509. `cutting_energy` is the mean cutting energy divided by Gc over the middle half of the blade's path: 1.21,
+1.13 and 1.12 with 20, 30 and 40 rows. A faster blade needs more energy because it causes waves.
 """
 
 import numpy as np
@@ -53,11 +54,11 @@ def build(
     Args:
         points: Points along the height: rows.
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
-        opening: Energy release rate of the stretched strip over the tearing energy [-].
+        opening: Energy release rate of the stretched strip divided by the tearing energy [-].
         blade: Diameter of the blade [m].
-        speed: Speed of the blade, slow against waves of 1 m/s [m/s].
+        speed: Speed of the blade [m/s]; the wave speed is about 1 m/s.
         travel: How far the blade moves beyond the tip of the cut [m].
-        pull: Time in which the strip is stretched [s].
+        pull: Duration of stretching [s].
     """
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     sheet, top, bottom = strip(points, LENGTH, CUT)

@@ -71,8 +71,8 @@ def build(
     crack = notch + AHEAD * length
     if not RATIOS[0] * WIDTH <= crack <= RATIOS[-1] * WIDTH:
         raise InputError(
-            f"notch = {notch!r}: expected {RATIOS[0] * WIDTH:g} to {RATIOS[-1] * WIDTH:g} m together with pi / 4 of "
-            f"the damage length, got {crack:.4g} m"
+            f"notch = {notch!r}: expected notch plus pi / 4 of the damage length from {RATIOS[0] * WIDTH:g} to "
+            f"{RATIOS[-1] * WIDTH:g} m, got {crack:.4g} m"
         )
     middle = 0.5 * HEIGHT
     sheet = sheet.cut((-WIDTH, middle), (notch, middle))

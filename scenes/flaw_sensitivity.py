@@ -1,19 +1,19 @@
 """A sheet with a small or a large flaw is stretched equally along both sides until it breaks: strength or toughness.
 
-A square of 2 b = 0.1 m, 1 mm thick, mu 1 kPa, rho 1000 kg/m^3, with a cut of `flaw` in its middle, along x. Rollers
-pull its four sides apart: nothing is compressed, so the sheet does not wrinkle, and without a flaw it is uniform. A
-small flaw does not matter: the sheet breaks where its energy density W reaches its strength. A large one runs at
-Griffith's stretch, where
+A square with sides 2 b = 0.1 m, 1 mm thick, mu 1 kPa, rho 1000 kg/m^3, has a cut of length `flaw` along x in its
+middle. Rollers pull its four sides apart. Nothing is compressed, so the sheet does not wrinkle, and without a flaw its
+strain is uniform. A small flaw does not matter: the sheet breaks when its energy density W reaches its strength. A
+large flaw grows at Griffith's stretch, where
 
     G = 2 pi a C W(stretch) = Gc,
 
-with a = flaw / 2 and the factor C of a / b and the stretch by plane finite elements (tests/references/torn.json).
-`strength_ratio` and `griffith_ratio` are W over the strength and G over Gc when the load is largest; the larger tells,
-`break_ratio`. Between the two, where 2 pi a C strength is about Gc, the flaw and the strength act together, and the
-sheet breaks before either: flaw sensitivity (Chen, Wang, Suo 2017).
+with a = flaw / 2. The factor C depends on a / b and the stretch; it is from plane finite elements
+(tests/references/torn.json). `strength_ratio` is W divided by the strength at the largest load, `griffith_ratio` is G
+divided by Gc, and `break_ratio` is the larger of the two. Between these limits, where 2 pi a C strength is about Gc,
+flaw and strength act together, and the sheet breaks before it reaches either: flaw sensitivity (Chen, Wang, Suo 2017).
 
-The damage of a cut is that of a crack longer by pi / 4 lengths at each end, see scene `edge_notch`. A flaw that is
-shorter than the length is no crack, and begins as a bare cut.
+A cut with its damage acts like a crack that is longer by pi / 4 damage lengths at each end, see scene `edge_notch`. A
+flaw shorter than the damage length is not a crack and starts as a cut without damage.
 """
 
 import numpy as np
@@ -76,8 +76,8 @@ def build(
     crack = half + AHEAD * length if is_crack else half
     if crack > RATIOS[-1] * middle:
         raise InputError(
-            f"flaw = {flaw!r}: expected a length of at most {SIDE * RATIOS[-1]:g} m together with pi / 2 of the damage "
-            f"length, got {2.0 * crack:.4g} m"
+            f"flaw = {flaw!r}: expected flaw plus pi / 2 of the damage length of at most {SIDE * RATIOS[-1]:g} m, got "
+            f"{2.0 * crack:.4g} m"
         )
     most = 3.0 * energy / (16.0 * length * bias(reach / length))
     limit = most if strength is None else positive("strength", strength)

@@ -1,9 +1,9 @@
 """A gripper opens: its two fingers, in two holes of a sheet, pull until the sheet tears.
 
-A strip of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick) with a hole near each end. Each finger is a capsule on a sliding
-joint, whose motor drives it at a constant speed: bodies of Newton (the physics engine, extra `bodies`), moved by its
-solver XPBD. The sheet tears at a tearing energy. There is no closed form: the force of the fingers grows, until a hole
-tears out to the edge.
+A strip of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick) has a hole near each end. Each finger is a capsule on a sliding
+joint with a motor that drives it at a constant speed. The physics engine Newton (extra `bodies`) moves the fingers with
+its solver XPBD. The sheet tears at a given tearing energy. There is no analytical solution: the force on the fingers
+grows until a hole tears out to the edge.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def build(
     Args:
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         speed: Speed that the motor of each finger tries to reach [m/s].
-        motor: Force of a motor per missing speed [N s/m].
+        motor: Force of a motor divided by the difference from its target speed [N s/m].
         mass: Mass of a finger [kg].
         newton_step: Step of Newton's solver [s].
     """

@@ -47,7 +47,7 @@ def build(
         overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
     """
     if positive("overload", overload) <= 1.0:
-        raise InputError(f"overload = {overload!r}: expected a number greater than 1, or the crack rests")
+        raise InputError(f"overload = {overload!r}: expected a number greater than 1, otherwise the crack does not run")
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), wrinkles)
     sheet, top, bottom = strip(points, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     grips = np.concatenate([top, bottom])

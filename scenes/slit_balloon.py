@@ -1,11 +1,11 @@
 """A slit in a long balloon opens under pressure.
 
-A tube of incompressible neo-Hookean rubber, radius 20 mm, 60 mm long, 1 mm thick, mu 1 MPa, with a slit of 16 mm along
-its middle. Its ends are held, one is pulled away by 15 % of the length, and a follower pressure ends at 4 kPa. The
-rubber on both sides of the slit bulges, and the slit opens.
+A tube of incompressible neo-Hookean rubber, radius 20 mm, length 60 mm, thickness 1 mm, mu 1 MPa, has an axial slit of
+16 mm in its middle. Its ends are held, and one of them is pulled by 15 % of the length. A follower pressure rises to
+4 kPa. The rubber on both sides of the slit bulges, and the slit opens.
 
-The reference is the opening in the middle of the slit by finite elements (tools/finite_elements.py), membranes of nine
-nodes on a grid graded towards the tip.
+The reference value is the opening in the middle of the slit from finite elements (tools/finite_elements.py), nine-node
+membrane elements on a grid graded towards the tips.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ from warp_pd.device.checks import count, one_of
 from warp_pd.solvers import Solver
 
 RADIUS, LENGTH, THICKNESS, MU, SLIT = 0.02, 0.06, 1e-3, 1e6, 0.016
-# Opening [m] at 4 kPa, by finite elements.
+# Opening [m] at 4 kPa from finite elements.
 OPENING = 1.288e-3
 
 
@@ -41,7 +41,7 @@ def build(
     """Build the scene.
 
     Args:
-        points: Points along the tube; with 30 k + 1 of them the slit ends at points.
+        points: Points along the tube; with 30 k + 1 points the slit ends exactly at points.
     """
     around = round(2.0 * np.pi * RADIUS / LENGTH * (count("points", points, 13) - 1))
     tube = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=(around, points))

@@ -50,9 +50,9 @@ def build(
     """
     energy = positive("tearing_energy", tearing_energy)
     if not LEAST <= energy <= MOST:
-        raise InputError(f"tearing_energy = {energy:g}: expected {LEAST:g} to {MOST:g} J/m^2, whose curve is known")
+        raise InputError(f"tearing_energy = {energy:g}: expected {LEAST:g} to {MOST:g} J/m^2, where the curve is known")
     if not 0.0 < finite("growth", growth) <= LONGEST - CUT:
-        raise InputError(f"growth = {growth:g}: expected more than 0 and up to {LONGEST - CUT:g}")
+        raise InputError(f"growth = {growth:g}: expected a number greater than 0 and at most {LONGEST - CUT:g}")
     begin, end = (griffith_slope(length * HEIGHT, energy) for length in (CUT, CUT + growth))
     times, slopes = [0.0, 1.0 / count("load_steps", load_steps, 2), 1.0], [0.0, begin, end]
     sheet, loads, grips = wedged_strip(points, CUT * HEIGHT, times, slopes)

@@ -1,13 +1,14 @@
 """A tube under pressure bulges: onset of the bulge, and the pressure at which it spreads.
 
-Ogden's rubber (three terms, 1972), mu 1 MPa, radius 20 mm, 1 mm thick, 400 mm long, stretched to twice its length.
-Both ends keep to their planes and slide in them without friction. With W(a, b), a around and b along, the tube stays a
-cylinder up to the pressure p = (h / R) W_a / (a b), which has a maximum. Before that a wave of half a length takes
-over: a bifurcation, `switch=1` follows it, `switch=0` the cylinder. The bulge grows at one end, at a pressure that
-falls, until a thin and a thick part stand side by side. Both then have the pressure and the resultant axial force
-F = 2 pi R h W_b - p pi r^2, and equal potentials W - p r^2 b / (2 R h) - F b / (2 pi R h): Maxwell's line (Kyriakides
-and Chang, Int. J. Solids Struct. 27 (1991) 1085-1111; Fu, Pearce and Liu, Int. J. Non-Linear Mech. 43 (2008) 697-706).
-As the length is held, F falls while the bulge spreads, and this pressure rises.
+Ogden rubber (three terms, 1972), mu 1 MPa, radius R = 20 mm, thickness h = 1 mm, length 400 mm, stretched to twice its
+length. Both ends stay in their planes and slide in them without friction. With the hoop stretch a, the axial stretch b
+and the energy density W(a, b), the pressure of a cylinder is p = (h / R) W_a / (a b), which has a maximum. Before this
+maximum, a bifurcation leads to a mode with half a wave along the tube; `switch=1` follows it, `switch=0` follows the
+cylinder. The bulge grows at one end, at a falling pressure, until the tube has a thin and a thick part. Both parts then
+have the same pressure, the same axial force F = 2 pi R h W_b - p pi r^2 with the deformed radius r, and the same
+potential W - p r^2 b / (2 R h) - F b / (2 pi R h): Maxwell's line (Kyriakides and Chang, Int. J. Solids Struct. 27
+(1991) 1085-1111; Fu, Pearce and Liu, Int. J. Non-Linear Mech. 43 (2008) 697-706). Because the length is fixed, F falls
+while the bulge spreads, and the Maxwell pressure rises.
 """
 
 import numpy as np
@@ -19,14 +20,14 @@ from warp_pd.scenes.balloon_paths import OGDEN
 from warp_pd.scenes.tube import MU, RADIUS, THICKNESS, held_in_place
 
 LENGTH, ALONG = 0.4, 2.0
-# Pressure [Pa], and force [N], of a stretch derivative of W of 1 Pa.
+# Factors from stretch derivatives of W [Pa] to pressure [Pa] and force [N].
 PER_PRESSURE, PER_FORCE = THICKNESS / RADIUS, 2.0 * np.pi * RADIUS * THICKNESS
-# A bulge is whole when its radius is that of the thick part but for so much.
+# A bulge is complete when its radius differs from that of the thick part by less than this fraction.
 WHOLE = 0.05
 
 
 def slopes(a, b, rubber: Ogden = OGDEN):
-    """W, W_a and W_b [Pa] at the stretches a around and b along."""
+    """W, W_a and W_b [Pa] at the hoop stretch a and the axial stretch b."""
     terms = [(mu, k, (a * b) ** -k) for mu, k in zip(rubber.mu, rubber.exponents, strict=True)]
     return (
         sum(mu / k * (a**k + b**k + c - 3.0) for mu, k, c in terms),
@@ -36,12 +37,12 @@ def slopes(a, b, rubber: Ogden = OGDEN):
 
 
 def cylinder_pressure(around):
-    """Pressure [Pa] of the tube as a cylinder."""
+    """Pressure [Pa] of a cylindrical tube at a hoop stretch."""
     return PER_PRESSURE * slopes(around, ALONG)[1] / (around * ALONG)
 
 
 def onset():
-    """Stretch around at which a wave of half a length becomes unstable, by the second variation of the energy."""
+    """Hoop stretch at which a half wave along the tube becomes unstable, from the second variation of the energy."""
     from scipy.optimize import brentq
 
     wave, b, e = np.pi * RADIUS / LENGTH, ALONG, 1e-5
@@ -50,14 +51,14 @@ def onset():
         _, W_a, W_b = slopes(a, b)
         aa, ab = ((slopes(a + e, b)[k] - slopes(a - e, b)[k]) / (2.0 * e) for k in (1, 2))
         bb = (slopes(a, b + e)[2] - slopes(a, b - e)[2]) / (2.0 * e)
-        # Terms in the wave number: a meridian at a slope is longer by half the square of that.
+        # Terms with the wave number: a slope lengthens a meridian by half its square.
         return (aa + W_b / b * wave**2 - W_a / a) * bb - (ab - W_a / b) ** 2
 
     return float(brentq(determinant, 1.0, 1.3))
 
 
 def maxwell(forces):
-    """Pressures [Pa], and stretches around the thick part, of two parts side by side at falling forces F [N]."""
+    """Maxwell pressures [Pa], and hoop stretches of the thick part, at decreasing forces F [N]."""
     from scipy.optimize import fsolve
 
     state, found = np.array([0.80, 2.25, 5.47, 4.31]), []
@@ -91,9 +92,9 @@ def build(
 
     Args:
         points: Points around the tube.
-        switch: Number of the bifurcation at which the path takes the other branch; 0: the tube stays a cylinder.
-        steps: Points of the path.
-        increment: Largest change of the load factor in a step.
+        switch: Number of the bifurcation at which the path takes the other branch; 0 to follow the cylinder.
+        steps: Maximum number of points of the path.
+        increment: Largest change of the load factor in a step [-].
     """
     rows = round(2.3 * count("points", points, 12)) + 1
     sheet = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=(points, rows))
@@ -113,7 +114,7 @@ def build(
         return stretch
 
     def resultant(built, frame):
-        # At the thin end, where the pressure on the lid is a small part of it.
+        # Measured at the thin end, where the force of the pressure on the lid is small.
         stretch, end = min((stretch_at(ring)(built, frame), ring is top) for ring in (bottom, top))
         force = support_force(built, top if end else bottom)[2]
         return abs(float(force)) - load * frame.time * np.pi * (RADIUS * stretch) ** 2

@@ -67,7 +67,7 @@ def test_a_balloon_leaves_the_sphere_as_a_pear():
     along = middle @ slope / np.linalg.norm(slope)
     around = grown - np.polyval(np.polyfit(along, grown, 4), along)
     assert np.corrcoef(along, grown)[0, 1] > 0.85 and around.std() < 0.15 * grown.std()
-    assert any("goes on along the other branch" in note for note in result.summary["notes"])
+    assert any("continues on the other branch" in note for note in result.summary["notes"])
 
 
 def test_a_prestretched_sheet_buckles_where_its_tension_ends():

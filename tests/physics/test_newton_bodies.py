@@ -237,24 +237,24 @@ WRONG = {
     "builder": (lambda: contacts_of(builder=3), "builder = 3: expected a newton.ModelBuilder"),
     "solver": (lambda: contacts_of(solver=3), "solver = 3: expected a class or function that makes a solver"),
     "step": (lambda: contacts_of(step=0.0), "step = 0.0: expected a positive number"),
-    "shapes": (lambda: contacts_of(shapes=["cup"]), "shapes: 'cup': expected labels of shapes, one of ['ball 00']"),
-    "no shapes": (lambda: contacts_of(shapes=[]), "shapes: expected one that touches the sheet, at least"),
+    "shapes": (lambda: contacts_of(shapes=["cup"]), "shapes: expected labels from ['ball 00'], got 'cup'"),
+    "no shapes": (lambda: contacts_of(shapes=[]), "shapes: expected at least one shape that touches"),
     "kind": (lambda: contacts_of(builder=with_cone()), "shape 'hat' is a CONE: expected a sphere"),
     "world": (
         lambda: on_trampoline(contacts_of()[:1]).build("cpu"),
-        "contact: 'ball_00' is a body of Newton's: expected all that newton_bodies gave",
+        "contact: 'ball_00' has no Newton world: expected all contacts from newton_bodies",
     ),
     "body": (
         lambda: on_trampoline(contacts_of()[1:]).build("cpu"),
-        "contact: 'ball_00' is missing: expected all that newton_bodies gave",
+        "contact: 'ball_00' is missing: expected all contacts from newton_bodies",
     ),
     "two worlds": (
         lambda: on_trampoline([*contacts_of(), *contacts_of(builder=relabelled())]).build("cpu"),
-        "contact: expected one world of Newton's, got several",
+        "contact: expected one Newton world, got several",
     ),
     "two names": (
         lambda: on_trampoline([contacts_of()[0], *contacts_of()]).build("cpu"),
-        "contact: two bodies are called 'ball_00': expected different names",
+        "contact: two bodies have the name 'ball_00'; expected different names",
     ),
     "times": (
         lambda: on_trampoline(contacts_of(), frames=(0.01, 0.16)).build("cpu"),
@@ -275,7 +275,7 @@ def test_wrong_input_is_one_line(case):
 
 def test_without_newton_a_scene_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "newton", None)
-    expected = "bodies of Newton: expected an installed newton (pip install 'warp-pd[bodies]'), found none"
+    expected = "newton_bodies: expected the package newton, which is not installed (pip install 'warp-pd[bodies]')"
     for make in (balls_on_a_sheet.build, gripper.build, lambda: newton_bodies(None, None, 1e-3)):
         with pytest.raises(InputError) as caught:
             make()

@@ -265,7 +265,7 @@ def test_bodies_without_a_surface_leave_nothing_of_it():
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ({"shape": Cylinder(0.1, 0.1)}, "a cylinder has no edges: expected a Sphere, Capsule, Box or TriangleMesh"),
+        ({"shape": Cylinder(0.1, 0.1)}, "expected a Sphere, Capsule, Box or TriangleMesh, got a cylinder"),
         ({"surface": 1}, "RigidBody.surface = 1: expected True or False"),
     ],
 )

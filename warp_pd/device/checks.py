@@ -104,10 +104,10 @@ def not_negative(name: str, value: Any) -> float:
 
 
 def count(name: str, value: Any, least: int) -> int:
-    """`value` as an int, at least `least`.
+    """Return `value` as an int.
 
     Raises:
-        InputError: if it is not.
+        InputError: if it is not a whole number of at least `least`.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} = {said(value)}: expected a whole number of {least} or more")

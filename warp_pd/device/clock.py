@@ -38,7 +38,7 @@ class Clock:
     advance: Array | None = None
 
     def register(self, schedule: Schedule | None) -> int | None:
-        """Register a schedule and return its index; None for None."""
+        """Register a schedule and return its index; without a schedule return None."""
         if schedule is None:
             return None
         self.schedules.append(schedule)

@@ -297,8 +297,8 @@ class Stage:
     ) -> None:
         """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
 
-        A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
-        `only_if` where it can be left out: on a CPU, and `grouped` on a GPU.
+        With `alone` it is not joined; this suits work at few points that needs many registers. A stage with `only_if`
+        is not joined either where it can be skipped: on a CPU, and on a GPU if `grouped`.
 
         Raises:
             TypeError: if an argument is missing or unknown.

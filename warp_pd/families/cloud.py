@@ -96,7 +96,7 @@ def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray,
     if len(lone):
         raise InputError(
             f"points[{lone[0]}] at {sheet.points[lone[0]].tolist()} has no neighbour within the horizon "
-            f"{horizon.length:.6g} m: expected points with at least one; raise the horizon or remove the point"
+            f"{horizon.length:.6g} m: expected at least one; increase the horizon or remove the point"
         )
 
 

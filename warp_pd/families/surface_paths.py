@@ -10,8 +10,8 @@ from ..geometry.topology import boundary_edges, undirected
 # Longest path along the edges of the triangles between points that share a bond, over their distance: a square lattice
 # without one of its diagonals has 1.42.
 LONGEST_PATH = 1.5
-# Longest way around the tip of a slit of two points that share a bond, over their distance, as in visibility.py; and
-# how far points on a slit are moved into their triangles.
+# Longest path around the tip of a slit between two bonded points, divided by their distance, as in visibility.py; and
+# the fraction by which points on a slit are moved into their triangles.
 DETOUR, ASIDE = 1.2, 1e-3
 # A pair of points is looked at if its normals turn by more than 60 degrees, or if it leaves a tangent plane by more
 # than 30 degrees.
@@ -36,10 +36,10 @@ def apart_along(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
 
 
 def through_slits(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), have a slit between them, and not its tip nearby; bool, shape (B,).
+    """Mask, shape (B,), of pairs of points, shape (B, 2), separated by a slit and too far from its tip for a bond.
 
-    A slit is where open edges of triangles lie upon each other; each is looked at in its tangent plane. Points on it
-    are moved a little into their own triangles, so that those of two faces lie on two sides.
+    A slit is where open edges of triangles coincide; each pair of edges is examined in its tangent plane. Points on a
+    slit are moved slightly into their own triangles, so that the points of its two faces lie on different sides.
     """
     lost = np.zeros(len(pairs), bool)
     edges = boundary_edges(sheet.triangles)
@@ -69,7 +69,7 @@ def through_slits(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
         near, first, last = near[opposite], first[opposite], last[opposite]
         way = tail[near] - start + (first / (first - last))[:, None] * (head[near] - tail[near])
         at = way @ along / size
-        # A bond through the tip itself exists.
+        # A bond may pass through the tip itself.
         begin, end = (-1.0 if point in tips else 1.0 for point in (a, b))
         lost[near[(at > -begin * tolerance) & (at < size + end * tolerance)]] = True
     for tip in sheet.points[tips]:

@@ -133,7 +133,7 @@ def _limits(
     low, high = (np.array([bounds.get(name, (-np.inf, np.inf))[side] for name in vary], float) for side in (0, 1))
     for name, value, least, most in zip(vary, first, low, high, strict=True):
         if not least < value < most:
-            raise InputError(f"{name} = {value:g} starts outside its bounds {least:g} to {most:g}: expected it between")
+            raise InputError(f"{name} = {value:g}: expected an initial value inside its bounds {least:g} to {most:g}")
     return low, high
 
 

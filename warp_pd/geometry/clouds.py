@@ -85,6 +85,6 @@ def _triangles_inside(points: np.ndarray, outline: Any, spacing: float | None) -
     if len(lone):
         raise InputError(
             f"points[{lone[0]}] at {points[lone[0]].tolist()} has no triangle inside the outline: expected points on "
-            "the outline and in it, near enough to each other"
+            "and inside the outline, close enough to each other"
         )
     return np.asarray(triangles[kept])

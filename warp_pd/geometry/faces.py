@@ -49,7 +49,7 @@ def triangulate(
 
 def _refuse_crossed(where: str, faces: np.ndarray) -> None:
     if len(faces):
-        raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross: expected plain polygons")
+        raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross: expected simple polygons")
 
 
 def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -339,22 +339,23 @@ class Sheet(SelectableShape):
         return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 
     def slit(self, *path: tuple[float, float, float]) -> Sheet:
-        """A copy of a curved sheet with a slit along edges of its triangles, for a cut in a tube, sphere or mesh.
+        """A copy of a curved sheet, such as a tube, sphere or mesh, with a slit along edges of its triangles.
 
-        Each point on the slit becomes two, one for each face, and no bond crosses it; its tips stay one. An end on an
-        open edge of the sheet opens that edge. Its points are the parts "slit 1", "slit 1 left" and "slit 1 right" as
-        seen along it from outside.
+        Each point on the slit is doubled, one copy per face, and no bond crosses the slit; its tips are not doubled. An
+        end on an open edge of the sheet opens that edge. The points are the parts "slit 1", "slit 1 left" and "slit 1
+        right", as seen along the path from outside.
 
         Args:
-            path: Two or more places [m]; the slit takes the shortest way through the points nearest to them.
+            path: Two or more positions [m]; the slit follows the shortest path through the points nearest to them.
 
         Raises:
-            InputError: for a flat sheet, fewer than two places, or a slit that meets itself or an edge on its way.
+            InputError: for a flat sheet, fewer than two positions, or a slit that meets itself, or an edge except at
+                its ends.
         """
         if self.frames is None:
-            raise InputError("slit: expected a curved sheet; a flat one has cut, and cracks in Sheet.outline")
+            raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
         if len(path) < 2:
-            raise InputError(f"slit holds {len(path)} places: expected two at least")
+            raise InputError(f"slit: expected two or more positions, got {len(path)}")
         places = np.array([vector(f"slit: path[{k}]", place, 3) for k, place in enumerate(path)])
         changed, source = slit_surface(self, places, f"slit from {path[0]!r} to {path[-1]!r}")
         return replace(self, **changed, **self.at_points(lambda values: values[source]))
@@ -377,7 +378,7 @@ class Sheet(SelectableShape):
         """A copy without the points closer than `radius` [m] to `centre`; the other points stay on their grid.
 
         On a grid, cells that lost a corner are also removed, and the areas of the points around them shrink. On a
-        curved sheet, triangles that lost a corner are.
+        curved sheet, triangles that lost a corner are removed.
 
         Raises:
             InputError: if the hole contains no points or removes the whole sheet.
@@ -401,8 +402,8 @@ class Sheet(SelectableShape):
         members = self.within(centre, radius)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            inclusion = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
-            raise InputError(f"{inclusion}: expected three or more that are not collinear")
+            inclusion = f"inclusion at {centre!r} of radius {radius!r} contains {len(members)} points"
+            raise InputError(f"{inclusion}: expected three or more points that are not collinear")
         return replace(self, inclusions=(*self.inclusions, members))
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:

@@ -1,4 +1,4 @@
-"""Slits in curved surfaces of triangles."""
+"""Slits in curved triangulated surfaces."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from .triangulation import point_areas
 
 
 def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, Any], np.ndarray]:
-    """What changes in a curved shape that is slit along edges of triangles, and which point each of its points was.
+    """Slit a curved shape along edges of triangles.
 
     Args:
         shape: A curved shape.
-        path: Places on it [m], shape (L, 3); the slit goes through the points nearest to them, the shortest way.
-        name: Of the slit, for messages.
+        path: Positions on it [m], shape (L, 3); the slit is the shortest path through the points nearest to them.
+        name: Name of the slit in messages.
+
+    Returns:
+        Changed attributes of the shape, and for each new point the index of its original point.
 
     Raises:
-        InputError: for a slit that meets itself, or an edge of the sheet anywhere but with its ends, or that is one
-            edge of a triangle long.
+        InputError: if the slit meets itself, touches an edge of the sheet except at its ends, or is only one edge of a
+            triangle long.
     """
     from scipy.spatial import cKDTree
 
@@ -33,9 +36,9 @@ def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, A
     crack = np.array(stops[:1] + [p for a, b in pairwise(stops) for p in _way(shape, edges, a, b)])
     at_edge = np.isin(crack, boundary_edges(shape.triangles))
     if len(np.unique(crack)) < len(crack) or at_edge[1:-1].any():
-        raise InputError(f"{name} meets itself or an edge: expected a path in the sheet that may end on its edge")
+        raise InputError(f"{name} meets itself or an edge: expected a path in the sheet with at most its ends on edges")
     if len(crack) < 3:
-        raise InputError(f"{name} is shorter than two edges of triangles: expected a longer one")
+        raise InputError(f"{name} is shorter than two edges of triangles: expected a longer slit")
     split = split_along(shape.points, shape.triangles, crack, (bool(at_edge[0]), bool(at_edge[-1])), shape.frames)
     source = np.concatenate([np.arange(shape.size), split.doubled])
     number = next(k for k in range(1, len(shape.parts) + 2) if f"slit {k}" not in shape.parts)
@@ -55,7 +58,7 @@ def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, A
 
 
 def _way(shape: Shape, edges: np.ndarray, start: int, end: int) -> list[int]:
-    """Points after `start` on the shortest way along edges to `end`; of ways as short, the straightest."""
+    """Points after `start` on the shortest path along edges to `end`; of equally short paths, the straightest."""
     from scipy import sparse
     from scipy.sparse.csgraph import dijkstra
 

@@ -144,7 +144,7 @@ def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         arm = points - points.mean(axis=0)
         a, b, c = (arm[triangles[:, k]] for k in range(3))
         if (a * np.cross(b, c)).sum() <= 0.0:
-            raise InputError(f"{name}: expected counter-clockwise seen from outside, got clockwise")
+            raise InputError(f"{name}: expected triangles counter-clockwise seen from outside, got clockwise")
     return np.unique(open_sides).astype(np.int32)
 
 

@@ -94,8 +94,8 @@ class Exchanges:
                     wanted[k] = max(wanted.get(k, 0), depth)
                     if depth > HALO:
                         raise InputError(
-                            f"{self._launches[key].owner}: {self._launches[key].name} looks {depth} horizons around a "
-                            f"point, which several processes cannot yet do: expected up to {HALO}"
+                            f"{self._launches[key].owner}: {self._launches[key].name} uses points up to {depth} "
+                            f"horizons away: expected at most {HALO} horizons on several processes"
                         )
             new = {
                 key: max((wanted.get(k, 0) for k in access.writes if not self.fields[k].field.halo), default=0)

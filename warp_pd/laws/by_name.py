@@ -47,7 +47,7 @@ def force_law(
         return BondAssociated(material, horizon=horizon, weights=weights)
     if name == "nodal":
         if weights != "auto":
-            raise InputError(f"weights = {weights!r}: expected 'auto' with force 'nodal', which has none")
+            raise InputError(f"weights = {weights!r}: expected 'auto', because force 'nodal' has no weights")
         return Nodal(material, horizon=horizon)
     evaluation = {"neural": "torch", "neural_fused": "fused"}.get(name, name)
     return Neural(material, horizon=horizon, evaluation=evaluation, network=network, weights=weights)

@@ -1,4 +1,4 @@
-"""Families of a sheet of several materials: each region has its own, and points on an interface have several."""
+"""Families of a sheet with several materials: they end at interfaces, so interface points have several families."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Regions = Sequence[tuple[Any, Material]]
 
 @dataclass(eq=False)
 class Region:
-    """What is of one material.
+    """The part of a sheet with one material.
 
     Attributes:
         material: Index of the material.
-        sheet: The region as a sheet of its own.
-        points: Its points in the whole sheet, shape (P,).
-        share: Share of the area of each point that lies in the region, shape (P,).
-        begin: Member of each point at which its family in the region begins, shape (P,).
+        sheet: The region as a separate sheet.
+        points: Indices of its points in the whole sheet, shape (P,).
+        share: Fraction of the area of each point that lies in the region [-], shape (P,).
+        begin: Index of the first family member of each point in the region, shape (P,).
     """
 
     material: int
@@ -44,20 +44,20 @@ def region_tables(
 ) -> Tables:
     """Families and their tables; arguments and results as for `law_tables`.
 
-    The members of a point on an interface are those of its family in each region, one after the other: neighbours along
-    the interface occur in each. An intersection holds members of one region. A point has a share of its area in each,
-    but one area on the device: the influence of a member carries the share.
+    The family of a point on an interface consists of its families in all regions, one after the other, so neighbours
+    along the interface occur in each. An intersection has members of one region only. A fraction of the area of a point
+    belongs to each region; the device has one area per point, and the influence function includes the fraction.
 
     Raises:
-        InputError: for a sheet whose families are not those of a cloud, or regions that do not divide it.
+        InputError: for a sheet that is not a cloud, or regions that overlap or leave points without a triangle.
     """
     sheet, divided = context.whole, context.partition is not None
     if sheet.layout != "cloud":
-        raise InputError("sheet: expected sheet.as_cloud() with ByRegion, as families at an interface differ")
+        raise InputError("sheet: expected sheet.as_cloud() with ByRegion, because families at an interface differ")
     if sheet.cuts or sheet.bodies is not None:
-        raise InputError("sheet: expected one without cuts and rigid inclusions of an outline with ByRegion")
+        raise InputError("sheet: expected no cuts and no rigid inclusions of an outline with ByRegion")
     if divided or weights == "published":
-        raise InputError("material = ByRegion: expected one process and weights that conserve energy")
+        raise InputError("material = ByRegion: expected a single process and weights = 'plain' or 'corrected'")
     parts = _parts(sheet, regions)
     tables, width = [], np.zeros(sheet.size, int)
     for part in parts:
@@ -71,26 +71,26 @@ def region_tables(
 
 
 def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
-    """The regions and what is in none of them.
+    """The given regions, and the rest of the sheet as another region.
 
     Raises:
-        InputError: for a region without a triangle, a triangle of two regions, or a point of none.
+        InputError: for a region without triangles, a triangle in two regions, or a point without triangles.
     """
     material = np.zeros(len(sheet.triangles), int)
     for n, (points, _) in enumerate(regions, start=1):
         name = f"ByRegion.regions[{n - 1}]"
         inside = np.isin(sheet.triangles, point_indices(name, points, sheet.size)).all(axis=1)
         if not inside.any():
-            raise InputError(f"{name} holds no triangle: expected its points, those on its edge too")
+            raise InputError(f"{name} contains no triangle: expected all its points, including those on its edge")
         if material[inside].any():
-            raise InputError(f"{name} shares a triangle with regions[{material[inside].max() - 1}]: expected none")
+            raise InputError(f"{name} and regions[{material[inside].max() - 1}] overlap: expected separate triangles")
         material[inside] = n
     parts = [_part(sheet, sheet.triangles[material == n], int(n)) for n in np.unique(material)]
     cells = np.zeros(sheet.size)
     for part in parts:
         cells[part.points] += part.sheet.areas
     if (cells == 0.0).any():
-        raise InputError(f"points[{int(np.argmin(cells))}] is the corner of no triangle: expected one with ByRegion")
+        raise InputError(f"points[{int(np.argmin(cells))}] has no triangle: expected triangles at all points")
     for part in parts:
         part.share = part.sheet.areas / cells[part.points]
         part.sheet = replace(part.sheet, areas=part.share * sheet.areas[part.points])
@@ -98,7 +98,7 @@ def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
 
 
 def _part(sheet: Sheet, triangles: np.ndarray, material: int) -> Region:
-    """A region, its areas those of its Voronoi cells, on a curved sheet a third of each triangle."""
+    """A region with areas of points from Voronoi cells or, on a curved sheet, a third of each triangle."""
     points, corners = np.unique(triangles, return_inverse=True)
     corners = corners.reshape(-1, 3).astype(np.int32)
     places, edges = sheet.points[points], boundary_edges(corners)
@@ -117,7 +117,7 @@ def _part(sheet: Sheet, triangles: np.ndarray, material: int) -> Region:
 def _merged(
     sheet: Sheet, parts: list[Region], tables: list[Tables], width: int
 ) -> tuple[Families, np.ndarray, np.ndarray]:
-    """Families of all regions with `width` members, their K^-1, (N, n, 3), and weights over the area, (N, n)."""
+    """Families of all regions with `width` members, their K^-1, (N, n, 3), and weights divided by area, (N, n)."""
     shape, reference = (sheet.size, width), float(sheet.areas.mean())
     curved = sheet.frames is not None
     families = Families(

@@ -1,4 +1,4 @@
-"""A sheet of several materials, each in its region."""
+"""Different materials in different regions of a sheet."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 class ByRegion(PlaneStress):
     """Different materials in regions of one sheet, for `BondAssociated`.
 
-    A region is made of the triangles whose three corners are among its points. Families end at an interface, so that no
-    deformation gradient is fitted across a kink: a point on it has a family in every region that it belongs to, and
-    its displacement is that of all of them. A region that holds no interface point, such as a piece of `together`,
-    has families as if it were alone.
+    A region consists of the triangles whose three corners are among its points. Families end at an interface, so no
+    deformation gradient is fitted across a kink. A point on an interface has a family in each adjacent region, and one
+    displacement. A region without interface points, such as a piece of `together`, has the same families as a separate
+    sheet.
 
     Attributes:
-        material: Where there is no region; any hyperelastic material of continua.
-        regions: Pairs of points, indices or a mask, and their material, such as
+        material: Material outside all regions; any hyperelastic continuum material.
+        regions: Pairs of points (indices or a mask) and a material, such as
             `[(sheet.where(lambda x, y: x >= 0.05), Gent(...))]`. An interface runs along edges of triangles, so points
-            on it belong to both sides. Regions share no triangle.
+            on it belong to both sides. Regions must not overlap.
 
     Raises:
-        InputError: for what is not a material, has no regions, or pairs of something else.
+        InputError: if a material is not one, or the regions are not 1 to 255 pairs of points and a material.
     """
 
     material: Material
@@ -42,15 +42,15 @@ class ByRegion(PlaneStress):
         ):
             raise InputError("ByRegion.regions: expected pairs of points and a material, such as [(points, Gent(...))]")
         if not 0 < len(self.regions) < 256:
-            raise InputError(f"ByRegion.regions holds {len(self.regions)} regions: expected 1 to 255")
+            raise InputError(f"ByRegion.regions: expected 1 to 255 regions, got {len(self.regions)}")
         for material in self.materials:
             check_material(material, "functions")
             if capabilities(material).regions:
-                raise InputError("ByRegion: expected a material of one kind in each region, got another ByRegion")
+                raise InputError("ByRegion: expected a single material in each region, got another ByRegion")
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The material without a region, and those of the regions."""
+        """The material outside the regions, then those of the regions."""
         return (self.material, *(material for _, material in self.regions))
 
     @property
@@ -59,32 +59,32 @@ class ByRegion(PlaneStress):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Those of all materials, and the index of one, for kernels/by_region.py."""
+        """Constants of all materials, and the index of the first one, for kernels/by_region.py."""
         return (*(number for material in self.materials for number in padded_constants(material)), 0.0)
 
     @property
     def isotropic(self) -> bool:  # type: ignore[override]
-        """Whether all are."""
+        """Whether all materials are isotropic."""
         return all(known.isotropic for known in self._known)
 
     @property
     def goes_slack(self) -> bool:
-        """Whether none carries anything in compression."""
+        """Whether no material carries compression."""
         return all(known.goes_slack for known in self._known)
 
     @property
     def lock(self) -> float | None:
-        """The least lock [-]; None without one."""
+        """The smallest `lock` of the materials [-]; None if no material has one."""
         return min((known.lock for known in self._known if known.lock is not None), default=None)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of all materials."""
+        """Notes of all materials."""
         return tuple(dict.fromkeys(note for known in self._known for note in known.notes))
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """Warp functions that take the material of a bond, made by `kernels.by_region.by_region`."""
+        """Warp functions that select the material of a bond, from `kernels.by_region.by_region`."""
         from ..kernels.by_region import by_region
         from ..kernels.materials import MaterialFunctions
 

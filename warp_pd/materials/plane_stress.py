@@ -41,7 +41,7 @@ class PlaneStress:
 
     @property
     def membrane(self) -> PairFactory | None:
-        """Factory of (volume change, shear modulus)."""
+        """Factory of the Warp functions for volume change and shear modulus; None if the material has none."""
         return self.on_device.membrane
 
     @property

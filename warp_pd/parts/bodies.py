@@ -26,18 +26,18 @@ from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 
-# Layer on the surface in which a point counts as touching, in spacings: more than its place is rounded by.
+# Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
 SKIN = 1e-4
-# How far from a point the surface of a mesh is sought [spacings], and how wrong the search may be, over the size.
+# Search distance for the surface of a mesh [spacings], and largest error of the search, divided by the body size.
 FAR, UNSURE = 4.0, 1e-5
-# The most that a body with edges moves in a step, over the spacing, if triangles touch it: at twice that they cut in.
+# Longest motion of a body with edges in a step if triangles touch it [spacings]; at twice that its edges cut in.
 EDGE_TRAVEL = 0.05
-# How far a free body may yield to points in a step before points of large sheets are marked again [spacings].
+# Distance by which a free body may yield in a step before the points of large sheets are marked again [spacings].
 SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
-# Static contact: how many times stiffer every round is than the one before, and how far a point may be from where it is
-# kept, in float64 and float32 [spacings].
+# Static contact: factor by which the stiffness grows from round to round, and largest distance of a point from the
+# surface in float64 and float32 [spacings].
 STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
 
 
@@ -53,12 +53,12 @@ class RigidBody(Contact):
         shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
         motion: BodyPath or Free.
         friction: Coefficient of Coulomb friction; 0 for none.
-        name: What its columns of the history begin with; bodies of one scene have different names.
-        surface: Whether triangles of the sheet press on it, not only points: it may be thinner than the spacing. For
-            Sphere, Capsule, Box and TriangleMesh. Triangles that a crack cuts do not press.
+        name: Prefix of its columns of the history; bodies of one scene need different names.
+        surface: Whether triangles of the sheet have contact with it, not only points, so that it may be thinner than
+            the spacing. Only for Sphere, Capsule, Box and TriangleMesh. Triangles cut by a crack have no contact.
 
     Raises:
-        InputError: for a wrong shape or motion, negative friction, or a surface with another shape.
+        InputError: for a wrong shape or motion, negative friction, or `surface` with another shape.
     """
 
     shape: BodyShape
@@ -84,8 +84,8 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
         if self.surface and self.shape.segments() is None:
             raise InputError(
-                f"RigidBody {self.name!r}: surface = True: a {self.shape.kind} has no edges: expected a Sphere, "
-                "Capsule, Box or TriangleMesh"
+                f"RigidBody {self.name!r}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "
+                f"{self.shape.kind}"
             )
 
     def check(self, others: Sequence[Part]) -> None:
@@ -113,7 +113,7 @@ class RigidBody(Contact):
         """Build the body on a device.
 
         Raises:
-            InputError: for friction, a free body or a surface with a static solver.
+            InputError: for friction, a free body or `surface` with a static solver.
         """
         at_rest = self.loads_at_rest and not context.features.dynamic
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
@@ -130,7 +130,7 @@ class BuiltBody(BuiltContact):
         self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
         self.meets_others = part.meets_others
         name, sheet, types = part.name, context.sheet, context.types
-        # A thinner body passes between points.
+        # A thinner body would pass between points.
         if part.shape.bounded and not part.surface:
             what = f"RigidBody {name!r}: surface = {part.surface}: smallest extent"
             resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
@@ -182,7 +182,7 @@ class BuiltBody(BuiltContact):
             )
 
     def _distances(self, points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """Signed distances of points [m] from the surface of the body at a place and unit quaternion."""
+        """Signed distances [m] of points from the body at a given position and unit quaternion."""
         arms = in_frame(points, place, rotation)
         return signed_distances(self.part.shape, arms, self.context.device, (self._body, self._mesh))[:, 3]
 
@@ -296,8 +296,8 @@ class BuiltBody(BuiltContact):
     def step_limit(self) -> StepLimit | None:
         """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of its thickness.
 
-        With friction, the initial velocity of the sheet is added to that of the body: points that friction stops in a
-        step in which their neighbours move half a spacing overstretch the sheet.
+        With friction, the initial speed of the sheet is added to that of the body: if friction stopped a point while
+        its neighbours moved half a spacing, the sheet would be overstretched.
         """
         shape, sheet, context = self.part.shape, self.context.whole, self.context
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
@@ -340,11 +340,11 @@ class BuiltBody(BuiltContact):
 
 
 class BodyAtRest(BuiltBody, BuiltLoad):
-    """A body in static equilibrium: it presses on points without friction, see kernels/static_contact.py.
+    """Frictionless contact with a body in static equilibrium; see kernels/static_contact.py.
 
     Attributes:
-        multiplier: Pressure at the last equilibrium [Pa], (N,) float64.
-        blocks: Change of the force on each point with its displacement [N/m], (N,) mat33.
+        multiplier: Lagrange multiplier: pressure at the last equilibrium [Pa], (N,) float64.
+        blocks: Derivative of the force on each point by its displacement [N/m], (N,) mat33.
     """
 
     follows_displacement = True
@@ -356,7 +356,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         ):  # fmt: skip
             if value != wanted:
                 raise InputError(
-                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with Newton, or Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types
@@ -386,24 +386,24 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         stage.launch(self.part.name, kernel, points, displacement=displacement, a=self._contact(), **arrays)
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of the motion, and those of what frames show."""
+        """Add the launches of the motion and, for frames, those of forces and torques."""
         self.motion.add(phase, stage)
         if phase is Phase.FRAME:
             displacement = self.context.state.displacement
             self._launch(stage, self._kernels.show, displacement, force=self.impulse, turn=self.turn)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launch that pushes points."""
+        """Add the launch that adds the contact forces to `out`."""
         self._launch(stage, self._kernels.press, displacement, out=out)
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `blocks`, and a stage that settles."""
+        """Add the launch that fills `blocks`, and the stage that updates the multipliers."""
         self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
         settle = self.context.stage(f"settle {self.part.name}", "every equilibrium")
         self._launch(settle, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
 
     def stiffen(self, modulus: float) -> None:
-        """Press about as stiffly as a point hangs on its neighbours."""
+        """Set the contact stiffness, unless it is set, to about that of the sheet at a point; `modulus` in [Pa]."""
         sheet = self.context.sheet
         if not self._stiffness.numpy()[0]:
             stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
@@ -411,7 +411,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._softest = float(self._stiffness.numpy()[0])
 
     def settle(self) -> bool:
-        """Take the pressure as multiplier; whether a point is off the surface, on which the next round then presses."""
+        """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""
         context = self.context
         context.run(f"settle {self.part.name}")
         stiffness = self._stiffness.numpy()
@@ -420,5 +420,5 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         return off
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Force [N] and torque about the centre [N m] on the body; its place."""
+        """Force [N] and torque about the centre [N m] on the body; its position."""
         return super().columns(totals, 1.0)

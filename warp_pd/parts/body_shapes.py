@@ -13,7 +13,7 @@ from ..device.checks import InputError, positive, vector
 from ..kernels import distances
 
 Outline = tuple[np.ndarray, np.ndarray]
-# Corners of a circle that is drawn, and arcs from pole to pole.
+# Number of corners of a drawn circle, and of arcs from pole to pole.
 AROUND, ARCS = 32, 16
 
 
@@ -56,7 +56,7 @@ class BodyShape(Protocol):
         return None
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """What may enter a triangle: vertices [m], (V, 3), pairs of them, (S, 2), and a radius [m]; None: unknown."""
+        """Segments for contact with triangles: vertices [m], (V, 3), vertex pairs, (S, 2), and radius [m]; or None."""
         return None
 
 
@@ -85,7 +85,7 @@ class Sphere(BodyShape):
         return self.diameter
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """The centre, with the radius."""
+        """One segment of zero length at the centre, with the radius of the sphere."""
         return np.zeros((1, 3)), np.array([[0, 0]]), self.radius()
 
     def inertia(self) -> np.ndarray:
@@ -170,7 +170,7 @@ class Capsule(BodyShape):
         return self.diameter
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """The axis, with the radius."""
+        """The axis, with the radius of the capsule."""
         radius, half = self.sizes()
         return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), np.array([[0, 1]]), radius
 
@@ -265,12 +265,12 @@ class Box(BodyShape):
         return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """The edges."""
+        """The twelve edges, with zero radius."""
         return *convex_edges(*self.outline(0.0)), 0.0
 
 
 def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of a closed surface, and pairs of them, (S, 2), along which it is convex."""
+    """The vertices [m], (V, 3), and the convex edges of a closed surface as vertex pairs, (S, 2)."""
     face, corner, beyond = _sides(triangles)
     begin, end, opposite = (triangles[face, (corner + k) % 3] for k in (1, 2, 0))
     normals = _unit_normals(vertices, triangles)[face[beyond]]
@@ -280,7 +280,7 @@ def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
 
 
 def side_and_corner_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals of the sides opposite to the corners of triangles, and of the corners, by angles: (F, 6, 3)."""
+    """Normals of the sides opposite the corners of triangles, then angle-weighted normals of the corners, (F, 6, 3)."""
     normals = _unit_normals(vertices, triangles)
     face, _, beyond = _sides(triangles)
     sides = (normals[face] + normals[face[beyond]]).reshape(3, -1, 3)
@@ -292,11 +292,11 @@ def side_and_corner_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.n
 
 
 def _sides(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the sides of a closed surface, corner by corner: triangle, corner opposite, and the same side beyond."""
+    """Sides of a closed surface: triangle, opposite corner, index of the same side in the neighbour; (3 F,) each."""
     face, corner = np.tile(np.arange(len(triangles)), 3), np.repeat(np.arange(3), len(triangles))
     begin, end = triangles[face, (corner + 1) % 3], triangles[face, (corner + 2) % 3]
     beyond = np.empty(len(face), np.int64)
-    # There the side runs the other way.
+    # In the neighbouring triangle the side runs the other way.
     beyond[np.lexsort((begin, end))] = np.lexsort((end, begin))
     return face, corner, beyond
 
@@ -308,7 +308,7 @@ def _unit_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
-    """Surface of revolution of a profile, from top to bottom, about z; its first and last radius are zero."""
+    """Surface of revolution of a profile about z, from top to bottom; the first and last radius are zero."""
     angle = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
     circles = np.stack(
         [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.repeat(heights[:, None], AROUND, axis=1)],
@@ -329,7 +329,7 @@ def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
 
 
 def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Points [m], shape (N, 3), in the frame of a body at a place and unit quaternion."""
+    """Points [m], shape (N, 3), in the frame of a body with a given position [m] and unit quaternion."""
     arms, back = points - place, -rotation[:3]
     axis = np.cross(back, arms)
     return np.asarray(arms + 2.0 * (rotation[3] * axis + np.cross(back, axis)))

@@ -17,8 +17,8 @@ from ..kernels.damage import face_damage
 from .body_shapes import BodyShape, in_frame
 from .built_motion import BuiltMotion
 
-# Iterations of a half step, and the layer around the segments of the body in which triangles are held away, over the
-# smaller of its thickness and the spacing: more than iterations leave.
+# Iterations per half step, and thickness of the layer around the segments of the body that triangles stay outside,
+# divided by the smaller of body thickness and spacing; the layer is thicker than the error left by the iterations.
 ITERATIONS, LAYER = 32, 0.02
 
 
@@ -26,9 +26,9 @@ class BodySurface:
     """Contact of triangles with one body; see kernels/surface_contact.py.
 
     Attributes:
-        changes: What it changes of the velocity of each point in a half step [m/s], (N,) vec3d.
-        rubbing: The part of it by friction [m/s], (N,) vec3d, or None.
-        when: What launches take that need not run while no triangle is near.
+        changes: Velocity change of each point by the contact in a half step [m/s], (N,) vec3d.
+        rubbing: The part of `changes` caused by friction [m/s], (N,) vec3d, or None.
+        when: Arguments of launches that are skipped while no triangle is near.
         edged: Whether the body has edges without a radius.
     """
 
@@ -71,7 +71,7 @@ class BodySurface:
         self._constraints = with_values(made.constraints(), {**self._found, **sides})
         self._earlier = room("earlier", wp.float64, "table", size)
         self._gaps = room("gaps", wp.float64, "table", size)
-        # An iteration reads one and writes the other.
+        # An iteration reads one of these and writes the other.
         kinds = {"pushes": wp.vec4d, "pressed": wp.uint8}
         self._given = [
             {what: room(what + later, dtype, "table", size) for what, dtype in kinds.items()}
@@ -97,10 +97,10 @@ class BodySurface:
             }  # fmt: skip
 
     def check_apart(self, name: str, place: np.ndarray, rotation: np.ndarray) -> None:
-        """Refuse a body that begins nearer than the layer, or with a side of a triangle through it.
+        """Check that the body starts further from the sheet than the layer, and that it crosses no triangle.
 
         Raises:
-            InputError: with the nearest triangle.
+            InputError: otherwise; the message names the nearest triangle.
         """
         context, sheet = self.context, self.context.sheet
         corners = in_frame(sheet.positions + context.initial_displacement, place, rotation)[sheet.triangles]
@@ -118,7 +118,7 @@ class BodySurface:
             )
 
     def add(self, stage: Stage, at_end: bool, **body: Any) -> None:
-        """Add the launches that fill `changes` and `rubbing`; `body` has the body's members of the kernel struct."""
+        """Add the launches that fill `changes` and `rubbing`; `body`: values of the kernel struct for the body."""
         name, context, made, state = self.name, self.context, self._kernels, self.context.state
         if self._intact is not None and not at_end:
             stage.launch(
@@ -138,7 +138,7 @@ class BodySurface:
             **self._found,
         )  # fmt: skip
         for iteration in range(1 + ITERATIONS):
-            # The first iteration only tells which triangles press; the last one ends where it is.
+            # The first iteration only finds which triangles press; the last one has no momentum.
             momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
             stage.launch(
                 name, made.press, self._faces, momentum=momentum, earlier=self._earlier, **self._yielded,
@@ -164,14 +164,14 @@ class BodySurface:
         )  # fmt: skip
 
     def add_end(self, stage: Stage) -> None:
-        """Add the launch after the last one that takes `when`."""
+        """Add the launch that resets the flag of `when`; call it after all launches that use `when`."""
         stage.launch(
             self.name, self._kernels.clear, 1, any_near=self._any, changes=self._yielded["changes"], **self.when
         )
 
 
 def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tuple[Any, wp.Bvh]:
-    """The segments of a body, and their tree, which must live as long."""
+    """Segments of a body for the kernels, and their Warp tree, which must stay alive with them."""
     found = shape.segments()
     assert found is not None
     vertices, pairs, radius = found

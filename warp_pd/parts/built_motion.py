@@ -14,11 +14,11 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.body_motion import Equations, Given, free_motion, path_motion, vec6d
 
-# Points from which those that may touch are marked first: below, launches cost more than registers.
+# Number of points from which those that may touch are marked first; on smaller sheets the extra launches cost more.
 MARKED_FROM = 2**17
-# Sums over points: threads of a block of a GPU, and the most blocks.
+# Sums over points: number of threads per block on a GPU, and maximum number of blocks.
 LANES, MOST_BLOCKS = 256, 512
-# What a free body gives to the sheet, and what is lost; the last with friction only.
+# Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
 
@@ -57,7 +57,7 @@ class BuiltMotion:
         """Allocate the arrays of the pose."""
         self.name, self.context = name, context
         points = context.sheet.size
-        # By the whole sheet: several processes take the same kernels as one.
+        # The size of the whole sheet decides, so that several processes use the same kernels as one.
         large = context.whole.size >= MARKED_FROM
         self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
         place, turned = pose
@@ -72,14 +72,14 @@ class BuiltMotion:
         """Add the launches that move the body."""
 
     def yields(self, stage: Stage, at_end: bool) -> None:
-        """Add launches between the search for touching points and their projection or, `at_end`, separation."""
+        """Add launches between the search for touching points and their projection (`at_end`: their separation)."""
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
-        """Mass [kg] and inertia in its frame [kg m^2], (3, 3), of a body that feels the sheet."""
+        """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
         return None
 
     def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
-        """Add launches after the points have received their impulses."""
+        """Add launches after the points have received their impulses; `when`: options of these launches."""
 
     def sums(self) -> dict[str, Array]:
         """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
@@ -114,7 +114,7 @@ class OnPath(BuiltMotion):
         self.knots = self._array("times", wp.float64, times, led, per)
         self.places = self._array("places", wp.vec3d, positions, led, per)
         self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
-        # The clock runs where there are schedules.
+        # The clock runs only if there is a schedule.
         context.clock.register(Schedule(np.array([0.0]), positions[:1]))
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -207,7 +207,7 @@ class InFlight(BuiltMotion):
     def yields(self, stage: Stage, at_end: bool) -> None:
         """Add the launches that compute the response of the body to the touching points, and move it."""
         state = self.context.state
-        # The second time without the points that would have to be pulled.
+        # The second time leaves out points that would have to be pulled.
         for again in (0, 1):
             stage.launch(
                 self.name, self._kernels.gather, self._threads, block_dim=LANES, mass=state.mass, marks=self.marks,
@@ -223,7 +223,7 @@ class InFlight(BuiltMotion):
 
     def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
         """Add the launches that subtract the points' impulses from the body."""
-        # Before the end of the step, the internal force need not wait for them.
+        # Before the end of the step, the internal force does not need their results.
         beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end and not when, **when}
         stage.launch(
             self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,

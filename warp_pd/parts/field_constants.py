@@ -1,4 +1,4 @@
-"""Length and strength of a damage field, from what a user gives of them."""
+"""Length, strength and other constants of a damage field, from the arguments of `TearingEnergy`."""
 
 from __future__ import annotations
 
@@ -7,39 +7,39 @@ import numpy as np
 from ..device.checks import InputError
 from ..interfaces import BuiltLaw
 
-# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
+# Default length divided by the spacing, and its minimum divided by the horizon; see docs/tearing-energy.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
-# Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
+# Smallest length divided by the horizon; with a shorter length damage would not reach all families cut by a tear.
 MIN_LENGTH = 0.75
-# A tear begins at 1 + BIAS[0] x + BIAS[1] x^2 times the energy that the field is given, x = horizon / length, as
-# families average over the horizon. Fitted to strips of three horizons and five grids, see docs/tearing-energy.md.
+# A tear takes 1 + BIAS[0] x + BIAS[1] x^2 times the tearing energy of the field, x = horizon / length, because families
+# average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing-energy.md.
 BIAS = (0.12, 0.075)
 
 
 def bias(ratio: float) -> float:
-    """Energy that a tear takes over the one that the field is given, at a ratio of the horizon to the length."""
+    """Energy of a tear divided by the tearing energy of the field; `ratio`: horizon divided by length."""
     return 1.0 + BIAS[0] * ratio + BIAS[1] * ratio**2
 
 
 class FieldConstants:
-    """What the tearing energy, and the length or the strength of intact material, make of a field.
+    """Constants of a damage field, from the tearing energy and the length or strength of intact material.
 
     Attributes:
-        resolved: Length that the spacing resolves [m].
+        resolved: Shortest length that the spacing resolves [m].
         length: Length of the field [m].
-        units: Energy density of the field [J/m^3]: 3 Gc / (8 length) without what families average over; a number, or
-            that of each point of the whole sheet.
-        limit: Energy density at which intact material begins to tear [J/m^3], the least of all points.
-        steepness: -dg/dd at d = 0, see kernels/stiffness_left.py; 2 if the strength is that of the length.
+        units: Energy density of the field [J/m^3]: 3 Gc / (8 length), divided by `bias`; a number, or one value per
+            point of the whole sheet, (N,).
+        limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
+        steepness: -dg/dd at d = 0, see kernels/stiffness_left.py; 2 if the strength follows from the length.
 
     Args:
-        energy: Tearing energy [J/m^2], a number or that of each point.
-        length: As of TearingEnergy, or None.
-        strength: Likewise.
-        stretch_at_break: Likewise.
+        energy: Tearing energy [J/m^2], a number or one value per point, (N,).
+        length: `TearingEnergy.length` [m], or None.
+        strength: `TearingEnergy.strength` [J/m^3], or None.
+        stretch_at_break: `TearingEnergy.stretch_at_break` [-], or None.
         law: The law.
-        spacing: Of the sheet [m].
-        extent: Of the sheet, its diagonal [m].
+        spacing: Spacing of the sheet [m].
+        extent: Diagonal of the sheet [m].
 
     Raises:
         InputError: for a length that is too short for the families or longer than the sheet, or a strength that is too
@@ -64,7 +64,7 @@ class FieldConstants:
         if length is not None and length < least:
             raise InputError(
                 f"TearingEnergy.length = {length:g}: expected {least:.3g} m or more at a horizon of "
-                f"{self._horizon:.3g} m; better {self.resolved:.3g} m"
+                f"{self._horizon:.3g} m; {self.resolved:.3g} m is recommended"
             )
         self.length = max(self.wanted_length() or 0.0, self.resolved) if length is None else length
         if self.length > extent:
@@ -85,12 +85,12 @@ class FieldConstants:
         self.steepness = unit / self.limit
 
     def softened(self, damage: np.ndarray) -> np.ndarray:
-        """1 - sqrt(g) of a damage, see kernels/damage_field.py."""
+        """1 - sqrt(g) for an array of damage, see kernels/damage_field.py."""
         part = self.steepness * damage * (1.0 + min(1.0, 1.5 * (self.steepness - 2.0) - 0.5) * damage)
         return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
 
     def wanted_length(self) -> float | None:
-        """The length that follows from the strength [m]; None without one, or where a length is given."""
+        """Length that follows from the strength [m]; None without a strength, or if a length is given."""
         if self._strength is None or self._given_length is not None:
             return None
         # length * bias(length) = 3 Gc / (16 strength)
@@ -98,12 +98,12 @@ class FieldConstants:
         return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * BIAS[1] * self._horizon**2, 0.0))))
 
     def resolving_length(self) -> float:
-        """The length of the strength on a sheet whose spacing just resolves it [m]."""
+        """Length that follows from the strength [m] on a sheet whose spacing just resolves that length."""
         strength = self._strength or self.limit
         return 3.0 * self._least_energy / (16.0 * strength * bias(self._horizon / self.resolved))
 
     def notes(self) -> list[str]:
-        """What the tearing energy stands for."""
+        """Notes on the length and strength in use."""
         upto = f" to {0.5 * self.units.max():.4g}" if isinstance(self.units, np.ndarray) else ""
         said = [
             f"the tearing energy has a length of {self.length:.4g} m: intact material begins to tear at "
@@ -113,14 +113,14 @@ class FieldConstants:
         if wanted is not None and wanted < self.resolved:
             needed = self.resolving_length()
             said.append(
-                f"the strength needs a length of {needed:.3g} m, which a spacing of "
-                f"{self._spacing * needed / self.resolved:.3g} m resolves: intact material is weaker here than it "
-                f"should be, cracks are not"
+                f"the strength needs a length of {needed:.3g} m, which needs a spacing of "
+                f"{self._spacing * needed / self.resolved:.3g} m: intact material is weaker than specified, cracks are "
+                f"not affected"
             )
         return said
 
 
 def energy_at_break(law: BuiltLaw, stretch: float) -> float:
-    """Energy density at a stretch of uniaxial tension [J/m^3]: the least of all widths."""
+    """Energy density at a uniaxial stretch [J/m^3]: the minimum over the transverse stretch."""
     widths = np.geomspace(1.0 / stretch, 1.0, 2000)
     return float(np.nanmin(law.energy_density(np.full_like(widths, stretch), widths)))

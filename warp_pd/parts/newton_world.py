@@ -1,4 +1,4 @@
-"""Bodies that live in Newton's world: Newton moves them, the sheet gives them force and torque.
+"""Bodies simulated by Newton: Newton moves them, and the sheet exerts forces and torques on them.
 
 Newton (https://github.com/newton-physics/newton) is a physics engine on Warp, with contacts, joints and motors. See
 docs/contact.md.
@@ -33,7 +33,7 @@ OWNER = "newton"
 
 
 def load_newton() -> Any:
-    """The package `newton`, imported here alone.
+    """Import the package `newton`; no other function imports it.
 
     Raises:
         InputError: if it is not installed.
@@ -42,7 +42,7 @@ def load_newton() -> Any:
         import newton
     except ImportError:
         raise InputError(
-            "bodies of Newton: expected an installed newton (pip install 'warp-pd[bodies]'), found none"
+            "newton_bodies: expected the package newton, which is not installed (pip install 'warp-pd[bodies]')"
         ) from None
     return newton
 
@@ -50,19 +50,22 @@ def load_newton() -> Any:
 def newton_bodies(
     builder: Any, solver: Callable[[Any], Any], step: float, shapes: Sequence[str] | None = None, collide: bool = True
 ) -> list[Contact]:
-    """Bodies of a Newton world as the contacts of a scene; the rest of the world moves with them.
+    """Contacts of a scene with the bodies of a Newton model; the rest of the model is simulated, too.
 
     Args:
-        builder: A `newton.ModelBuilder`; every run builds its model anew, on its own device. Spheres, capsules,
-            cylinders, boxes, meshes and infinite planes touch the sheet, with their coefficient of friction.
-        solver: What makes one of Newton's solvers of a model, such as `newton.solvers.SolverXPBD`.
-        step: Step of Newton's solver [s]; shortened until a frame takes a whole number of steps.
-        shapes: Labels of the shapes that touch the sheet; None: all that touch others in Newton. Contacts and columns
-            of the history are called by these labels.
+        builder: A `newton.ModelBuilder`; every run builds its own model on its own device. Spheres, capsules,
+            cylinders, boxes, meshes and infinite planes can touch the sheet, with their coefficient of friction.
+        solver: Class or function that makes a Newton solver from a model, such as `newton.solvers.SolverXPBD`.
+        step: Step of Newton's solver [s]; shortened so that a frame is a whole number of steps.
+        shapes: Labels of the shapes that touch the sheet; None for all shapes that collide in Newton. The labels name
+            the contacts and their columns of the history.
         collide: Whether shapes touch each other.
 
+    Returns:
+        One contact per shape, and the world that moves them. All of them must be in the scene.
+
     Raises:
-        InputError: without Newton, for another builder, an unknown label, or a shape of another kind.
+        InputError: if Newton is not installed, for another type of builder, an unknown label, or an unsupported shape.
     """
     newton = load_newton()
     if not isinstance(builder, newton.ModelBuilder):
@@ -75,7 +78,7 @@ def newton_bodies(
     chosen = [label for label, flags in zip(labels, builder.shape_flags, strict=True) if flags & touches]
     for label in shapes or ():
         if label not in labels:
-            raise InputError(f"newton_bodies: shapes: {label!r}: expected labels of shapes, one of {labels}")
+            raise InputError(f"newton_bodies: shapes: expected labels from {labels}, got {label!r}")
     poses, found = _poses(newton, builder), []
     for index in [labels.index(label) for label in (chosen if shapes is None else shapes)]:
         shape, frame = _shape(newton, builder, index)
@@ -86,12 +89,12 @@ def newton_bodies(
         name = re.sub(r"\W", "_", labels[index])
         found.append(NewtonBody(shape, motion, float(builder.shape_material_mu[index]), name))
     if not found:
-        raise InputError("newton_bodies: shapes: expected one that touches the sheet, at least")
+        raise InputError("newton_bodies: shapes: expected at least one shape that touches the sheet, got none")
     return [*found, NewtonWorld(_Recipe(builder, found), solver, step, collide)]
 
 
 def _poses(newton: Any, builder: Any) -> list[wp.transformd]:
-    """Poses of the bodies at the start; those of joints follow from their coordinates."""
+    """Initial poses of the bodies; for bodies with joints they follow from the joint coordinates."""
     if all(kind == newton.JointType.FREE for kind in builder.joint_type):
         return [wp.transformd(*map(float, pose)) for pose in builder.body_q]
     model = builder.finalize(device="cpu")
@@ -101,10 +104,10 @@ def _poses(newton: Any, builder: Any) -> list[wp.transformd]:
 
 
 def _shape(newton: Any, builder: Any, index: int) -> tuple[BodyShape, wp.transformd]:
-    """A shape of Newton's, and its frame in that of its body.
+    """Convert a Newton shape; also return its pose in the frame of its body.
 
     Raises:
-        InputError: for a shape of another kind.
+        InputError: for an unsupported kind of shape.
     """
     kinds, kind = newton.GeoType, builder.shape_type[index]
     size = [float(x) for x in builder.shape_scale[index]]
@@ -129,13 +132,13 @@ def _shape(newton: Any, builder: Any, index: int) -> tuple[BodyShape, wp.transfo
 
 @dataclass(frozen=True)
 class NewtonMotion(BodyMotion):
-    """How a shape of Newton's moves.
+    """Motion of a Newton shape.
 
     Attributes:
-        body: Its body in Newton's model; -1: none, it stands still.
+        body: Index of its body in Newton's model; -1 for a fixed shape.
         frame: Position [m] and unit quaternion of the shape in the frame of the body, 7 numbers.
-        start: Those in the world at time 0.
-        moving: Velocity of the body's centre of mass [m/s] and its spin [1/s] at time 0.
+        start: Position and quaternion of the shape in the world at time 0, 7 numbers.
+        moving: Velocity of the body's centre of mass [m/s] and its spin [1/s] at time 0, 6 numbers.
     """
 
     body: int
@@ -146,19 +149,19 @@ class NewtonMotion(BodyMotion):
     free: ClassVar[bool] = False
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position [m] and quaternion at the start; later ones only the run knows."""
+        """Position [m] and unit quaternion at time 0; later poses are known only in the run."""
         return np.array(self.start[:3]), np.array(self.start[3:])
 
     def speed(self, radius: float) -> float:
-        """Largest speed at the start of a point at a distance [m] from the centre of mass [m/s]."""
+        """Largest initial speed [m/s] of points within a distance [m] from the centre of mass."""
         spin = float(np.linalg.norm(self.moving[3:]))
         return float(np.linalg.norm(self.moving[:3])) + (radius * spin if spin > 0.0 else 0.0)
 
     def check(self, shape: BodyShape) -> None:
-        """Newton has checked it."""
+        """Accept every shape, because `newton_bodies` has checked it."""
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
-        """A path that Newton goes on with."""
+        """Build a path that Newton extends during the run."""
         place, rotation = self.pose(0.0)
         knots = np.zeros(2), np.tile(place, (2, 1)), np.tile(rotation, (2, 1))
         return OnPath(name, (place, rotation), knots, context, led=True)
@@ -166,7 +169,7 @@ class NewtonMotion(BodyMotion):
 
 @dataclass(frozen=True)
 class NewtonBody(RigidBody):
-    """A shape of Newton's as a body of the scene; `newton_bodies` makes it."""
+    """A Newton shape as a body of the scene; created by `newton_bodies`."""
 
     motion: NewtonMotion
 
@@ -174,25 +177,25 @@ class NewtonBody(RigidBody):
     loads_at_rest: ClassVar[bool] = False
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that no other body has its name, and that its world is there.
+        """Check that no other body has the same name, and that the scene has its world.
 
         Raises:
-            InputError: if not.
+            InputError: otherwise.
         """
         super().check(others)
         if not any(self is body for other in others for body in getattr(other, "bodies", ())):
-            raise InputError(f"contact: {self.name!r} is a body of Newton's: expected all that newton_bodies gave")
+            raise InputError(f"contact: {self.name!r} has no Newton world: expected all contacts from newton_bodies")
 
 
 class _Recipe:
-    """A builder, as a restart file and the description of a scene know it, and the bodies of the scene."""
+    """A builder and the bodies of the scene; its repr has a hash that identifies the model in restart files."""
 
     def __init__(self, builder: Any, bodies: Sequence[NewtonBody]) -> None:
         self.builder, self.bodies = builder, tuple(bodies)
 
     def __repr__(self) -> str:
         lists = {name: values for name, values in vars(self.builder).items() if isinstance(values, list)}
-        # Vertices are in the shapes of the contacts; not every type of Warp's shows its numbers.
+        # Vertices are already in the shapes of the contacts. The repr of some Warp types has no numbers.
         data = {name: [np.array(x).tolist() for x in lists[name]] for name in lists if name != "shape_source"}
         data["gravity"] = np.array(self.builder.gravity).tolist()
         return f"{self.builder.body_count} bodies {hashlib.sha1(repr(data).encode()).hexdigest()[:12]}"
@@ -200,7 +203,7 @@ class _Recipe:
 
 @dataclass(frozen=True)
 class NewtonWorld(Contact):
-    """The world of Newton's bodies; `newton_bodies` makes it."""
+    """The world that moves the Newton bodies; created by `newton_bodies`."""
 
     recipe: _Recipe
     solver: Callable[[Any], Any]
@@ -212,23 +215,23 @@ class NewtonWorld(Contact):
 
     @property
     def bodies(self) -> tuple[NewtonBody, ...]:
-        """Its bodies in the scene."""
+        """Bodies of this world in the scene."""
         return self.recipe.bodies
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that all its bodies are there, and no other world.
+        """Check that the scene has all bodies of this world, and no other world.
 
         Raises:
-            InputError: if not.
+            InputError: otherwise.
         """
         if any(hasattr(other, "recipe") for other in others):
-            raise InputError("contact: expected one world of Newton's, got several")
+            raise InputError("contact: expected one Newton world, got several")
         for body in self.bodies:
             if not any(other is body for other in others):
-                raise InputError(f"contact: {body.name!r} is missing: expected all that newton_bodies gave")
+                raise InputError(f"contact: {body.name!r} is missing: expected all contacts from newton_bodies")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """The world on a device."""
+        """Build the world on a device."""
         return BuiltWorld(self, context)
 
 
@@ -247,7 +250,7 @@ class BuiltWorld(BuiltContact):
             if not all(kind == newton.JointType.FREE for kind in part.recipe.builder.joint_type):
                 newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
             self._control = self.model.control()
-            # Contacts in one order, so that bits repeat.
+            # Contacts are sorted so that bits repeat.
             self._pipeline = newton.CollisionPipeline(self.model, deterministic=True) if part.collide else None
             self._contacts = None if self._pipeline is None else self._pipeline.contacts()
         for name, array in vars(self.state).items():
@@ -279,11 +282,11 @@ class BuiltWorld(BuiltContact):
         return self.context.array(name, OWNER, dtype, values, per=per, restart=restart)
 
     def interval(self) -> float | None:
-        """Step of Newton's solver [s], at most."""
+        """Longest step of Newton's solver [s]."""
         return self.part.step
 
     def before_interval(self, seconds: float) -> None:
-        """Let Newton take a step, with the mean force of the last interval; the bodies follow in this one."""
+        """Take a step of Newton with the mean force of the last interval; bodies move to its poses in this interval."""
         self._seconds = seconds
         self.context.sequence("newton step").run()
 
@@ -306,7 +309,7 @@ class BuiltWorld(BuiltContact):
                 wp.launch(lead_shape, 1, [*inputs, self.context.clock.time], path, device=device)
 
     def after_interval(self) -> None:
-        """Take what the bodies gave to the sheet in the interval."""
+        """Compute the impulses of the bodies on the sheet in the interval."""
         self.context.sequence("newton impulses").run()
         rows = self._given.shape[0]
         wp.launch(
@@ -314,12 +317,12 @@ class BuiltWorld(BuiltContact):
         )
 
     def end_frame(self) -> None:
-        """The bodies begin to sum up their impulses anew."""
+        """Reset the earlier impulses, because the bodies reset their sums."""
         self._before.zero_()
 
 
 def _captured(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], None]) -> Callable[[], None]:
-    """A replay of Newton's step as a graph; no warm-up, which would be a step more."""
+    """Capture Newton's step as a graph and return its replay; a warm-up would be an extra step."""
     with no_collection(), wp.ScopedCapture(device=device) as capture:
         body()
     return lambda: wp.capture_launch(capture.graph)

@@ -127,5 +127,5 @@ def _require_rigid(name: str, given: np.ndarray, rigid: np.ndarray, members: np.
     if off[worst] > RIGID_WITHIN * np.linalg.norm(given, axis=1).max():
         raise InputError(
             f"{name} of point {members[worst]} = {given[worst]}: expected a rigid motion of its rigid inclusion, "
-            f"{rigid[worst]} here"
+            f"which is {rigid[worst]} there"
         )

@@ -174,8 +174,8 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
     what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
     raise InputError(
-        f"{name}.points holds point {point} at ({place}) m, but {other} has{what} it already: "
-        f"expected one part per component; leave shared points, such as corners, out with numpy.setdiff1d"
+        f"{name}.points contains point {point} at ({place}) m, but {other} already has{what} it: "
+        f"expected one part per component; remove shared points, such as corners, with numpy.setdiff1d"
     )
 
 

@@ -47,7 +47,7 @@ class ArcLength(PathSettings):
         most_iterations: Number of corrector steps after which a step counts as failed.
         most_cuts: Maximum number of times that one step is halved.
         modes: Number of lowest eigenvalues to compute at every point; with 0 only limit points are found.
-        switch: Number of the bifurcation at which the path takes the other branch, from 1; 0: it stays on its branch.
+        switch: Number of the bifurcation, from 1, at which the path takes the other branch; 0 to stay on its branch.
         preconditioner: As for `Newton`; "auto" is a sparse factorisation on the host up to 20 000 points, because the
             tangent has negative eigenvalues beyond a limit point. Without a factorisation stability is unknown.
     """
@@ -115,7 +115,7 @@ class BuiltArcLength(BuiltStatic):
                 what = (
                     "an eigenvalue of the tangent changes its" if number == 1 else f"{number} eigenvalues change their"
                 )
-                then = "; the path goes on along the other branch" if found["switched"] else ""
+                then = "; the path continues on the other branch" if found["switched"] else ""
                 said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn{then}")
             else:
                 said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")

@@ -24,13 +24,13 @@ from .stable_step import StableStep
 FIRST_ITERATIONS = 120
 LATER_ITERATIONS = 10
 STEPS_BETWEEN = 400
-# Steps in one graph, at least.
+# Minimum number of steps in one graph.
 MANY = 10
-# Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
-# breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md). A slack sheet
-# that becomes taut is several times as stiff within a few steps, faster than the estimate follows.
+# Step divided by the stable step. Unless bonds can break, any stable step is accurate for slow motion. The ends of a
+# breaking bond move within a few steps, and the energy balance of tears needs shorter steps (docs/tearing.md). A slack
+# sheet that becomes taut stiffens several times within a few steps, faster than the estimate follows.
 SAFETY, LESS_SAFETY = 0.9, 0.5
-# Fraction of the velocity that mass damping takes in a step, at most.
+# Largest fraction of the velocity that mass damping removes in a step.
 MAX_DAMPED = 0.2
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
@@ -152,7 +152,7 @@ class BuiltExplicit(BuiltSolver):
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def _exchange_interval(self) -> float:
-        """Time between exchanges with other simulations [s]: a whole number of them in a frame.
+        """Time between exchanges with other simulations [s]; a frame is a whole number of these intervals.
 
         Raises:
             InputError: for frames that are not equally spaced.
@@ -185,7 +185,7 @@ class BuiltExplicit(BuiltSolver):
                         since = 0
                     wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
                     left = max(1, math.ceil((stop - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
-                    # A frame may be long: a sheet that stiffens within it must not outrun the step.
+                    # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
                     steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
                     dt = (stop - now) / left
                     self._set_step(dt, now)
@@ -200,7 +200,7 @@ class BuiltExplicit(BuiltSolver):
         return "finished"
 
     def _stops(self, now: float, end: float) -> list[float]:
-        """Times of a frame up to which the sheet steps by itself: its end, and those of exchanges before it."""
+        """Times within a frame at which stepping pauses: its end, and the exchanges before it [s]."""
         if not self._exchanging:
             return [end]
         count = round((end - now) / self._interval_seconds)

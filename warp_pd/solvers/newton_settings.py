@@ -42,7 +42,7 @@ class StaticSolver:
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings(StaticSolver):
-    """Settings of `ArcLength` besides; attributes as there."""
+    """Additional settings of `ArcLength`; attributes as there."""
 
     increment: float = 0.1
     most_steps: int = 200
@@ -57,7 +57,7 @@ class PathSettings(StaticSolver):
         count("most_steps", self.most_steps, 1)
         count("modes", self.modes, 0)
         if count("switch", self.switch, 0) and self.modes == 0:
-            raise InputError(f"switch = {self.switch!r}: expected modes above 0, which find bifurcations")
+            raise InputError(f"switch = {self.switch!r}: expected modes > 0, which find bifurcations; got modes = 0")
 
 
 @dataclass

@@ -19,13 +19,13 @@ from .stability import stability
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 from .turning_points import Change, Point, changes
 
-# Accuracy of the linear solves, and the part of the largest increment over which loads are differenced.
+# Accuracy of the linear solves, and the fraction of the largest increment used to difference loads.
 ACCURACY, DIFFERENCE = 1e-6, 0.1
-# Corrector steps that are aimed at, and the part of the largest increment by which the predictor may miss the load.
+# Desired number of corrector steps, and desired error of the predicted load, divided by the largest increment.
 AIMED_STEPS, AIMED_MISS = 4.0, 0.25
 LEAST_GROWTH, MOST_GROWTH = 0.5, 2.0
-# A limit point or bifurcation is a point of the path: what is zero there is so many times smaller than at the points
-# around it, or has been sought so many times.
+# The search for a limit point or bifurcation ends when the rate or eigenvalue is SHARP times that at the adjacent
+# points, or after MOST_LANDINGS attempts.
 SHARP, MOST_LANDINGS = 0.01, 10
 # Cosine of the angle between the directions of two steps below which the second is on another branch.
 SAME_BRANCH = 0.5
@@ -42,7 +42,7 @@ class Progress:
         length: Next step length [m], the root mean square of the displacement.
         negative: Number of negative eigenvalues of the tangent, or None.
         lowest: Lowest eigenvalues, see `Stability`.
-        found: Limit points and bifurcations: kind, load_factor, step, number of eigenvalues that change their sign, and
+        found: Limit points and bifurcations: kind, load_factor, step, number of eigenvalues that change sign, and
             whether the path switched to the other branch there.
     """
 
@@ -202,9 +202,9 @@ class Path(StaticSystem):
         return factor, found
 
     def _accept(self, origin: Origin, factor: float, length: float, sink: FrameSink) -> bool:
-        """Accept the current equilibrium as the next point unless it is on another branch; `length`: of the next step.
+        """Accept the current equilibrium as the next point unless it is on another branch; return whether it was.
 
-        Where the load turns or branches meet on the way there, the next point is that place.
+        If there is a limit point or bifurcation before it, that becomes the next point. `length`: next step length [m].
         """
         state, ahead = self.state, self._look(origin, factor)
         if ahead is None:
@@ -226,7 +226,7 @@ class Path(StaticSystem):
         return True
 
     def _look(self, origin: Origin, factor: float) -> tuple[np.ndarray, Point] | None:
-        """Direction of the path at the present equilibrium, and the point; None on another branch."""
+        """Direction of the path at the current equilibrium, and the point; None on another branch."""
         ahead, state, settings = self._tangent(origin, factor), self.state, self.settings
         if ahead is None:
             return None
@@ -238,7 +238,10 @@ class Path(StaticSystem):
     def _land(
         self, origin: Origin, before: Point, after: Point, direction: np.ndarray, sink: FrameSink
     ) -> tuple[Change | None, np.ndarray, Point]:
-        """The first change on the way to the present equilibrium; its place, or the present one, which stays so."""
+        """Find the first change before the current equilibrium and move there; return it, the direction and the point.
+
+        Without a change, or if it cannot be found, the current equilibrium remains.
+        """
         level, low, found, here = self.levels[0], 0.0, None, (direction, after)
         arrived = level.displacement.numpy().astype(np.float64)
         high = mean_product(origin.direction, arrived - origin.displacement)
@@ -247,7 +250,7 @@ class Path(StaticSystem):
             if not between:
                 break
             change = between[0]
-            # Every second time the middle: another mode may be softer before that which becomes unstable.
+            # Every second attempt bisects, because before the change another mode may have the lowest eigenvalue.
             place = low + (0.5 if attempt % 2 else change.place) * (high - low)
             factor, entry = self._correct(origin, place, sink)
             self.report.load_steps[-1]["lattices"].append(entry)
@@ -267,7 +270,7 @@ class Path(StaticSystem):
         return found, *here
 
     def _pass(self, change: Change, direction: np.ndarray, here: Point) -> np.ndarray:
-        """Note a limit point or bifurcation at the present point; the direction from here, on either branch."""
+        """Record a limit point or bifurcation at the current point; return the direction on the branch to follow."""
         state = self.state
         number = 1 + sum(found["kind"] == "bifurcation" for found in state.found)
         switch = change.kind == "bifurcation" and number == self.settings.switch and here.mode is not None

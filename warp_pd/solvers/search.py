@@ -125,7 +125,7 @@ class Search(StaticSystem):
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
     def _keep(self, reached: float) -> tuple[Sequence[np.ndarray], list[tuple[Array, np.ndarray]]]:
-        """Store the state as the last good load step; return that of rupture, and that of contact."""
+        """Store the state as the last good load step; return the states of rupture and of contact."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -150,7 +150,7 @@ class Search(StaticSystem):
         converged, residual = self._load_step(factor, sink)
         entry = self.report.load_steps[-1]
         while converged:
-            # Nothing breaks before contact has settled.
+            # Bonds break only after contact has settled.
             settles = sum(contact.settle() for contact in self.levels[0].contacts) > 0
             breaks = settles or self.rupture.breaks(entry["rounds"])
             if not breaks and residual <= self.tolerance:

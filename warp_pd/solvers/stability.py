@@ -23,7 +23,7 @@ class Stability:
         negative: Number of negative eigenvalues; 0 in a stable equilibrium.
         lowest: Lowest eigenvalues, in ascending order. With displacement-dependent loads those of K x = mu K0 x, where
             K0 is the tangent without these loads [-]; otherwise the one nearest to zero [N/m].
-        mode: Eigenvector of the one nearest to zero [m], shape (N, 3), of norm 1.
+        mode: Eigenvector of the eigenvalue nearest to zero [m], shape (N, 3), with norm 1.
     """
 
     negative: int
@@ -78,7 +78,7 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
 def _extreme(
     product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of that nearest to zero; real parts."""
+    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of the one nearest to zero; real parts."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
     operator = LinearOperator((size, size), matvec=product, dtype=np.float64)

@@ -36,7 +36,7 @@ class StaticRupture:
         """Break the bonds that exceed the criterion; return whether equilibrium must be found again.
 
         Args:
-        rounds: Number of rounds so far at these loads.
+            rounds: Number of rounds so far at these loads.
         """
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 

@@ -26,7 +26,7 @@ FINISHED, NOT_CONVERGED = "finished", "not converged"
 
 
 class StaticSystem:
-    """Base class of the searches for static equilibrium, at given loads (Newton) or along a path (ArcLength).
+    """Base class of the searches for static equilibrium: at given loads (Newton) or along a path (ArcLength).
 
     Attributes:
         levels: The sheet, followed by coarser lattices over it.
@@ -73,7 +73,7 @@ class StaticSystem:
         raise NotImplementedError
 
     def host_state(self) -> dict[str, Any]:
-        """Where the search stands, for a restart that goes on bit for bit."""
+        """State of the search, for a bitwise identical restart."""
         return {"sizes": asdict(self.sizes)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -84,9 +84,7 @@ class StaticSystem:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
         for load in self.system.external.following:
             if load.at_rest is not None and wanted not in ("auto", "direct"):
-                raise InputError(
-                    f"preconditioner = {wanted!r}: {load.label}: expected 'auto' or 'direct', which has contact in it"
-                )
+                raise InputError(f"preconditioner = {wanted!r}: expected 'auto' or 'direct' with {load.label}")
             if load.at_rest is not None:
                 return "direct"
         sheet, held = context.sheet, context.held
@@ -197,10 +195,10 @@ class StaticSystem:
 
 
 class BuiltStatic(BuiltSolver):
-    """A static solver on a device: adds nothing to a step in time.
+    """A static solver on a device; it adds no launches to time steps.
 
     Attributes:
-        search: What finds its equilibria.
+        search: The search for equilibrium.
     """
 
     search: StaticSystem
@@ -210,7 +208,7 @@ class BuiltStatic(BuiltSolver):
         return self.search.run(sink)
 
     def host_state(self) -> dict[str, Any]:
-        """Where the search stands."""
+        """State of the search."""
         return self.search.host_state()
 
     def restore(self, state: Mapping[str, Any]) -> None:

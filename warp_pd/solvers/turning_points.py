@@ -29,18 +29,18 @@ class Point:
     mode: np.ndarray | None = None
 
     def eigenvalue(self, index: int) -> float:
-        """That of an index, lowest first, or the one nearest to zero where fewer are known; NaN if none is."""
+        """Eigenvalue with a given index, lowest first; if fewer are known, the one nearest to zero, or NaN."""
         return self.lowest[index] if index < len(self.lowest) else min(self.lowest, key=abs, default=math.nan)
 
 
 @dataclass(frozen=True)
 class Change:
-    """What happens between two points of a path.
+    """A limit point or bifurcation between two points of a path.
 
     Attributes:
-        place: Where, from 0 to 1.
+        place: Estimated position between the points, from 0 to 1.
         kind: "maximum" or "minimum" of the load, or "bifurcation".
-        eigenvalues: Number of eigenvalues that change their sign.
+        eigenvalues: Number of eigenvalues that change sign.
         first: Index of the first of them.
     """
 
@@ -50,19 +50,19 @@ class Change:
     first: int = 0
 
     def size(self, point: Point) -> float:
-        """What is zero where it happens."""
+        """Absolute value at a point of the quantity that is zero at the change: rate or eigenvalue."""
         return abs(point.eigenvalue(self.first) if self.kind == "bifurcation" else point.rate)
 
 
 def changes(before: Point, after: Point, length: float) -> list[Change]:
-    """What happens between two points that are `length` [m] apart, in order.
+    """Limit points and bifurcations between two points that are `length` [m] apart, in order.
 
-    At a limit point the load turns and one eigenvalue changes its sign; where others do, branches meet. A limit point
-    is that of the cubic through both points with their slopes, a bifurcation the zero of an eigenvalue on a straight
-    line.
+    At a limit point the load has an extremum and one eigenvalue changes sign; if others change sign, there is a
+    bifurcation. A limit point is found from the cubic through both points with their slopes, a bifurcation by linear
+    interpolation of an eigenvalue.
     """
     found = []
-    # x runs from 0 to 1 between the points.
+    # x goes from 0 to 1 between the points.
     a, b, da, db = before.factor, after.factor, before.rate * length, after.rate * length
     turns = before.step > 0 and da * db < 0.0
     if turns:

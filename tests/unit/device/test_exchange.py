@@ -119,5 +119,5 @@ def test_a_launch_that_looks_too_far_is_refused():
         out = context.array(f"far_{k}", "test", wp.vec3, shape=n)
         stage.launch("test", far(), n, values=values, out=out)
         values = out
-    with pytest.raises(InputError, match=r"^test: look_far looks 3 horizons around a point"):
+    with pytest.raises(InputError, match=r"^test: look_far uses points up to 3 horizons away"):
         add_exchanges(context)

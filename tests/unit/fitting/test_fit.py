@@ -141,7 +141,7 @@ def test_wrong_arguments_are_refused(heights):
         (["pressure"], {}, "the test 'bulge' controls it"),
         (["mu", "mu"], {}, "each once"),
         (["mu"], {"bounds": {"lock": (1.0, 2.0)}}, "bounds of 'lock'"),
-        (["mu"], {"bounds": {"mu": (1.0, 2.0)}}, "starts outside its bounds"),
+        (["mu"], {"bounds": {"mu": (1.0, 2.0)}}, "expected an initial value inside its bounds"),
         (["mu"], {"loss": "huber"}, "loss = 'huber'"),
     ):
         with pytest.raises(InputError, match=said):

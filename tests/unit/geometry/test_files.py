@@ -309,7 +309,7 @@ BAD = {
     ),
     "bow tie": (
         bad(SQUARE[[0, 2, 1, 3]], [[0, 1, 2, 3]], "quad"),
-        "face 0 with sides that cross: expected plain polygons",
+        "face 0 with sides that cross: expected simple polygons",
     ),
     "one side": (
         bad(*strip_with_one_side(), "quad"),

@@ -15,8 +15,8 @@ def built_with(*loads):
 
 
 WRONG = [
-    (lambda: built_with(Motion([3], [0.0], x=1.0), Fixed([3])), r"Fixed\.points holds point 3 at .* component x"),
-    (lambda: built_with(Fixed([3]), Motion([3], [0.0], z=1.0)), r"Motion\.points holds point 3 at .* component z"),
+    (lambda: built_with(Motion([3], [0.0], x=1.0), Fixed([3])), r"Fixed\.points contains point 3 at .* component x"),
+    (lambda: built_with(Fixed([3]), Motion([3], [0.0], z=1.0)), r"Motion\.points contains point 3 at .* component z"),
     (lambda: Motion([0], [0.0, 1.0]).constraints(square(5)), "at least one prescribed"),
     (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "increasing"),
     (lambda: Motion([0], [0.0, 1.0], x=[1.0, 2.0, 3.0]).schedule(), "3 values"),

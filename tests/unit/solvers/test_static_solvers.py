@@ -47,7 +47,7 @@ WRONG = [
     (lambda: Newton(most_iterations=0), "most_iterations = 0"),
     (lambda: Newton(most_cuts=-1), "most_cuts = -1"),
     (lambda: Newton(preconditioner="multigird"), "did you mean 'multigrid'"),
-    (lambda: ArcLength(switch=1, modes=0), "switch = 1: expected modes above 0"),
+    (lambda: ArcLength(switch=1, modes=0), "switch = 1: expected modes > 0"),
     (lambda: simulate(square(9), ArcLength(switch=1, preconditioner="jacobi")).build("cpu"), "got 'jacobi'"),
     (lambda: Relaxation(tolerance=-1.0), "tolerance = -1.0"),
     (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),

@@ -233,7 +233,7 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tup
         from .torch_step import TorchStep, capture
     except ImportError:
         raise InputError(
-            "evaluation = 'torch': expected an installed torch (pip install 'warp-pd[neural]'); "
+            "evaluation = 'torch': the package torch is not installed (pip install 'warp-pd[neural]'); "
             "or use 'fused' or 'closed_form'"
         ) from None
     step = TorchStep(law.loaded, law.network, features, results)

@@ -294,7 +294,7 @@ def own_device(name: str | None) -> str | None:
         return name
     if not torch.cuda.is_available():
         raise InputError(
-            f"processes: expected GPUs and a PyTorch built with CUDA, got {torch.__version__}; or take --device cpu"
+            f"processes: expected GPUs and a PyTorch built with CUDA, got {torch.__version__}; or use --device cpu"
         )
     processes, present = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), torch.cuda.device_count()
     if processes > present:
