@@ -349,7 +349,8 @@ class Sheet(SelectableShape):
             path: Two or more places [m]; the slit takes the shortest way through the points nearest to them.
 
         Raises:
-            InputError: for a flat sheet, fewer than two places, or a slit that meets itself or an edge on its way.
+            InputError: for a flat sheet, fewer than two places, one off the sheet, or a slit that meets itself or an
+                edge on its way.
         """
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; a flat one has cut, and cracks in Sheet.outline")
