@@ -29,7 +29,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.device.checks import count, positive
+from warp_pd.device.checks import InputError, below_one, count, positive
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, worst_balance
 from warp_pd.scenes.pure_shear_tear import CUT, HEIGHT, LENGTH, MU, THICKNESS, stretch_at, strip
@@ -63,11 +63,13 @@ def build(
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     sheet, top, bottom = strip(points, LENGTH, CUT)
     grips = np.concatenate([top, bottom])
-    energy, opened = positive("tearing_energy", tearing_energy), positive("opening", opening)
+    energy, opened = positive("tearing_energy", tearing_energy), below_one("opening", opening)
     stretch = stretch_at(material, opened * energy / HEIGHT)
     apart = 0.5 * (stretch - 1.0) * HEIGHT
     # The blade waits inside the cut until the strip is stretched.
-    start, end, middle = 0.8 * CUT, CUT + positive("travel", travel), 0.5 * HEIGHT
+    if positive("travel", travel) >= LENGTH - CUT:
+        raise InputError(f"travel = {travel!r}: expected less than {LENGTH - CUT:.4g} m, where the strip ends")
+    start, end, middle = 0.8 * CUT, CUT + travel, 0.5 * HEIGHT
     ready = positive("pull", pull)
     duration = ready + (end - start) / positive("speed", speed)
     path = BodyPath([0.0, ready, duration], [(x, middle, 0.0) for x in (start, start, end)])

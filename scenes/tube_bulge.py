@@ -155,7 +155,7 @@ def build(
             Fixed(top[turn[1]], "x"),
             Pressure(load),
         ],
-        solver=ArcLength(increment=increment, tolerance=tolerance, switch=switch, most_steps=steps),
+        solver=ArcLength(increment=increment, tolerance=tolerance, switch=switch, most_steps=count("steps", steps, 1)),
         measures=[
             Measure("pressure", "Pa", lambda built, frame: load * frame.time),
             Measure("around_bottom", "-", stretch_at(bottom)),
@@ -175,7 +175,9 @@ def pictures(history, folder):
 
     shown = plots.frames_at(folder, [history[k]["time"] for k in (0, len(history) // 2, -1)])
     plots.surfaces(folder / "tube.png", shown, field="u3")
+    # Either end may bulge.
+    end = max(("top", "bottom"), key=lambda name: history[-1][f"around_{name}"])
     plots.curves(
         folder / "pressure.png", history, ["pressure", "maxwell_pressure"], ylabel="pressure (Pa)",
-        against="around_top", xlabel="stretch around the top",
+        against=f"around_{end}", xlabel=f"stretch around the {end}",
     )  # fmt: skip

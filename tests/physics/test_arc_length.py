@@ -134,3 +134,16 @@ def test_a_path_that_is_not_over_says_so():
     assert result.status == "finished" and len(result.history) == 4
     for words in ("followed for most_steps = 3", "met fewer bifurcations"):
         assert any(words in note for note in result.summary["notes"])
+
+
+def test_a_path_may_begin_where_the_start_is_no_equilibrium():
+    """A prestretched sheet with two free edges contracts first; that is not the direction of the path."""
+    sheet = square(9).prestretched(1.2)
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(sheet.edges("right"), times=[0.0, 1.0], x=[0.0, 0.03], y=0.0, z=0.0),
+    ]
+    result = run(sheet, ArcLength(), material=MooneyRivlin(5e4), weights="corrected", loads=loads)
+    newton = run(sheet, Newton(), material=MooneyRivlin(5e4), weights="corrected", loads=loads)
+    assert result.status == "finished" and result.history[-1]["load_factor"] == 1.0
+    assert result.frame.displacement == pytest.approx(newton.frame.displacement, abs=1e-7)

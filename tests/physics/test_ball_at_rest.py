@@ -219,7 +219,7 @@ def test_derivatives_at_equilibrium_refuse_contact():
     [
         ({"friction": 0.3}, "friction = 0.3: expected 0.0 with Newton, or Explicit"),
         ({"surface": True}, "surface = True: expected False with Newton, or Explicit"),
-        ({"motion": Free(0.1, (0.0, 0.0, ABOVE))}, "motion.free = True: expected False with Newton, or Explicit"),
+        ({"motion": Free(0.1, (0.0, 0.0, ABOVE))}, "motion = Free: expected a BodyPath with Newton, or Explicit"),
         ({"solver": Relaxation()}, "the solver Relaxation has no contact; expected Newton or Explicit"),
         ({"solver": ArcLength(increment=0.1)}, "the solver ArcLength has no contact; expected Newton or Explicit"),
         ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),

@@ -176,7 +176,8 @@ HALF = CLOUD.points[:, 0] > 0.049
     ({"regions": [(HALF, STIFF), (HALF, NEO)]}, r"ByRegion.regions\[1\] and regions\[0\] overlap"),
     ({"regions": [([0, 1], STIFF)]}, r"ByRegion.regions\[0\] contains no triangle"),
     ({"regions": [([99], STIFF)]}, r"ByRegion.regions\[0\] contains point 99"),
-    ({"weights": "published"}, "material = ByRegion: expected a single process and weights = 'plain' or 'corrected'"),
+    ({"regions": [(HALF, STIFF), (~(CLOUD.points[:, 0] > 0.051), NEO)]}, "ByRegion.material contains no triangle"),
+    ({"weights": "published"}, "weights = 'published': expected 'plain' or 'corrected' with ByRegion"),
 ])  # fmt: skip
 def test_wrong_regions_are_refused_in_one_line(parts, said):
     sheet, regions = parts.pop("sheet", CLOUD), parts.pop("regions", [(HALF, STIFF)])
@@ -189,6 +190,15 @@ def test_wrong_regions_are_refused_in_one_line(parts, said):
 def test_what_are_no_regions_is_refused(regions):
     with pytest.raises(InputError):
         ByRegion(NEO, regions)
+
+
+def test_messages_name_the_region():
+    with pytest.raises(InputError, match=r"^ByRegion.regions\[0\]\[1\] = 'rubber': expected a material"):
+        ByRegion(NEO, [(HALF, "rubber")])
+    corner = (CLOUD.points[:, :2] > 0.07).all(axis=1)
+    with pytest.raises(InputError, match=r"^ByRegion.regions\[0\], as a sheet of its own: horizon = ") as caught:
+        build(CLOUD, material=ByRegion(NEO, [(corner, STIFF)]))
+    assert "\n" not in str(caught.value)
 
 
 def test_laws_of_one_material_refuse_it():

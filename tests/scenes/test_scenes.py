@@ -434,6 +434,19 @@ def test_the_stretched_sheet_names_wrong_input(settings, says):
         build_scene("stretch", settings)
 
 
+@pytest.mark.parametrize(
+    ("scene", "settings", "says"),
+    [
+        ("cutting", {"travel": 0.2}, "travel = 0.2: expected less than 0.09 m, where the strip ends"),
+        ("cutting", {"opening": 1.5}, "opening = 1.5: expected a number greater than 0 and less than 1"),
+        ("tube_bulge", {"steps": 0}, "^steps = 0: expected a whole number of 1 or more"),
+    ],
+)
+def test_scenes_name_wrong_input_by_their_own_arguments(scene, settings, says):
+    with pytest.raises(InputError, match=says):
+        build_scene(scene, settings)
+
+
 def test_a_visco_hyperelastic_sheet_has_the_exact_stress():
     result = ran("visco_sheet")
     error = result.summary["measures"]["nominal_stress"]["error"]

@@ -26,13 +26,21 @@ def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, A
         Changed attributes of the shape, and for each new point the index of its original point.
 
     Raises:
-        InputError: if the slit meets itself, touches an edge of the sheet except at its ends, or is only one edge of a
-            triangle long.
+        InputError: if a position is off the sheet, or if the slit meets itself, touches an edge of the sheet except at
+            its ends, or is only one edge of a triangle long.
     """
     from scipy.spatial import cKDTree
 
-    stops = cKDTree(shape.points).query(path)[1].tolist()
     edges = np.unique(np.sort(directed_edges(shape.triangles), axis=1), axis=0)
+    away, nearest = cKDTree(shape.points).query(path)
+    # A place in a triangle is nearer to a corner than its longest edge is long.
+    if (far := away > np.linalg.norm(np.diff(shape.points[edges], axis=1), axis=2).max()).any():
+        k = int(np.argmax(far))
+        raise InputError(
+            f"slit: path[{k}] = {tuple(path[k].tolist())}: expected a place on the sheet; its nearest point is "
+            f"{away[k]:.4g} m away"
+        )
+    stops = nearest.tolist()
     crack = np.array(stops[:1] + [p for a, b in pairwise(stops) for p in _way(shape, edges, a, b)])
     at_edge = np.isin(crack, boundary_edges(shape.triangles))
     if len(np.unique(crack)) < len(crack) or at_edge[1:-1].any():

@@ -56,18 +56,28 @@ def region_tables(
         raise InputError("sheet: expected sheet.as_cloud() with ByRegion, because families at an interface differ")
     if sheet.cuts or sheet.bodies is not None:
         raise InputError("sheet: expected no cuts and no rigid inclusions of an outline with ByRegion")
-    if divided or weights == "published":
-        raise InputError("material = ByRegion: expected a single process and weights = 'plain' or 'corrected'")
+    if divided:
+        raise InputError("material = ByRegion: expected a single process")
+    if weights == "published":
+        raise InputError("weights = 'published': expected 'plain' or 'corrected' with ByRegion")
     parts = _parts(sheet, regions)
     tables, width = [], np.zeros(sheet.size, int)
     for part in parts:
-        tables.append(weight_tables(part.sheet, horizon, influence, weights))
+        try:
+            tables.append(weight_tables(part.sheet, horizon, influence, weights))
+        except InputError as error:
+            raise InputError(f"{_name(part.material)}, as a sheet of its own: {error}") from error
         part.begin = width[part.points]
         width[part.points] += tables[-1][0].exists.sum(axis=1)
     reports = [report for _, _, _, report in tables if report is not None]
     worst = max(reports, key=lambda report: report["residual"]) if reports else None
     families, inverse, at_rows = _merged(sheet, parts, tables, int(width.max()))
     return families, inverse, families.scaled(at_rows), worst
+
+
+def _name(material: int) -> str:
+    """What a message calls the region with the material of this index."""
+    return f"ByRegion.regions[{material - 1}]" if material else "ByRegion.material"
 
 
 def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
@@ -78,13 +88,15 @@ def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
     """
     material = np.zeros(len(sheet.triangles), int)
     for n, (points, _) in enumerate(regions, start=1):
-        name = f"ByRegion.regions[{n - 1}]"
+        name = _name(n)
         inside = np.isin(sheet.triangles, point_indices(name, points, sheet.size)).all(axis=1)
         if not inside.any():
             raise InputError(f"{name} contains no triangle: expected all its points, including those on its edge")
         if material[inside].any():
             raise InputError(f"{name} and regions[{material[inside].max() - 1}] overlap: expected separate triangles")
         material[inside] = n
+    if material.all():
+        raise InputError("ByRegion.material contains no triangle: expected regions that leave it some")
     parts = [_part(sheet, sheet.triangles[material == n], int(n)) for n in np.unique(material)]
     cells = np.zeros(sheet.size)
     for part in parts:

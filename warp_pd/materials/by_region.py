@@ -43,8 +43,8 @@ class ByRegion(PlaneStress):
             raise InputError("ByRegion.regions: expected pairs of points and a material, such as [(points, Gent(...))]")
         if not 0 < len(self.regions) < 256:
             raise InputError(f"ByRegion.regions: expected 1 to 255 regions, got {len(self.regions)}")
-        for material in self.materials:
-            check_material(material, "functions")
+        for k, material in enumerate(self.materials):
+            check_material(material, "functions", f"ByRegion.regions[{k - 1}][1]" if k else "ByRegion.material")
             if capabilities(material).regions:
                 raise InputError("ByRegion: expected a single material in each region, got another ByRegion")
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..device.checks import InputError, finite
+from ..device.checks import InputError, finite, said
 
 if TYPE_CHECKING:
     from ..kernels.factories import FunctionFactory, PairFactory, PairwiseFactory
@@ -88,15 +88,20 @@ def capabilities(material: Any) -> Capabilities:
     return Capabilities(**{name: getattr(material, name) for name in names})
 
 
-def check_material(material: Any, kind: str) -> None:
+def check_material(material: Any, kind: str, name: str = "material") -> None:
     """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants.
+
+    Args:
+        material: What should be one.
+        kind: Its kind.
+        name: Of the argument, for messages.
 
     Raises:
         InputError: if it is not, or as for `padded_constants`.
     """
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
-        raise InputError(f"material = {material!r}: expected a material such as {example} with this law")
+        raise InputError(f"{name} = {said(material)}: expected a material such as {example} with this law")
     padded_constants(material)
 
 

@@ -25,6 +25,8 @@ ONSET = 0.02
 OUT_OF_PLANE = 1e-3
 # A component below this fraction of the largest one of its vector is noise.
 NOISE = 1e-3
+# A torque below that of the force at this arm [m] is noise.
+ARM = 1e-12
 NOT_DRAWN = {
     "time", "load_factor", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES,
 }  # fmt: skip
@@ -100,7 +102,9 @@ def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
     if name[-2:] not in ("_x", "_y", "_z"):
         return True
     reach = {c: max(abs(row.get(name[:-1] + c, 0.0)) for row in history) for c in "xyz"}
-    return reach[name[-1]] > NOISE * max(reach.values())
+    force = name[:-1].replace("_torque_", "_force_")
+    of_force = max(abs(row.get(force + c, 0.0)) for row in history for c in "xyz")
+    return reach[name[-1]] > max(NOISE * max(reach.values()), ARM * of_force if "_torque_" in name else 0.0)
 
 
 def _draw_numbers(

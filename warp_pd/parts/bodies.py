@@ -351,9 +351,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     symmetric = True
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
-        for name, value, wanted in (
-            ("friction", part.friction, 0.0), ("surface", part.surface, False), ("motion.free", part.motion.free, False)
-        ):  # fmt: skip
+        if part.motion.free:
+            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath with Newton, or Explicit")
+        for name, value, wanted in (("friction", part.friction, 0.0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
                     f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with Newton, or Explicit"

@@ -53,9 +53,10 @@ class BodyChecks(BuiltPart):
                 f"{body.label} is {body.thickness() or 0.0:.3g} m thick, and points near it are more than "
                 f"1/{MIN_DIAMETER:g} of that apart: it may pass between them, without surface=True"
             )
+            remedy = "surface=True" if self.context.features.dynamic else "more load_steps"
             texts["passed", body.label] = (
                 f"{body.label} passed through the sheet without breaking it: "
-                "expected surface=True, a thicker body, or more points"
+                f"expected {remedy}, a thicker body, or more points"
             )
         return texts
 

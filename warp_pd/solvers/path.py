@@ -297,9 +297,11 @@ class Path(StaticSystem):
         if not (math.isfinite(size) and size > 0.0):
             return None
         cosine = mean_product(along, origin.direction) / size
-        if abs(cosine) < SAME_BRANCH:
+        if abs(cosine) >= SAME_BRANCH:
+            size = math.copysign(size, cosine)
+        elif self.state.step > 0:
+            # Else the start is no equilibrium, as of a prestretched sheet with a free edge: the path begins here.
             return None
-        size = math.copysign(size, cosine)
         return along / size, 1.0 / size
 
     # Newton's method -----------------------------------------------------------------------------------

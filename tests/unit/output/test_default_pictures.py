@@ -95,6 +95,8 @@ def test_every_number_has_a_panel_and_a_constant_one_is_named(tmp_path):
 def test_components_that_are_noise_are_left_out():
     history = [{"time": t, "ball_force_x": 1e-7 * t, "ball_force_z": t, "height": 1e-9 * t} for t in (0.0, 1.0, 2.0)]
     assert [name for name in history[0] if _counts(history, name)] == ["time", "ball_force_z", "height"]
+    turning = [row | {"ball_torque_x": 1e-20 * row["time"], "pin_torque_z": 1e-20 * row["time"]} for row in history]
+    assert [name for name in turning[0] if "torque" in name and _counts(turning, name)] == ["pin_torque_z"]
 
 
 @pytest.mark.parametrize("columns", [50, 140])

@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 from helpers import NEO, square
 
-from warp_pd import BodyPath, BondAssociated, Capsule, Explicit, Fixed, Free, RigidBody, Simulation, Sphere
+from warp_pd import (
+    BodyPath,
+    BondAssociated,
+    Capsule,
+    Explicit,
+    Fixed,
+    Free,
+    MooneyRivlin,
+    Newton,
+    RigidBody,
+    Simulation,
+    Sphere,
+)
 from warp_pd.parts.body_checks import BodyChecks
 
 
@@ -32,7 +44,17 @@ def test_a_pin_between_stretched_points_is_noted_with_its_passage():
     thin, passed = notes(pin(0.055, 0.055))
     assert "'pin' is 0.0145 m thick" in thin and "may pass between them, without surface=True (at 0.0" in thin
     assert "'pin' passed through the sheet without breaking it" in passed
-    assert passed.endswith(" s)") and "(at 0.0" in passed
+    assert passed.endswith(" s)") and "(at 0.0" in passed and "expected surface=True, a thicker" in passed
+
+
+def test_a_body_that_passes_at_rest_needs_more_load_steps():
+    """Such as a ball that a single load step puts on the other side; there is no surface=True at rest."""
+    sheet = square(15)
+    ball = RigidBody(Sphere(0.03), BodyPath([0.0, 1.0], [(0.05, 0.05, 0.01505), (0.05, 0.05, -0.01)]), name="ball")
+    force, loads = BondAssociated(MooneyRivlin(500.0)), [Fixed(sheet.edges("all"))]
+    result = Simulation(sheet, force, Newton(load_steps=1), loads=loads, contact=ball).run(device="cpu")
+    (passed,) = [note for note in result.summary["notes"] if "passed" in note]
+    assert "expected more load_steps, a thicker body, or more points" in passed
 
 
 def test_a_way_through_a_triangle_is_told_from_one_beside_it():
