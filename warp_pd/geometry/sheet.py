@@ -349,8 +349,8 @@ class Sheet(SelectableShape):
             path: Two or more positions [m]; the slit follows the shortest path through the points nearest to them.
 
         Raises:
-            InputError: for a flat sheet, fewer than two positions, one off the sheet, or a slit that meets itself, or an
-                edge except at its ends.
+            InputError: for a flat sheet, fewer than two positions, one off the sheet, or a slit that meets itself, or
+                an edge except at its ends.
         """
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
