@@ -28,14 +28,14 @@ class Region:
         material: Index of the material.
         sheet: The region as a separate sheet.
         points: Indices of its points in the whole sheet, shape (P,).
-        share: Fraction of the area of each point that lies in the region [-], shape (P,).
+        fraction: Fraction of the area of each point that lies in the region [-], shape (P,).
         begin: Index of the first family member of each point in the region, shape (P,).
     """
 
     material: int
     sheet: Sheet
     points: np.ndarray
-    share: np.ndarray
+    fraction: np.ndarray
     begin: np.ndarray
 
 
@@ -104,8 +104,8 @@ def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
     if (cells == 0.0).any():
         raise InputError(f"points[{int(np.argmin(cells))}] has no triangle: expected triangles at all points")
     for part in parts:
-        part.share = part.sheet.areas / cells[part.points]
-        part.sheet = replace(part.sheet, areas=part.share * sheet.areas[part.points])
+        part.fraction = part.sheet.areas / cells[part.points]
+        part.sheet = replace(part.sheet, areas=part.fraction * sheet.areas[part.points])
     return parts
 
 
@@ -159,7 +159,7 @@ def _merged(
         families.neighbours[to] = part.points[member]
         families.reverses[to] = part.begin[member] + alone.reverses[here]
         families.bonds[to] = alone.bonds[here]
-        families.influence[to] = alone.influence[here] * part.share[member]
+        families.influence[to] = alone.influence[here] * part.fraction[member]
         families.member_areas[to] = sheet.areas[part.points[member]] / reference
         inverse[to], weights[to] = own_inverse[here] / scale, own_weights[here] * scale
         rows, first, second = np.nonzero(unpack(alone.common, alone.members) & alone.exists[:, None])

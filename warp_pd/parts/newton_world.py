@@ -1,7 +1,7 @@
 """Bodies simulated by Newton: Newton moves them, and the sheet exerts forces and torques on them.
 
 Newton (https://github.com/newton-physics/newton) is a physics engine on Warp, with contacts, joints and motors. See
-docs/contact.md.
+docs/bodies.md.
 """
 
 from __future__ import annotations

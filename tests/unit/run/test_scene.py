@@ -27,7 +27,7 @@ from warp_pd import (
         (lambda: BondAssociated("rubber"), "material = 'rubber'"),
         (lambda: BondAssociated(Bimodular(1e3)), r"material = Bimodular.* such as NeoHookean"),
         (lambda: BondBased(NEO), r"material = NeoHookean.* such as Bimodular"),
-        (lambda: Nodal(type(NEO)), "material = <class"),
+        (lambda: Nodal(type(NEO)), "material = the class NeoHookean"),
         (lambda: Simulation(square(5), None, Explicit(1.0)).build("cpu"), "force = None"),
         (lambda: Simulation(square(5), NEO, Explicit(1.0)).build("cpu"), "force = NeoHookean"),
     ],
