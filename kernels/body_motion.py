@@ -68,6 +68,21 @@ def wrench(force: wp.vec3d, arm: wp.vec3d):
 
 
 @wp.func
+def change_motion(
+    change: vec6d, at_end: int, dt: wp.float64, place: wp.array(dtype=wp.vec3d), rotation: wp.array(dtype=wp.quatd),
+    motion: wp.array(dtype=wp.vec3d),
+):  # fmt: skip
+    """Change velocity and spin of a body and, unless `at_end`, its position by what this does in the step."""
+    linear = wp.vec3d(change[0], change[1], change[2])
+    turn = wp.vec3d(change[3], change[4], change[5])
+    motion[0] = motion[0] + linear
+    motion[1] = motion[1] + turn
+    if at_end == 0:
+        place[0] = place[0] + dt * linear
+        rotation[0] = turned_by(dt * turn, rotation[0])
+
+
+@wp.func
 def with_row(sums: Equations, m: wp.float64, j: vec6d, side: wp.float64):
     """Add m j j^T to the matrix, and `side` times j to the right-hand side."""
     found = sums
@@ -337,14 +352,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
             x[r] = x[r] * A[r, r]
         changes[0] = x
         if use_changes != 0:
-            linear = wp.vec3d(x[0], x[1], x[2])
-            turn = wp.vec3d(x[3], x[4], x[5])
-            motion[0] = motion[0] + linear
-            motion[1] = motion[1] + turn
-            if at_end == 0:
-                dt = wp.float64(step[0])
-                place[0] = place[0] + dt * linear
-                rotation[0] = turned_by(dt * turn, q)
+            change_motion(x, at_end, wp.float64(step[0]), place, rotation, motion)
 
     @kernel(per="block")
     def gather_given(

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from .body_motion import spin_of, turned_by, vec6d, wrench
+from .body_motion import change_motion, spin_of, vec6d, wrench
 from .body_search import wide_places
 from .distances import TINY, BodyShape, ways_out, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
@@ -484,14 +484,7 @@ def surface_contact(
         at_end: int, changes: wp.array(dtype=vec6d), step: wp.array(dtype=real), first: int,
         place: wp.array(dtype=wp.vec3d), rotation: wp.array(dtype=wp.quatd), motion: wp.array(dtype=wp.vec3d),
     ):  # fmt: skip
-        d = changes[0]
-        linear = wp.vec3d(d[0], d[1], d[2])
-        turn = wp.vec3d(d[3], d[4], d[5])
-        motion[0] = motion[0] + linear
-        motion[1] = motion[1] + turn
-        if at_end == 0:
-            place[0] = place[0] + wp.float64(step[0]) * linear
-            rotation[0] = turned_by(wp.float64(step[0]) * turn, rotation[0])
+        change_motion(changes[0], at_end, wp.float64(step[0]), place, rotation, motion)
 
     @kernel(per="list")
     def spread(
