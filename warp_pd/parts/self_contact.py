@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, not_negative, positive
+from ..device.checks import InputError, not_negative, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
@@ -19,6 +19,9 @@ from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
+from ..kernels.sheet_contact import CROWDED as CROWDED_SURFACE
+from ..kernels.sheet_contact import PASSED, SLOTS
+from .sheet_surface import SheetSurface
 
 OWNER = "SelfContact"
 # Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.
@@ -30,6 +33,8 @@ DISTANCE, SKIN = 1.5, 0.3
 KEPT_FRACTION = 0.7
 # Stiffness of a pair over thickness times the modulus of pure shear.
 STIFFNESS = 0.1
+# Distance that triangles keep, in spacings.
+SURFACE_DISTANCE = 0.1
 # Layers of sheet that may lie within the reach of a point.
 LAYERS = 4
 
@@ -57,6 +62,7 @@ class SelfContact(Contact):
     distance: float | None = None
     stiffness: float | None = None
     friction: float = 0.0
+    surface: bool = False
 
     does_work: ClassVar[bool] = False
     within_sheet: ClassVar[bool] = True
@@ -68,11 +74,15 @@ class SelfContact(Contact):
             if value is not None:
                 positive(f"SelfContact.{name}", value)
         not_negative("SelfContact.friction", self.friction)
+        if not isinstance(self.surface, bool):
+            raise InputError(f"SelfContact.surface = {said(self.surface)}: expected True or False")
+        if self.surface and self.stiffness is not None:
+            raise InputError(f"SelfContact.stiffness = {said(self.stiffness)}: expected None with surface = True")
 
     @property
     def changes_velocities(self) -> bool:
-        """Whether there is friction."""
-        return self.friction > 0.0
+        """Whether it changes velocities directly, not only by forces."""
+        return self.friction > 0.0 or self.surface
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that the scene has no second SelfContact.
@@ -85,7 +95,7 @@ class SelfContact(Contact):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""
-        return BuiltSelfContact(self, context, law)
+        return BuiltSurfaceContact(self, context, law) if self.surface else BuiltSelfContact(self, context, law)
 
 
 class BuiltSelfContact(BuiltContact):
@@ -273,4 +283,53 @@ class BuiltSelfContact(BuiltContact):
                 f"SelfContact: more than {self._near.shape[0]} points without bonds came within "
                 f"{self.distance + self._skin:.4g} m of one: expected a sheet that is not crushed; raise the stiffness "
                 f"({self.stiffness:.4g} N/m) or lower the distance"
+            )
+
+
+class BuiltSurfaceContact(BuiltContact):
+    """Self-contact of triangles on a device.
+
+    Attributes:
+        distance: Distance that triangles keep [m].
+    """
+
+    label = "contact = SelfContact"
+
+    def __init__(self, part: SelfContact, context: Context, law: BuiltLaw) -> None:
+        """Allocate the lists.
+
+        Raises:
+            InputError: with rigid inclusions, or if triangles pass through each other at the start.
+        """
+        if (context.held & RIGID).any():
+            raise InputError("SelfContact.surface = True: expected False with rigid inclusions, which do not support it")
+        self.distance = SURFACE_DISTANCE * context.sheet.spacing if part.distance is None else part.distance
+        self._surface = SheetSurface(context, law, self.distance, part.friction)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches after the drift."""
+        if phase is Phase.PROJECT:
+            self._surface.add(stage)
+
+    def sums(self) -> Mapping[str, Array]:
+        """Energy lost in impacts and by friction."""
+        found = {"contact": self._surface.lost, "sheet_friction": self._surface.rubbed}
+        return {name: array for name, array in found.items() if array is not None}
+
+    def end_frame(self) -> None:
+        """Check that no list of pairs has overflowed, and that no triangles passed through each other.
+
+        Raises:
+            InputError: otherwise.
+        """
+        status = self._surface.status.numpy()
+        if status[CROWDED_SURFACE]:
+            raise InputError(
+                f"SelfContact.surface = True: more than {SLOTS} pairs press on a point, triangle or side: expected a "
+                "sheet that is not crushed, or sheets of more similar spacings"
+            )
+        if status[PASSED]:
+            raise InputError(
+                "SelfContact.surface = True: triangles would pass through each other: expected a smaller step, or no "
+                "prescribed motion through the sheet"
             )
