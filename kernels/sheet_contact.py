@@ -202,19 +202,22 @@ def sheet_contact(
         return placed(a.reference[i], a.displacement[i]) - wp.float64(a.step[0]) * wide(a.velocity[i])
 
     @wp.func
-    def way(i: int, a: Surface):
-        found = wp.float64(a.step[0]) * (wide(a.velocity[i]) + a.given[i])
-        if a.stays[i] != wp.uint8(0):
-            found = wp.vec3d()
-        return found
-
-    @wp.func
     def ease(i: int, a: Surface):
         """Velocity change per impulse along each axis [1/kg]."""
         found = wp.vec3d(wp.float64(1.0) / wp.float64(a.mass[i]))
         if wp.static(held):
             for c in range(3):
                 if (wp.int32(a.held_mask[i]) >> c) & 1 == 1:
+                    found[c] = wp.float64(0.0)
+        return found
+
+    @wp.func
+    def way(i: int, a: Surface):
+        found = wp.float64(a.step[0]) * (wide(a.velocity[i]) + a.given[i])
+        if a.stays[i] != wp.uint8(0):
+            e = ease(i, a)
+            for c in range(3):
+                if e[c] > wp.float64(0.0):
                     found[c] = wp.float64(0.0)
         return found
 
@@ -341,26 +344,44 @@ def sheet_contact(
         return kept
 
     @wp.func
-    def at_rim(f: int, x: mat43d, w: wp.vec4d, a: Surface):
-        """Weights of the point of a rim of triangle f nearest to point 0, and the outward normal; 0 without a rim."""
-        n = wp.vec3d()
-        found = w
-        k = wp.int32(1)
-        for m in range(2, 4):
-            if w[m] > w[k]:
-                k = m
-        g = a.across[f][k - 1]
-        if not whole(g, a) and -w[k] < wp.float64(0.1):
-            one = k % 3 + 1
-            two = one % 3 + 1
-            side = x[two] - x[one]
-            t = wp.clamp(wp.dot(x[0] - x[one], side) / wp.dot(side, side), wp.float64(0.0), wp.float64(1.0))
-            found[k] = wp.float64(0.0)
-            found[one] = t - wp.float64(1.0)
-            found[two] = -t
-            out = x[one] - x[k]
-            n = wp.normalize(out - (wp.dot(out, side) / wp.dot(side, side)) * side)
-        return found, n
+    def away_from(i: int, a: Surface):
+        """Sum of the vectors from a point to the other corners of its triangles."""
+        points = a.mass.shape[0]
+        total = wp.vec3d()
+        for at in range(a.begins[i], a.begins[i + 1]):
+            f = a.entities[at] - points
+            if f < a.triangles.shape[0]:
+                if whole(f, a):
+                    for k in range(3):
+                        total += start(a.triangles[f][k], a) - start(i, a)
+        return total
+
+    @wp.func
+    def at_rim(i: int, f: int, x: mat43d, w: wp.vec4d, a: Surface):
+        """Weights of the point nearest to point i on the rim of triangle f that faces it, and the outward normal.
+
+        The normal is 0 without such a rim.
+        """
+        best = wp.float64(0.0)
+        normal = wp.vec3d()
+        found = wp.vec4d()
+        for k in range(1, 4):
+            if not whole(a.across[f][k - 1], a) and -w[k] < wp.float64(0.1):
+                one = k % 3 + 1
+                two = one % 3 + 1
+                side = x[two] - x[one]
+                out = x[one] - x[k]
+                n = wp.normalize(out - (wp.dot(out, side) / wp.dot(side, side)) * side)
+                facing = wp.dot(n, away_from(i, a))
+                if facing > best:
+                    best = facing
+                    normal = n
+                    t = wp.clamp(wp.dot(x[0] - x[one], side) / wp.dot(side, side), wp.float64(0.0), wp.float64(1.0))
+                    found = wp.vec4d(wp.float64(1.0))
+                    found[k] = wp.float64(0.0)
+                    found[one] = t - wp.float64(1.0)
+                    found[two] = -t
+        return found, normal
 
     @wp.func
     def counts_here(f: int, sides: bool, x: mat43d, w: wp.vec4d, gap: wp.float64, a: Surface):
@@ -399,12 +420,12 @@ def sheet_contact(
         if near:
             kept = distance_kept(sides, points, a)
             if gap <= ZERO * a.kept:
-                near = not sides and kept <= ZERO * a.kept
+                kept = wp.float64(0.0)
+                near = not sides
                 if near:
-                    w, n = at_rim(f, x, w, a)
+                    w, n = at_rim(points[0], f, x, w, a)
                     gap = wp.dot(n, wp.transpose(x) * w)
                     near = wp.length(n) > wp.float64(0.0)
-                    kept = wp.min(gap, kept)
             else:
                 n = n / gap
                 if gap > kept:
@@ -615,9 +636,10 @@ def sheet_contact(
                             x[k] = start(pair[k], a)
                             motion[k] = way(pair[k], a)
                         gap = wp.length(wp.transpose(x) * nearest(sides, x))
-                        if gap <= a.kept + largest_approach(sides, motion):
-                            limit = SAFE * wp.min(gap, distance_kept(sides, pair, a))
-                            if limit > wp.float64(0.0):
+                        if gap > ZERO * a.kept and gap <= a.kept + largest_approach(sides, motion):
+                            kept = distance_kept(sides, pair, a)
+                            if kept > ZERO * a.kept:
+                                limit = wp.max(SAFE * wp.min(gap, kept), ZERO * a.kept)
                                 found = found or comes_near(sides, x, motion, limit)
             node = next_node(node, entered, a.tree.leaves)
         passes[g] = wp.where(found, wp.uint8(1), wp.uint8(0))
@@ -630,7 +652,7 @@ def sheet_contact(
         found = passes[i] != wp.uint8(0)
         for at in range(a.begins[i], a.begins[i + 1]):
             found = found or passes[a.entities[at]] != wp.uint8(0)
-        if found and wp.min(ease(i, a)) > wp.float64(0.0):
+        if found and wp.max(ease(i, a)) > wp.float64(0.0):
             stays[i] = wp.uint8(1)
 
     @wp.struct
@@ -670,6 +692,10 @@ def sheet_contact(
             shift = dt * change
             if a.stays[i] != wp.uint8(0):
                 shift = -dt * before
+                if wp.static(held):
+                    for c in range(3):
+                        if (wp.int32(a.held_mask[i]) >> c) & 1 == 1:
+                            shift[c] = wp.float64(0.0)
             a.velocity[i] = after
             a.displacement[i] = a.displacement[i] + vec3(real(shift[0]), real(shift[1]), real(shift[2]))
             if wp.static(tracked):
