@@ -36,10 +36,10 @@ from .pointwise import Pointwise, pointwise
 from .surface_contact import MENDED, NEAREST, between_segments
 
 # Pairs of a point, triangle or side.
-SLOTS = 16
-# Entries of the status: whether boxes are stale, any triangles are close, a list of pairs was full, or pairs were left
-# that would pass through each other; then one entry per round of solution, and one per round of the fail-safe.
-STALE, CLOSE, CROWDED, PASSED, ROUND = 0, 1, 2, 3, 4
+SLOTS = 12
+# Entries of the status: whether boxes are stale, any triangles are close, or pairs were left that would pass through
+# each other; then one entry per round of solution, and one per round of the fail-safe.
+STALE, CLOSE, PASSED, ROUND = 0, 1, 2, 3
 # A distance below this fraction of the one to be kept is zero: the faces of a crack of an outline.
 ZERO = wp.constant(wp.float64(1e-3))
 # Fraction of the distance to be kept, or of that at the beginning, that a pair may reach in a step before it counts.
@@ -81,21 +81,22 @@ def largest_approach(sides: bool, motion: mat43d):
 
 @wp.func
 def comes_near(sides: bool, x: mat43d, motion: mat43d, limit: wp.float64):
-    """Whether the distance of a pair falls to `limit` on its way; after many advances, assumed."""
+    """Fraction of its way at which the distance of a pair falls to `limit`, else 2; after many advances, assumed."""
     most = largest_approach(sides, motion)
     t = wp.float64(0.0)
-    near = bool(False)
+    found = wp.float64(2.0)
     count = wp.int32(0)
-    while t < wp.float64(1.0) and not near:
+    while t < wp.float64(1.0):
         y = x + t * motion
         gap = wp.length(wp.transpose(y) * nearest(sides, y))
-        near = gap <= limit or count == wp.static(ADVANCES)
-        if most == wp.float64(0.0):
+        if gap <= limit or count == wp.static(ADVANCES):
+            found = t
+        if found == t or most == wp.float64(0.0):
             t = wp.float64(1.0)
         else:
             t += (gap - wp.float64(0.5) * limit) / most
         count += 1
-    return near
+    return found
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ class SheetContact:
         look: Marks boxes as stale if a point has left them.
         bound: Makes the boxes of triangles.
         mark: Finds triangles with another one close.
-        find: Adds the pairs of each entity that come near to its list.
+        find: Adds the pairs of each entity that come near to its list; if it is full, the earliest.
+        agree: Removes new pairs that had no room in one of their two lists.
         press: Computes one iteration of the impulses.
         gather: Computes the velocity changes of the points.
         check: Marks entities with a pair that would still pass.
@@ -125,6 +127,7 @@ class SheetContact:
     bound: Kernel
     mark: Kernel
     find: Kernel
+    agree: Kernel
     press: Kernel
     gather: Kernel
     check: Kernel
@@ -189,13 +192,19 @@ def sheet_contact(
 
     @wp.struct
     class Pairs:
-        """Pairs of entity g: entries SLOTS g to SLOTS g + count[g]. rooms: (distance - that to be kept) / step."""
+        """Pairs of entity g: entries SLOTS g to SLOTS g + count[g].
+
+        rooms: (distance - that to be kept) / step [m/s]. others: the other entity. whens: fraction of the way at which
+        a new pair comes near, -1 for older pairs.
+        """
 
         count: wp.array(dtype=wp.int32)
         points: wp.array(dtype=wp.vec4i)
         weights: wp.array(dtype=wp.vec4d)
         normals: wp.array(dtype=wp.vec3d)
         rooms: wp.array(dtype=wp.float64)
+        others: wp.array(dtype=wp.int32)
+        whens: wp.array(dtype=wp.float64)
 
     @wp.func
     def start(i: int, a: Surface):
@@ -307,31 +316,35 @@ def sheet_contact(
 
     @wp.func
     def pair_of(g: int, f: int, which: int, a: Surface):
-        """The pair of entity g with a feature of triangle f: its points; those of a pair that does not count are -1.
+        """The pair of entity g with a feature of triangle f: its points, and the other entity, -1 if it does not count.
 
         A point meets the triangle itself (`which` = 0), a triangle its corner, a side its side.
         """
         points = a.mass.shape[0]
         faces = a.triangles.shape[0]
-        found = wp.vec4i(-1, -1, -1, -1)
+        found = wp.vec4i()
+        other = wp.int32(-1)
         corners = a.triangles[f]
         if g < points:
             if which == 0 and not point_meets(g, f, a):
                 found = wp.vec4i(g, corners[0], corners[1], corners[2])
+                other = points + f
         elif g < points + faces:
             t = a.triangles[g - points]
             i = corners[which]
             if (a.owned[f] >> which) & 1 == 1 and not point_meets(i, g - points, a):
                 found = wp.vec4i(i, t[0], t[1], t[2])
+                other = i
         else:
             own = g - points - faces
-            other = a.of_face[f][which]
-            if (a.owned[f] >> (3 + which)) & 1 == 1 and own != other:
-                e = a.sides[wp.min(own, other)]
-                h = a.sides[wp.max(own, other)]
+            side = a.of_face[f][which]
+            if (a.owned[f] >> (3 + which)) & 1 == 1 and own != side:
+                e = a.sides[wp.min(own, side)]
+                h = a.sides[wp.max(own, side)]
                 if not faces_meet(e, h, a):
                     found = wp.vec4i(e[0], e[1], h[0], h[1])
-        return found
+                    other = points + faces + side
+        return found, other
 
     @wp.func
     def distance_kept(sides: bool, points: wp.vec4i, a: Surface):
@@ -406,7 +419,7 @@ def sheet_contact(
 
     @wp.func
     def constraint(f: int, sides: bool, points: wp.vec4i, a: Surface):
-        """Weights, normal and distance of a pair, the distance to be kept, and whether the pair comes near."""
+        """Weights, normal and distance of a pair, that to be kept, and when it comes near (2: not in this step)."""
         x = mat43d()
         motion = mat43d()
         for k in range(4):
@@ -416,23 +429,23 @@ def sheet_contact(
         n = wp.transpose(x) * w
         gap = wp.length(n)
         kept = wp.float64(0.0)
-        near = gap <= a.kept + largest_approach(sides, motion)
-        if near:
+        when = wp.float64(2.0)
+        if gap <= a.kept + largest_approach(sides, motion):
             kept = distance_kept(sides, points, a)
             if gap <= ZERO * a.kept:
                 kept = wp.float64(0.0)
-                near = not sides
-                if near:
+                if not sides:
                     w, n = at_rim(points[0], f, x, w, a)
                     gap = wp.dot(n, wp.transpose(x) * w)
-                    near = wp.length(n) > wp.float64(0.0)
+                    if wp.length(n) > wp.float64(0.0):
+                        when = wp.float64(0.0)
             else:
                 n = n / gap
                 if gap > kept:
-                    near = comes_near(sides, x, motion, wp.max(REACHED * kept, ZERO * a.kept))
-                else:
-                    near = counts_here(f, sides, x, w, gap, a)
-        return w, n, gap, kept, near
+                    when = comes_near(sides, x, motion, wp.max(REACHED * kept, ZERO * a.kept))
+                elif counts_here(f, sides, x, w, gap, a):
+                    when = wp.float64(0.0)
+        return w, n, gap, kept, when
 
     @kernel(per="face")
     def watch(intact: wp.array(dtype=wp.uint8), first: int, seen: wp.array(dtype=wp.uint8),
@@ -507,14 +520,17 @@ def sheet_contact(
     def find(
         a: Surface, number: int, first: int, count: wp.array(dtype=wp.int32), points: wp.array(dtype=wp.vec4i),
         weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d), rooms: wp.array(dtype=wp.float64),
+        others: wp.array(dtype=wp.int32), whens: wp.array(dtype=wp.float64), left_out: wp.array(dtype=wp.float64),
         pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
         status: wp.array(dtype=wp.int32),
     ):  # fmt: skip
+        """`left_out`: when the earliest pair comes near that has no room in the list."""
         g = wp.tid() + first
         own = a.mass.shape[0]
         sides = g >= own + a.triangles.shape[0]
         listed = wp.where(number == 0, 0, count[g])
         more = wp.int32(listed)
+        earliest = wp.float64(2.0)
         node = wp.where(is_close(g, a), 1, 0)
         lower, upper = box_of(corners_of(g, a), wp.float64(0.5) * a.kept, a)
         while node != 0:
@@ -522,30 +538,60 @@ def sheet_contact(
             if entered and node >= a.tree.leaves:
                 f = a.tree.order[node - a.tree.leaves]
                 for which in range(3):
-                    pair = pair_of(g, f, which, a)
-                    known = pair[0] < 0
+                    pair, other = pair_of(g, f, which, a)
+                    known = other < 0
                     for slot in range(listed):
-                        known = known or points[wp.static(SLOTS) * g + slot] == pair
+                        known = known or others[wp.static(SLOTS) * g + slot] == other
                     if not known:
                         target = wp.where(g >= own and not sides, g - own, f)
-                        w, n, gap, kept, near = constraint(target, sides, pair, a)
-                        if near and more == wp.static(SLOTS):
-                            status[wp.static(CROWDED)] = 1
-                        elif near:
-                            s = wp.static(SLOTS) * g + more
+                        w, n, gap, kept, when = constraint(target, sides, pair, a)
+                        slot = more
+                        if more == wp.static(SLOTS):
+                            latest = when
+                            for k in range(wp.static(SLOTS)):
+                                if whens[wp.static(SLOTS) * g + k] > latest:
+                                    slot = k
+                                    latest = whens[wp.static(SLOTS) * g + k]
+                            earliest = wp.min(earliest, latest)
+                        if when < wp.float64(2.0) and slot < wp.static(SLOTS):
+                            s = wp.static(SLOTS) * g + slot
                             points[s] = pair
                             weights[s] = w
                             normals[s] = n
                             left = (gap - kept) / wp.float64(a.step[0])
                             rooms[s] = wp.where(gap < kept, MENDED * left, left)
+                            others[s] = other
+                            whens[s] = when
                             pushes[s] = wp.vec4d()
                             pressed[s] = wp.uint8(0)
                             earlier[s] = wp.float64(0.0)
-                            more += 1
+                            more = wp.max(more, slot + 1)
             node = next_node(node, entered, a.tree.leaves)
         count[g] = more
+        left_out[g] = earliest
         if more > listed:
             status[wp.static(ROUND) + number] = 1
+
+    @kernel(per="list")
+    def agree(
+        left_out: wp.array(dtype=wp.float64), first: int, count: wp.array(dtype=wp.int32),
+        points: wp.array(dtype=wp.vec4i), weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d),
+        rooms: wp.array(dtype=wp.float64), others: wp.array(dtype=wp.int32), whens: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        g = wp.tid() + first
+        kept = wp.int32(0)
+        for slot in range(count[g]):
+            s = wp.static(SLOTS) * g + slot
+            if whens[s] < wp.min(left_out[g], left_out[others[s]]):
+                t = wp.static(SLOTS) * g + kept
+                points[t] = points[s]
+                weights[t] = weights[s]
+                normals[t] = normals[s]
+                rooms[t] = rooms[s]
+                others[t] = others[s]
+                whens[t] = wp.float64(-1.0)
+                kept += 1
+        count[g] = kept
 
     @kernel(per="list")
     def press(
@@ -628,8 +674,8 @@ def sheet_contact(
             if entered and node >= a.tree.leaves:
                 f = a.tree.order[node - a.tree.leaves]
                 for which in range(3):
-                    pair = pair_of(g, f, which, a)
-                    if pair[0] >= 0:
+                    pair, other = pair_of(g, f, which, a)
+                    if other >= 0:
                         x = mat43d()
                         motion = mat43d()
                         for k in range(4):
@@ -640,7 +686,7 @@ def sheet_contact(
                             kept = distance_kept(sides, pair, a)
                             if kept > ZERO * a.kept:
                                 limit = wp.max(SAFE * wp.min(gap, kept), ZERO * a.kept)
-                                found = found or comes_near(sides, x, motion, limit)
+                                found = found or comes_near(sides, x, motion, limit) < wp.float64(2.0)
             node = next_node(node, entered, a.tree.leaves)
         passes[g] = wp.where(found, wp.uint8(1), wp.uint8(0))
         if found:
@@ -729,5 +775,5 @@ def sheet_contact(
             status[k] = 0
 
     return SheetContact(
-        Surface, Pairs, Taken, watch, look, bound, mark, find, press, gather, check, stay, take, clear
+        Surface, Pairs, Taken, watch, look, bound, mark, find, agree, press, gather, check, stay, take, clear
     )

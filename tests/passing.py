@@ -5,6 +5,8 @@ from fractions import Fraction
 import numpy as np
 from scipy.spatial import cKDTree
 
+from warp_pd.geometry.topology import directed_edges, undirected
+
 # Relative error of a determinant in float64, on the safe side, below which its sign is found exactly.
 DOUBT = 1e-13
 HALVINGS = 60
@@ -108,3 +110,34 @@ def _boxes_meet(corners, before, after, face, point):
 def between(start, end, share):
     """Places on the way, exact."""
     return [[x + share * (y - x) for x, y in zip(a, b, strict=True)] for a, b in zip(start, end, strict=True)]
+
+
+def crossing(place, triangles):
+    """Pairs (side, triangle) that cross in a state, but not those whose triangles share a corner.
+
+    Args:
+        place: Positions [m], shape (N, 3), in float64.
+        triangles: Shape (F, 3).
+    """
+    edges = directed_edges(triangles)
+    number = undirected(edges)
+    first, owners = np.unique(number, return_index=True)[1], np.argsort(number, kind="stable") % len(triangles)
+    begins = np.searchsorted(np.sort(number), np.arange(len(first) + 1))
+    sides = edges[first]
+    centres, middles = place[triangles].mean(axis=1), place[sides].mean(axis=1)
+    reach = np.linalg.norm(place[triangles] - centres[:, None], axis=2).max()
+    reach += np.linalg.norm(place[sides] - middles[:, None], axis=2).max()
+    near = cKDTree(middles).query_ball_point(centres, reach)
+    face = np.repeat(np.arange(len(triangles)), [len(found) for found in near])
+    side = np.concatenate([np.asarray(found, int) for found in near])
+    corners, ends = place[triangles[face]], place[sides[side]]
+    meet = ((corners.min(axis=1) <= ends.max(axis=1)) & (ends.min(axis=1) <= corners.max(axis=1))).all(axis=1)
+    face, side, corners, ends = face[meet], side[meet], corners[meet], ends[meet]
+    through = signs(corners, ends[:, 0]) * signs(corners, ends[:, 1]) <= 0
+    turns = [signs(np.stack([ends[:, 0], corners[:, k], corners[:, k - 2]], axis=1), ends[:, 1]) for k in range(3)]
+    through &= (np.min(turns, axis=0) >= 0) | (np.max(turns, axis=0) <= 0)
+    beside = [set(triangles[owners[begins[s] : begins[s + 1]]].ravel()) for s in side[through]]
+    return [
+        (int(s), int(f)) for s, f, points in zip(side[through], face[through], beside, strict=True)
+        if not points & set(triangles[f])
+    ]  # fmt: skip

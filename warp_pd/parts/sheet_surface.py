@@ -81,6 +81,7 @@ class SheetSurface:
         self._surface = with_values(made.Surface(), values)
         pairs: dict[str, Any] = {
             "points": wp.vec4i, "weights": wp.vec4d, "normals": wp.vec3d, "rooms": wp.float64,
+            "others": wp.int32, "whens": wp.float64,
         }  # fmt: skip
         self._pairs = {"count": room("count", wp.int32, entities)} | {n: room(n, t, slots) for n, t in pairs.items()}
         self._constraints = with_values(made.Pairs(), self._pairs)
@@ -91,6 +92,7 @@ class SheetSurface:
             "impulse": room("impulse", wp.vec3d, points, "point"),
             "dragged": room("dragged", wp.vec3d, points, "point") if rubs else None,
         }
+        self._left_out = room("left_out", wp.float64, entities)
         self._passes = room("passes", wp.uint8, entities)
         self._listed_at = room("listed_at", wp.vec3d, points)
         fresh = np.zeros(kernels.ROUND + ROUNDS + CHECKS, np.int32)
@@ -123,9 +125,10 @@ class SheetSurface:
             self._add_boxes(stage, needed)
             stage.launch(
                 OWNER, made.find, entities, a=a, number=number, **self._pairs, **impulses, status=self.status,
-                **(needed or self._flag(kernels.CLOSE)),
+                left_out=self._left_out, **(needed or self._flag(kernels.CLOSE)),
             )  # fmt: skip
             needed = self._flag(kernels.ROUND + number)
+            stage.launch(OWNER, made.agree, entities, left_out=self._left_out, **self._pairs, **needed)
             for iteration in range(1 + ITERATIONS):
                 momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
                 stage.launch(

@@ -1,0 +1,122 @@
+"""Contact of triangles of sheets with each other: nothing passes, and momentum, energy, friction, cracks and bits."""
+
+import numpy as np
+import pytest
+from helpers import square
+from passing import crossing
+from resumed_runs import require_same_when_stopped
+from scipy.spatial import cKDTree
+from small_runs import simulate
+
+from warp_pd import Explicit, Place, SelfContact, Sheet, placed, together
+from warp_pd.parts import sheet_surface
+
+# Speed of waves in the sheets of `square` [m/s], and their stable step [s].
+WAVES, STABLE = 2.0, 6.4e-3
+CONTACT = SelfContact(surface=True, friction=0.3)
+
+
+class Steps:
+    """A writer that keeps positions and velocities."""
+
+    def __init__(self, sheet):
+        self.sheet, self.places, self.velocities = sheet, [], []
+
+    def write(self, frame):
+        self.places.append(self.sheet.positions + frame.displacement.astype(float))
+        self.velocities.append(frame.velocity.astype(float))
+
+    def save(self):
+        pass
+
+    def close(self):
+        pass
+
+
+def collision(speed, sideways=0.0, steps=32, step=0.4 * STABLE, stretch=1.0, contact=CONTACT, per_frame=1):
+    """A square that falls on a larger one; both are stretched, and free."""
+    sheet = together(square(11), square(7, 0.058))
+    start = placed(sheet, Place(), Place((0.017, 0.012, 0.0), degrees=20.0))
+    start[:, :2] += (stretch - 1.0) * (sheet.positions + start)[:, :2]
+    upper = sheet.pieces == 2
+    start[upper, 2] += 1.2 * sheet.spacing
+    velocity = np.zeros((sheet.size, 3))
+    velocity[upper] = (sideways, 0.0, -speed)
+    return simulate(
+        sheet, Explicit(steps * step, frames=steps // per_frame, step=step), contact=contact,
+        initial_displacement=start, initial_velocity=velocity,
+    )  # fmt: skip
+
+
+def followed(simulation, precision=64):
+    steps = Steps(simulation.sheet)
+    return simulation.run(device="cpu", precision=precision, writers=[steps]), steps
+
+
+def momenta(result, steps):
+    mass = result.built.to_numpy(result.built.state.mass)[:, None]
+    return np.array([(mass * velocity).sum(axis=0) for velocity in steps.velocities])
+
+
+@pytest.mark.parametrize(("speed", "stretch"), [(3.0, 1.0), (3.0, 2.5), (0.2, 1.0)])
+def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed, stretch):
+    simulation = collision(speed * WAVES, sideways=0.3 * speed * WAVES, step=0.4 * STABLE / stretch, stretch=stretch)
+    result, steps = followed(simulation)
+    triangles = simulation.sheet.triangles
+    assert [pair for place in steps.places for pair in crossing(place, triangles)] == []
+    found = momenta(result, steps)
+    assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
+    first, rows = result.history[0], result.history
+    lost = np.array([row["contact"] + row["sheet_friction"] for row in rows])
+    assert lost[-1] > 0.05 * first["kinetic"]
+    assert np.diff(lost).min() > -1e-3 * first["kinetic"]
+    assert np.diff([row["sheet_friction"] for row in rows]).min() > -1e-12 * first["kinetic"]
+    assert max(abs(row["balance_error"]) for row in rows) < 5e-3
+    assert result.summary["stable_dt"] == pytest.approx(STABLE, rel=0.02) or stretch > 1.0
+
+
+def test_without_contact_they_cross():
+    result, steps = followed(collision(3.0 * WAVES, contact=None))
+    assert any(crossing(place, result.built.simulation.sheet.triangles) for place in steps.places)
+
+
+def test_a_run_repeats_its_bits_and_resumes(tmp_path):
+    case = {"speed": 0.5 * WAVES, "sideways": 0.4, "per_frame": 8}
+    whole = require_same_when_stopped(lambda: collision(**case), tmp_path, [2])
+    assert whole.history[2]["sheet_friction"] > 0.0
+
+
+def test_the_fail_safe_alone_lets_nothing_pass(monkeypatch):
+    """Without iterations that find impulses, points stay before they meet, and keep their momentum."""
+    monkeypatch.setattr(sheet_surface, "ITERATIONS", 0)
+    simulation = collision(0.5 * WAVES, steps=16)
+    result, steps = followed(simulation)
+    assert [pair for place in steps.places for pair in crossing(place, simulation.sheet.triangles)] == []
+    found = momenta(result, steps)
+    assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
+
+
+def test_crack_faces_touch():
+    """Faces that lie on each other are pressed together: they stay within 0.1 % of a spacing."""
+    spacing, line = 0.01, 0.05
+    square_ = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
+    sheet = Sheet.outline(
+        square_, cracks=[[(0.0, line), (0.0655, line)]], spacing=spacing, thickness=1e-3, density=1000.0
+    )
+    pairs = cKDTree(sheet.points).query_pairs(1e-9, output_type="ndarray")
+    assert len(pairs) > 5
+    above = sheet.points[:, 1] > line + 1e-9
+    for i in pairs.ravel():
+        above[i] = sheet.points[sheet.triangles[(sheet.triangles == i).any(axis=1)], 1].mean() > line
+    velocity = np.zeros((sheet.size, 3))
+    velocity[:, 1] = np.where(above, -0.4, 0.4) * np.clip(1.0 - sheet.points[:, 0] / 0.06, 0.0, 1.0)
+    lower, upper = pairs.T
+    lower, upper = np.where(above[lower], upper, lower), np.where(above[lower], lower, upper)
+    opening = {}
+    for contact in (CONTACT, None):
+        solver = Explicit(0.01, frames=20)
+        result, steps = followed(simulate(sheet, solver, contact=contact, initial_velocity=velocity))
+        opening[contact] = min((place[upper, 1] - place[lower, 1]).min() for place in steps.places) / spacing
+        assert max(abs(row["balance_error"]) for row in result.history) < 1e-3
+    assert opening[CONTACT] > -1e-3
+    assert opening[None] < -0.5
