@@ -7,17 +7,12 @@ that at the end the distance along n is at least that to be kept, d (the positio
 approached). n is along the line between the nearest points, so the impulses change neither momentum nor angular
 momentum.
 
-Whether a pair comes near is found by conservative advancement (Li, Kaufman and Jiang, Codimensional incremental
-potential contact, ACM Trans. Graph. 40, 2021, section 5): the distance changes by at most the relative motion.
-
 Each point, triangle and side has a list of its pairs; so a pair is in two lists. Both find it by the same operations
 on the same numbers, and so agree in all bits. Impulses are found by the projected Jacobi method with mass splitting and
 Nesterov momentum, as in kernels/surface_contact.py; points gather from their lists in a fixed order.
 
 Fail-safe: points whose pair would still come within a tenth of its distance stay where they are for this step. They
 keep their velocities, and so momentum and, since the drift that is left out is along the velocity, angular momentum.
-
-Pairs of triangles that share a corner are left out. A triangle cut by a crack has no contact and connects no points.
 """
 
 import functools
@@ -27,76 +22,21 @@ from typing import Any
 import warp as wp
 
 from .body_search import wide_places
-from .distances import weights_of_nearest
 from .effects import Kernel, kernel
-from .face_tree import FaceTree, next_node, overlaps, rounded
+from .face_tree import next_node, overlaps
 from .integrate import half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
-from .surface_contact import MENDED, NEAREST, between_segments
+from .sheet_pairs import ZERO, comes_near, largest_approach, mat43d, nearest, sheet_pairs
+from .surface_contact import MENDED
 
 # Pairs of a point, triangle or side.
 SLOTS = 12
 # Entries of the status: whether boxes are stale, any triangles are close, or pairs were left that would pass through
 # each other; then one entry per round of solution, and one per round of the fail-safe.
 STALE, CLOSE, PASSED, ROUND = 0, 1, 2, 3
-# A distance below this fraction of the one to be kept is zero: the faces of a crack of an outline.
-ZERO = wp.constant(wp.float64(1e-3))
-# Fraction of the distance to be kept, or of that at the beginning, that a pair may reach in a step before it counts.
-REACHED, SAFE = wp.constant(wp.float64(0.75)), wp.constant(wp.float64(0.1))
-# Within a piece pairs keep at most this fraction of their reference distance.
-OF_REFERENCE = wp.constant(wp.float64(0.5))
-ADVANCES = 64
-
-mat43d: Any = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
-
-
-@wp.func
-def nearest(sides: bool, x: mat43d):
-    """Weights of the nearest points of point 0 and triangle (1, 2, 3), or of sides (0, 1) and (2, 3)."""
-    one = wp.float64(1.0)
-    found = wp.vec4d()
-    if sides:
-        s, t = between_segments(x[0], x[1] - x[0], x[2], x[3] - x[2])
-        found = wp.vec4d(one - s, s, t - one, -t)
-    else:
-        w = weights_of_nearest(x[0], x[1], x[2], x[3])
-        found = wp.vec4d(one, -w[0], -w[1], -w[2])
-    return found
-
-
-@wp.func
-def largest_approach(sides: bool, motion: mat43d):
-    """Upper bound of the change of distance of a pair whose points move by `motion`."""
-    mean = wp.float64(0.25) * (motion[0] + motion[1] + motion[2] + motion[3])
-    a = wp.length(motion[0] - mean)
-    b = wp.length(motion[1] - mean)
-    c = wp.length(motion[2] - mean)
-    d = wp.length(motion[3] - mean)
-    found = a + wp.max(b, wp.max(c, d))
-    if sides:
-        found = wp.max(a, b) + wp.max(c, d)
-    return found
-
-
-@wp.func
-def comes_near(sides: bool, x: mat43d, motion: mat43d, limit: wp.float64):
-    """Fraction of its way at which the distance of a pair falls to `limit`, else 2; after many advances, assumed."""
-    most = largest_approach(sides, motion)
-    t = wp.float64(0.0)
-    found = wp.float64(2.0)
-    count = wp.int32(0)
-    while t < wp.float64(1.0):
-        y = x + t * motion
-        gap = wp.length(wp.transpose(y) * nearest(sides, y))
-        if gap <= limit or count == wp.static(ADVANCES):
-            found = t
-        if found == t or most == wp.float64(0.0):
-            t = wp.float64(1.0)
-        else:
-            t += (gap - wp.float64(0.5) * limit) / most
-        count += 1
-    return found
+# Fraction of its distance, or of the one to be kept, that a pair may reach in a step before its points stay.
+SAFE = wp.constant(wp.float64(0.1))
 
 
 @dataclass(frozen=True)
@@ -154,43 +94,14 @@ def sheet_contact(
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    wide, placed = wide_places(bits, curved)
+    wide, _ = wide_places(bits, curved)
+    pairs = sheet_pairs(bits, curved, held, torn)
+    Surface = pairs.Surface
+    start, ease, way, whole, shares_corner = pairs.start, pairs.ease, pairs.way, pairs.whole, pairs.shares_corner
+    is_close, corners_of, box_of, pair_of = pairs.is_close, pairs.corners_of, pairs.box_of, pairs.pair_of
+    distance_kept, constraint = pairs.distance_kept, pairs.constraint
     half_kick, half_loss = half_step(bits, loaded, damped)
 
-    @wp.struct
-    class Surface:
-        """Points, triangles and sides.
-
-        sides: corners of a side, and its triangles (-1: none). across: triangle across from each corner. owned: bits of
-        the corners (1, 2, 4) and of the sides across from them (8, 16, 32) that a triangle owns; each has one owner.
-        of_face: the sides across from the corners. begins, entities: the entities of point i, without itself, are
-        entries begins[i] to begins[i + 1].
-        """
-
-        reference: wp.array(dtype=vec3 if curved else types.vec2)
-        piece: wp.array(dtype=wp.int32)
-        mass: wp.array(dtype=real)
-        held_mask: wp.array(dtype=wp.uint8)
-        displacement: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-        step: wp.array(dtype=real)
-        given: wp.array(dtype=wp.vec3d)
-        stays: wp.array(dtype=wp.uint8)
-        triangles: wp.array(dtype=wp.vec3i)
-        intact: wp.array(dtype=wp.uint8)
-        sides: wp.array(dtype=wp.vec4i)
-        across: wp.array(dtype=wp.vec3i)
-        owned: wp.array(dtype=wp.int32)
-        of_face: wp.array(dtype=wp.vec3i)
-        begins: wp.array(dtype=wp.int32)
-        entities: wp.array(dtype=wp.int32)
-        close: wp.array(dtype=wp.uint8)
-        tree: FaceTree
-        kept: wp.float64
-        skin: wp.float64
-        friction: wp.float64
-
-    @wp.struct
     class Pairs:
         """Pairs of entity g: entries SLOTS g to SLOTS g + count[g].
 
@@ -205,247 +116,6 @@ def sheet_contact(
         rooms: wp.array(dtype=wp.float64)
         others: wp.array(dtype=wp.int32)
         whens: wp.array(dtype=wp.float64)
-
-    @wp.func
-    def start(i: int, a: Surface):
-        return placed(a.reference[i], a.displacement[i]) - wp.float64(a.step[0]) * wide(a.velocity[i])
-
-    @wp.func
-    def ease(i: int, a: Surface):
-        """Velocity change per impulse along each axis [1/kg]."""
-        found = wp.vec3d(wp.float64(1.0) / wp.float64(a.mass[i]))
-        if wp.static(held):
-            for c in range(3):
-                if (wp.int32(a.held_mask[i]) >> c) & 1 == 1:
-                    found[c] = wp.float64(0.0)
-        return found
-
-    @wp.func
-    def way(i: int, a: Surface):
-        found = wp.float64(a.step[0]) * (wide(a.velocity[i]) + a.given[i])
-        if a.stays[i] != wp.uint8(0):
-            e = ease(i, a)
-            for c in range(3):
-                if e[c] > wp.float64(0.0):
-                    found[c] = wp.float64(0.0)
-        return found
-
-    @wp.func
-    def whole(f: int, a: Surface):
-        found = f >= 0
-        if wp.static(torn):
-            if found:
-                found = a.intact[f] != wp.uint8(0)
-        return found
-
-    @wp.func
-    def shares_corner(f: int, g: int, a: Surface):
-        found = bool(False)
-        for k in range(3):
-            for m in range(3):
-                found = found or a.triangles[f][k] == a.triangles[g][m]
-        return found
-
-    @wp.func
-    def faces_meet(e: wp.vec4i, f: wp.vec4i, a: Surface):
-        """Whether triangles of two sides share a corner."""
-        found = bool(False)
-        for k in range(2, 4):
-            for m in range(2, 4):
-                if whole(e[k], a) and whole(f[m], a):
-                    found = found or shares_corner(e[k], f[m], a)
-        return found
-
-    @wp.func
-    def point_meets(i: int, f: int, a: Surface):
-        """Whether a triangle of a point shares a corner with triangle f."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = bool(False)
-        for at in range(a.begins[i], a.begins[i + 1]):
-            g = a.entities[at] - points
-            if g < faces and not found:
-                if whole(g, a):
-                    found = shares_corner(f, g, a)
-        return found
-
-    @wp.func
-    def is_close(g: int, a: Surface):
-        """Whether an entity has a triangle with another one close."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = bool(False)
-        if g < points:
-            for at in range(a.begins[g], a.begins[g + 1]):
-                f = a.entities[at] - points
-                if f < faces:
-                    found = found or a.close[f] != wp.uint8(0)
-        elif g < points + faces:
-            found = a.close[g - points] != wp.uint8(0)
-        else:
-            e = a.sides[g - points - faces]
-            for k in range(2, 4):
-                if e[k] >= 0:
-                    found = found or a.close[e[k]] != wp.uint8(0)
-        return found
-
-    @wp.func
-    def corners_of(g: int, a: Surface):
-        """Points of an entity; the last is repeated."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = wp.vec3i(g, g, g)
-        if g >= points + faces:
-            e = a.sides[g - points - faces]
-            found = wp.vec3i(e[0], e[1], e[1])
-        elif g >= points:
-            found = a.triangles[g - points]
-        return found
-
-    @wp.func
-    def box_of(corners: wp.vec3i, reach: wp.float64, a: Surface):
-        """Box around the ways of three points, enlarged."""
-        low = start(corners[0], a)
-        high = low
-        for k in range(3):
-            x = start(corners[k], a)
-            y = x + way(corners[k], a)
-            low = wp.min(low, wp.min(x, y))
-            high = wp.max(high, wp.max(x, y))
-        return rounded(low, high, reach)
-
-    @wp.func
-    def pair_of(g: int, f: int, which: int, a: Surface):
-        """The pair of entity g with a feature of triangle f: its points, and the other entity, -1 if it does not count.
-
-        A point meets the triangle itself (`which` = 0), a triangle its corner, a side its side.
-        """
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = wp.vec4i()
-        other = wp.int32(-1)
-        corners = a.triangles[f]
-        if g < points:
-            if which == 0 and not point_meets(g, f, a):
-                found = wp.vec4i(g, corners[0], corners[1], corners[2])
-                other = points + f
-        elif g < points + faces:
-            t = a.triangles[g - points]
-            i = corners[which]
-            if (a.owned[f] >> which) & 1 == 1 and not point_meets(i, g - points, a):
-                found = wp.vec4i(i, t[0], t[1], t[2])
-                other = i
-        else:
-            own = g - points - faces
-            side = a.of_face[f][which]
-            if (a.owned[f] >> (3 + which)) & 1 == 1 and own != side:
-                e = a.sides[wp.min(own, side)]
-                h = a.sides[wp.max(own, side)]
-                if not faces_meet(e, h, a):
-                    found = wp.vec4i(e[0], e[1], h[0], h[1])
-                    other = points + faces + side
-        return found, other
-
-    @wp.func
-    def distance_kept(sides: bool, points: wp.vec4i, a: Surface):
-        kept = a.kept
-        if a.piece[points[0]] == a.piece[points[2]]:
-            x = mat43d()
-            for k in range(4):
-                x[k] = placed(a.reference[points[k]], vec3())
-            kept = wp.min(kept, OF_REFERENCE * wp.length(wp.transpose(x) * nearest(sides, x)))
-        return kept
-
-    @wp.func
-    def away_from(i: int, a: Surface):
-        """Sum of the vectors from a point to the other corners of its triangles."""
-        points = a.mass.shape[0]
-        total = wp.vec3d()
-        for at in range(a.begins[i], a.begins[i + 1]):
-            f = a.entities[at] - points
-            if f < a.triangles.shape[0]:
-                if whole(f, a):
-                    for k in range(3):
-                        total += start(a.triangles[f][k], a) - start(i, a)
-        return total
-
-    @wp.func
-    def at_rim(i: int, f: int, x: mat43d, w: wp.vec4d, a: Surface):
-        """Weights of the point nearest to point i on the rim of triangle f that faces it, and the outward normal.
-
-        The normal is 0 without such a rim.
-        """
-        best = wp.float64(0.0)
-        normal = wp.vec3d()
-        found = wp.vec4d()
-        for k in range(1, 4):
-            if not whole(a.across[f][k - 1], a) and -w[k] < wp.float64(0.1):
-                one = k % 3 + 1
-                two = one % 3 + 1
-                side = x[two] - x[one]
-                out = x[one] - x[k]
-                n = wp.normalize(out - (wp.dot(out, side) / wp.dot(side, side)) * side)
-                facing = wp.dot(n, away_from(i, a))
-                if facing > best:
-                    best = facing
-                    normal = n
-                    t = wp.clamp(wp.dot(x[0] - x[one], side) / wp.dot(side, side), wp.float64(0.0), wp.float64(1.0))
-                    found = wp.vec4d(wp.float64(1.0))
-                    found[k] = wp.float64(0.0)
-                    found[one] = t - wp.float64(1.0)
-                    found[two] = -t
-        return found, normal
-
-    @wp.func
-    def counts_here(f: int, sides: bool, x: mat43d, w: wp.vec4d, gap: wp.float64, a: Surface):
-        """Whether no other pair of the same triangles is nearer, so that sheets slide over sides without a bump."""
-        counts = bool(True)
-        if sides:
-            for k in range(4):
-                counts = counts and w[k] != wp.float64(0.0)
-        else:
-            for k in range(1, 4):
-                if w[k] == wp.float64(0.0):
-                    g = a.across[f][k - 1]
-                    if whole(g, a):
-                        c = a.triangles[g]
-                        y = mat43d()
-                        y[0] = x[0]
-                        for m in range(3):
-                            y[m + 1] = start(c[m], a)
-                        beside = wp.length(wp.transpose(y) * nearest(sides, y))
-                        counts = counts and beside >= NEAREST * gap
-        return counts
-
-    @wp.func
-    def constraint(f: int, sides: bool, points: wp.vec4i, a: Surface):
-        """Weights, normal and distance of a pair, that to be kept, and when it comes near (2: not in this step)."""
-        x = mat43d()
-        motion = mat43d()
-        for k in range(4):
-            x[k] = start(points[k], a)
-            motion[k] = way(points[k], a)
-        w = nearest(sides, x)
-        n = wp.transpose(x) * w
-        gap = wp.length(n)
-        kept = wp.float64(0.0)
-        when = wp.float64(2.0)
-        if gap <= a.kept + largest_approach(sides, motion):
-            kept = distance_kept(sides, points, a)
-            if gap <= ZERO * a.kept:
-                kept = wp.float64(0.0)
-                if not sides:
-                    w, n = at_rim(points[0], f, x, w, a)
-                    gap = wp.dot(n, wp.transpose(x) * w)
-                    if wp.length(n) > wp.float64(0.0):
-                        when = wp.float64(0.0)
-            else:
-                n = n / gap
-                if gap > kept:
-                    when = comes_near(sides, x, motion, wp.max(REACHED * kept, ZERO * a.kept))
-                elif counts_here(f, sides, x, w, gap, a):
-                    when = wp.float64(0.0)
-        return w, n, gap, kept, when
 
     @kernel(per="face")
     def watch(intact: wp.array(dtype=wp.uint8), first: int, seen: wp.array(dtype=wp.uint8),
@@ -732,7 +402,9 @@ def sheet_contact(
             slowed = a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external)
             begun = wide(slowed / (real(1.0) - half_loss(a.step, a.damping)))
             before = wide(a.velocity[i])
-            after = vec3(real(before[0] + a.given[i][0]), real(before[1] + a.given[i][1]), real(before[2] + a.given[i][2]))
+            after = vec3(
+                real(before[0] + a.given[i][0]), real(before[1] + a.given[i][1]), real(before[2] + a.given[i][2])
+            )
             change = wide(after) - before
             dt = wp.float64(a.step[0])
             shift = dt * change

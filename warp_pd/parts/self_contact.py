@@ -301,7 +301,9 @@ class BuiltSurfaceContact(BuiltContact):
             InputError: with rigid inclusions, or if triangles pass through each other at the start.
         """
         if (context.held & RIGID).any():
-            raise InputError("SelfContact.surface = True: expected False with rigid inclusions, which do not support it")
+            raise InputError(
+                "SelfContact.surface = True: expected False with rigid inclusions, which do not support it"
+            )
         self.distance = SURFACE_DISTANCE * context.sheet.spacing if part.distance is None else part.distance
         self._surface = SheetSurface(context, law, self.distance, part.friction)
 
