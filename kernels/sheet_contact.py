@@ -102,6 +102,7 @@ def sheet_contact(
     distance_kept, constraint = pairs.distance_kept, pairs.constraint
     half_kick, half_loss = half_step(bits, loaded, damped)
 
+    @wp.struct
     class Pairs:
         """Pairs of entity g: entries SLOTS g to SLOTS g + count[g].
 

@@ -154,7 +154,6 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
         skin: wp.float64
         friction: wp.float64
 
-    @wp.struct
     @wp.func
     def start(i: int, a: Surface):
         return placed(a.reference[i], a.displacement[i]) - wp.float64(a.step[0]) * wide(a.velocity[i])

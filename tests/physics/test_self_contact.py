@@ -305,6 +305,8 @@ def test_a_sheet_without_contact_has_no_array_and_no_launch_of_it():
     assert "near_points" in frictionless
     assert "friction" not in frictionless
     assert "friction_impulse" in simulate(square(9), contact=SelfContact(friction=0.1)).plan("cpu")
+    surface = simulate(square(9), contact=SelfContact(surface=True)).plan("cpu")
+    assert "surface_close" in surface and "near_points" not in surface and "surface_dragged" not in surface
 
 
 def test_a_ball_and_self_contact_act_together():
@@ -367,6 +369,8 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: SelfContact(distance=0.0), "SelfContact.distance = 0.0: expected a positive number"),
         (lambda: SelfContact(stiffness=-1.0), "SelfContact.stiffness = -1.0: expected a positive number"),
         (lambda: SelfContact(friction=-0.1), "SelfContact.friction = -0.1: expected"),
+        (lambda: SelfContact(surface=1), "SelfContact.surface = 1: expected True or False"),
+        (lambda: SelfContact(stiffness=1.0, surface=True), "stiffness = 1.0: expected None with surface = True"),
         (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "more than one SelfContact"),
         (lambda: simulate(square(9), Newton(), contact=SelfContact()).build(
             "cpu"

@@ -119,6 +119,9 @@ def further():
         "two pieces": Simulation(
             both, law, Explicit(1.0), contact=SelfContact(friction=0.3), loads=[Fixed(both.edges("sheet 1"))]
         ),
+        "triangles": Simulation(
+            both, law, Explicit(1.0), contact=SelfContact(friction=0.3, surface=True), damage=CriticalStretch(2.0)
+        ),
         "bodies": Simulation(plane, law, Explicit(1.0), loads=loads(plane), contact=bodies(0.0)),
         "bodies torn": Simulation(
             small_tube(), law, Explicit(1.0, damping=1.0), damage=TearingEnergy(30.0), contact=bodies(0.3)
