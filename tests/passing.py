@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warp_pd.geometry.topology import directed_edges, undirected
+from warp_pd.geometry.topology import directed_edges, neighbours, undirected
 
 # Relative error of a determinant in float64, on the safe side, below which its sign is found exactly.
 DOUBT = 1e-13
@@ -113,7 +113,10 @@ def between(start, end, share):
 
 
 def crossing(place, triangles):
-    """Pairs (side, triangle) that cross in a state, but not those whose triangles share a corner.
+    """Pairs (side, triangle) that cross in a state, but not near neighbours, by exact arithmetic.
+
+    Near neighbours: a triangle at an end of the side shares a corner with one that shares a side with the triangle.
+    Boxes around the two must overlap by more than 1e-12 of the size of the sheet.
 
     Args:
         place: Positions [m], shape (N, 3), in float64.
@@ -121,8 +124,12 @@ def crossing(place, triangles):
     """
     edges = directed_edges(triangles)
     number = undirected(edges)
-    first, owners = np.unique(number, return_index=True)[1], np.argsort(number, kind="stable") % len(triangles)
-    begins = np.searchsorted(np.sort(number), np.arange(len(first) + 1))
+    first = np.unique(number, return_index=True)[1]
+    corners_at = [set(triangles[(triangles == i).any(axis=1)].flat) for i in range(len(place))]
+    one, other = neighbours(triangles)[0].T
+    around = [set(corner) for corner in triangles.tolist()]
+    for f, g in [*zip(one, other, strict=True), *zip(other, one, strict=True)]:
+        around[f] |= set(triangles[g].tolist())
     sides = edges[first]
     centres, middles = place[triangles].mean(axis=1), place[sides].mean(axis=1)
     reach = np.linalg.norm(place[triangles] - centres[:, None], axis=2).max()
@@ -131,13 +138,16 @@ def crossing(place, triangles):
     face = np.repeat(np.arange(len(triangles)), [len(found) for found in near])
     side = np.concatenate([np.asarray(found, int) for found in near])
     corners, ends = place[triangles[face]], place[sides[side]]
-    meet = ((corners.min(axis=1) <= ends.max(axis=1)) & (ends.min(axis=1) <= corners.max(axis=1))).all(axis=1)
+    overlap = np.minimum(corners.max(axis=1), ends.max(axis=1)) - np.maximum(corners.min(axis=1), ends.min(axis=1))
+    meet = (overlap > 1e-12 * np.abs(place).max()).all(axis=1)
+    meet[meet] = [
+        not (corners_at[sides[s, 0]] | corners_at[sides[s, 1]]) & around[f]
+        for s, f in zip(side[meet], face[meet], strict=True)
+    ]
     face, side, corners, ends = face[meet], side[meet], corners[meet], ends[meet]
+    if not len(face):
+        return []
     through = signs(corners, ends[:, 0]) * signs(corners, ends[:, 1]) <= 0
     turns = [signs(np.stack([ends[:, 0], corners[:, k], corners[:, k - 2]], axis=1), ends[:, 1]) for k in range(3)]
     through &= (np.min(turns, axis=0) >= 0) | (np.max(turns, axis=0) <= 0)
-    beside = [set(triangles[owners[begins[s] : begins[s + 1]]].ravel()) for s in side[through]]
-    return [
-        (int(s), int(f)) for s, f, points in zip(side[through], face[through], beside, strict=True)
-        if not points & set(triangles[f])
-    ]  # fmt: skip
+    return list(zip(side[through].tolist(), face[through].tolist(), strict=True))

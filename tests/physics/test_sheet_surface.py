@@ -33,17 +33,16 @@ class Steps:
         pass
 
 
-def collision(speed, sideways=0.0, steps=32, step=0.4 * STABLE, stretch=1.0, contact=CONTACT, per_frame=1):
-    """A square that falls on a larger one; both are stretched, and free."""
+def collision(speed, sideways=0.0, steps=32, step=0.4 * STABLE, per_frame=1):
+    """A square that falls on a larger one; both are free."""
     sheet = together(square(11), square(7, 0.058))
     start = placed(sheet, Place(), Place((0.017, 0.012, 0.0), degrees=20.0))
-    start[:, :2] += (stretch - 1.0) * (sheet.positions + start)[:, :2]
     upper = sheet.pieces == 2
     start[upper, 2] += 1.2 * sheet.spacing
     velocity = np.zeros((sheet.size, 3))
     velocity[upper] = (sideways, 0.0, -speed)
     return simulate(
-        sheet, Explicit(steps * step, frames=steps // per_frame, step=step), contact=contact,
+        sheet, Explicit(steps * step, frames=steps // per_frame, step=step), contact=CONTACT,
         initial_displacement=start, initial_velocity=velocity,
     )  # fmt: skip
 
@@ -58,9 +57,9 @@ def momenta(result, steps):
     return np.array([(mass * velocity).sum(axis=0) for velocity in steps.velocities])
 
 
-@pytest.mark.parametrize(("speed", "stretch"), [(3.0, 1.0), (3.0, 2.5), (0.2, 1.0)])
-def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed, stretch):
-    simulation = collision(speed * WAVES, sideways=0.3 * speed * WAVES, step=0.4 * STABLE / stretch, stretch=stretch)
+@pytest.mark.parametrize("speed", [3.0, 0.2])
+def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed):
+    simulation = collision(speed * WAVES, sideways=0.05 * WAVES, steps=24)
     result, steps = followed(simulation)
     triangles = simulation.sheet.triangles
     assert [pair for place in steps.places for pair in crossing(place, triangles)] == []
@@ -72,16 +71,19 @@ def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed, str
     assert np.diff(lost).min() > -1e-3 * first["kinetic"]
     assert np.diff([row["sheet_friction"] for row in rows]).min() > -1e-12 * first["kinetic"]
     assert max(abs(row["balance_error"]) for row in rows) < 5e-3
-    assert result.summary["stable_dt"] == pytest.approx(STABLE, rel=0.02) or stretch > 1.0
+    assert result.summary["stable_dt"] == pytest.approx(STABLE, rel=0.02)
 
 
-def test_without_contact_they_cross():
-    result, steps = followed(collision(3.0 * WAVES, contact=None))
-    assert any(crossing(place, result.built.simulation.sheet.triangles) for place in steps.places)
+def test_the_test_of_crossing_sees_a_side_that_crosses():
+    apart = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    through = np.array([[0.2, 0.2, -1.0], [0.2, 0.3, 1.0], [3.0, 3.0, 1.0]])
+    triangles = np.array([[0, 1, 2], [3, 4, 5]])
+    assert len(crossing(np.vstack([apart, through]), triangles)) == 2
+    assert crossing(np.vstack([apart, through + [0.0, 0.0, 1.5]]), triangles) == []
 
 
 def test_a_run_repeats_its_bits_and_resumes(tmp_path):
-    case = {"speed": 0.5 * WAVES, "sideways": 0.4, "per_frame": 8}
+    case = {"speed": 0.5 * WAVES, "sideways": 0.4, "per_frame": 5, "steps": 15}
     whole = require_same_when_stopped(lambda: collision(**case), tmp_path, [2])
     assert whole.history[2]["sheet_friction"] > 0.0
 
