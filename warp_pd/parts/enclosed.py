@@ -195,7 +195,6 @@ class BuiltEnclosed(BuiltLoad):
     """
 
     follows_displacement = True
-    symmetric = True
 
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
         """Close the surface and allocate the arrays.
