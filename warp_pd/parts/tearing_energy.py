@@ -439,11 +439,7 @@ class DamageField(Damaged):
         self.add_faces(stage)
 
     def begin(self) -> None:
-        """Check that no intact material would tear in the initial state.
-
-        Raises:
-            InputError: if any would.
-        """
+        """Check that no intact material would tear in the initial state. Raises InputError if any would."""
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))

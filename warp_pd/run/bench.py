@@ -167,11 +167,7 @@ class Timing:
 
 
 def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> Timing:
-    """Time the steps of a case for about `seconds`.
-
-    Raises:
-        InputError: for a case that cannot be built.
-    """
+    """Time the steps of a case for about `seconds`. Raises InputError for a case that cannot be built."""
     begin = perf_counter()
     built = case.simulation().build(device, case.precision)
     if case.damaged > 0.0 and "rupture" in case.features:
