@@ -1,15 +1,95 @@
-"""Displacements of a frame at places on the sheet, for fits to camera measurements."""
+"""Measures with a known derivative by the displacement, for which one adjoint solve gives all derivatives.
+
+Each is a function of the built simulation and a frame, as for `Measure.value`, with a method `gradient`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..device.checks import InputError
+from ..device.checks import InputError, one_of, point_indices
 from ..geometry.sheet import Sheet
 from ..interfaces.frame import Frame
+from ..run.built import Built
+from .equilibrium import Equilibrium
+
+AXES = "xyz"
+
+
+@runtime_checkable
+class Probe(Protocol):
+    """A measure with a derivative."""
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """The value; only displacement and time of the frame are used."""
+        ...
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """Derivative by the displacement of free components, shape (N, 3); other components are ignored."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Deflection:
+    """Mean displacement of points along an axis [m].
+
+    Attributes:
+        points: Point index or indices.
+        axis: "x", "y" or "z".
+    """
+
+    points: Any
+    axis: str = "z"
+
+    def __post_init__(self) -> None:
+        one_of("Deflection.axis", self.axis, AXES)
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """The displacement [m]."""
+        return float(frame.displacement[self._indices(len(frame.displacement)), AXES.index(self.axis)].mean())
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """The gradient: one over the number of points at each of them."""
+        out = np.zeros(state.free.shape)
+        points = self._indices(len(out))
+        out[points, AXES.index(self.axis)] = 1.0 / len(points)
+        return out
+
+    def _indices(self, size: int) -> np.ndarray:
+        return point_indices("Deflection.points", np.atleast_1d(self.points), size)
+
+
+@dataclass(frozen=True, eq=False)
+class SupportForce:
+    """Force of a support on its points, along an axis [N].
+
+    Attributes:
+        points: Indices of points held along the axis.
+        axis: "x", "y" or "z".
+    """
+
+    points: Any
+    axis: str = "x"
+
+    def __post_init__(self) -> None:
+        one_of("SupportForce.axis", self.axis, AXES)
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """The force [N] at the last evaluation of the forces."""
+        points = point_indices("SupportForce.points", self.points, built.context.sheet.size)
+        return float(-built.to_numpy(built.state.force)[points, AXES.index(self.axis)].sum())
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """The gradient: rows of the (symmetric) stiffness at these points."""
+        unit = np.zeros(state.free.shape)
+        points = point_indices("SupportForce.points", self.points, len(unit))
+        unit[points, AXES.index(self.axis)] = 1.0
+        if (state.free & (unit > 0.0)).any():
+            raise InputError(f"SupportForce.points: expected points that are held along {self.axis}")
+        return state.internal_product(unit)
 
 
 @dataclass(frozen=True, eq=False)
