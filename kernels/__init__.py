@@ -13,5 +13,5 @@ import warp as wp
 
 wp.config.enable_backward = False
 # Clang then instantiates the templates of Warp's header once for a process, not in every module; the code is the same.
-flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-wp.config.cpu_compiler_flags = f"{flags} -fpch-instantiate-templates"
+_flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
+wp.config.cpu_compiler_flags = f"{_flags} -fpch-instantiate-templates"
