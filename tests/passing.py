@@ -116,7 +116,7 @@ def crossing(place, triangles):
     """Pairs (side, triangle) that cross in a state, but not near neighbours, by exact arithmetic.
 
     Near neighbours: a triangle at an end of the side shares a corner with one that shares a side with the triangle.
-    Boxes around the two must overlap by more than 1e-12 of the size of the sheet.
+    A side and a triangle in one coordinate plane do not count.
 
     Args:
         place: Positions [m], shape (N, 3), in float64.
@@ -138,8 +138,8 @@ def crossing(place, triangles):
     face = np.repeat(np.arange(len(triangles)), [len(found) for found in near])
     side = np.concatenate([np.asarray(found, int) for found in near])
     corners, ends = place[triangles[face]], place[sides[side]]
-    overlap = np.minimum(corners.max(axis=1), ends.max(axis=1)) - np.maximum(corners.min(axis=1), ends.min(axis=1))
-    meet = (overlap > 1e-12 * np.abs(place).max()).all(axis=1)
+    meet = ((corners.min(axis=1) <= ends.max(axis=1)) & (ends.min(axis=1) <= corners.max(axis=1))).all(axis=1)
+    meet &= (np.ptp(corners, axis=1) + np.ptp(ends, axis=1) > 0.0).all(axis=1)
     meet[meet] = [
         not (corners_at[sides[s, 0]] | corners_at[sides[s, 1]]) & around[f]
         for s, f in zip(side[meet], face[meet], strict=True)
