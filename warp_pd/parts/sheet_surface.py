@@ -51,7 +51,7 @@ class SheetSurface:
         tree: Any = FaceTree()
         tree.leaves = leaves
         tree.order = context.array("surface_order", OWNER, wp.int32, _order(sheet, pieces), per="table")
-        self._boxes = {what: room(what, wp.vec3, 2 * leaves) for what in ("lower", "upper")}
+        self._boxes: dict[str, Any] = {what: room(what, wp.vec3, 2 * leaves) for what in ("lower", "upper")}
         self._spheres = room("spheres", wp.vec4, faces)
         with_values(tree, {**self._boxes, "spheres": self._spheres})
         dtypes = {
@@ -65,7 +65,7 @@ class SheetSurface:
         self._intact = self._seen = None
         if law.intact is not None:
             self._intact, self._seen = room("intact", wp.uint8, faces), room("seen", wp.uint8, faces)
-        values = {
+        values: dict[str, Any] = {
             name: context.array(f"surface_{name}", OWNER, dtype, tables[name], per="table")
             for name, dtype in dtypes.items()
         }
@@ -83,11 +83,12 @@ class SheetSurface:
             "points": wp.vec4i, "weights": wp.vec4d, "normals": wp.vec3d, "rooms": wp.float64,
             "others": wp.int32, "whens": wp.float64,
         }  # fmt: skip
-        self._pairs = {"count": room("count", wp.int32, entities)} | {n: room(n, t, slots) for n, t in pairs.items()}
+        self._pairs: dict[str, Any] = {name: room(name, dtype, slots) for name, dtype in pairs.items()}
+        self._pairs["count"] = room("count", wp.int32, entities)
         self._constraints = with_values(made.Pairs(), self._pairs)
         impulses = {"pushes": wp.vec4d, "pressed": wp.uint8, "earlier": wp.float64}
-        self._impulses = {name: room(name, dtype, slots) for name, dtype in impulses.items()}
-        self._points = {
+        self._impulses: dict[str, Any] = {name: room(name, dtype, slots) for name, dtype in impulses.items()}
+        self._points: dict[str, Any] = {
             "pressing": room("pressing", wp.int32, points, "point"),
             "impulse": room("impulse", wp.vec3d, points, "point"),
             "dragged": room("dragged", wp.vec3d, points, "point") if rubs else None,
