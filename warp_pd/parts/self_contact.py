@@ -13,6 +13,7 @@ import warp as wp
 from ..device.checks import InputError, not_negative, positive
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
@@ -160,20 +161,10 @@ class BuiltSelfContact(BuiltContact):
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
 
     def _default_stiffness(self) -> float:
-        step = 1e-3
-        try:
-            below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
-        except InputError:
-            law = type(self.law).__name__.removesuffix("Force")
-            raise InputError(
-                f"SelfContact.stiffness = None: expected a number, because the law {law} has no default"
-            ) from None
-        modulus = float(below - 2.0 * none + above) / step**2
-        if not modulus > 0.0:
-            raise InputError("SelfContact.stiffness = None: expected a number, because the material has no stiffness")
         sheet = self.context.sheet
-        softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
-        return STIFFNESS * softest * modulus * float(np.min(sheet.thickness))
+        return (
+            STIFFNESS * pure_shear_modulus("SelfContact.stiffness", self.law, sheet) * float(np.min(sheet.thickness))
+        )
 
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
@@ -274,3 +265,21 @@ class BuiltSelfContact(BuiltContact):
                 f"{self.distance + self._skin:.4g} m of one: expected a sheet that is not crushed; raise the stiffness "
                 f"({self.stiffness:.4g} N/m) or lower the distance"
             )
+
+
+def pure_shear_modulus(name: str, law: BuiltLaw, sheet: Sheet) -> float:
+    """Modulus of the softest point of a sheet in pure shear [Pa], for the default of the argument `name`.
+
+    Raises:
+        InputError: if the law has none.
+    """
+    step = 1e-3
+    try:
+        below, none, above = law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
+    except InputError:
+        kind = type(law).__name__.removesuffix("Force")
+        raise InputError(f"{name} = None: expected a number, because the law {kind} has no default") from None
+    modulus = float(below - 2.0 * none + above) / step**2
+    if not modulus > 0.0:
+        raise InputError(f"{name} = None: expected a number, because the material has no stiffness")
+    return modulus * (1.0 if sheet.stiffness is None else float(sheet.stiffness.min()))
