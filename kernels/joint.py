@@ -9,7 +9,8 @@ with the stiffness K [N/m^3], the area A of p and the damage d. The forces are m
 of n, so every pair conserves momentum and angular momentum.
 
 d follows the bilinear law for mixed modes of Camanho and Davila (NASA/TM-2002-211737, 2002). With the share B of
-shear in |s|^2 (a joint that is pressed together opens by 0) damage begins at s0 and is complete at sf:
+shear in |s|^2, that across the mean of the normals of both sheets (a joint that is pressed together opens by 0), damage
+begins at s0 and is complete at sf:
 
     1 / (K s0)^2 = (1 - B) / peel strength^2 + B / shear strength^2,
     2 / (K s0 sf) = (1 - B) / peel energy + B / shear energy,      d = sf (|s| - s0) / (|s| (sf - s0)),
@@ -67,6 +68,10 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         apart: wp.array(dtype=wp.vec3d)  # x_p - sum_k b_k x_k, and the two sides, in the reference state
         first_side: wp.array(dtype=wp.vec3d)
         second_side: wp.array(dtype=wp.vec3d)
+        own: wp.array(dtype=wp.vec3i)  # a triangle that p is a corner of, its sides, and 1 or -1 if its normal counts
+        own_first_side: wp.array(dtype=wp.vec3d)
+        own_second_side: wp.array(dtype=wp.vec3d)
+        alike: wp.array(dtype=wp.float64)
         gap: wp.array(dtype=wp.float64)
         area: wp.array(dtype=wp.float64)
         limits: wp.array(dtype=wp.vec4d)  # 1 / strength^2 in peel and shear, 1 / energy in peel and shear
@@ -83,6 +88,17 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         u = moved(displacement, corners[0])
         first = pairs.first_side[p] + (moved(displacement, corners[1]) - u)
         return first, pairs.second_side[p] + (moved(displacement, corners[2]) - u)
+
+    @wp.func
+    def mean_normal(pairs: Pairs, displacement: wp.array(dtype=vec3), p: int, normal: wp.vec3d):
+        own = pairs.own[p]
+        u = moved(displacement, own[0])
+        side = pairs.own_first_side[p] + (moved(displacement, own[1]) - u)
+        other = pairs.own_second_side[p] + (moved(displacement, own[2]) - u)
+        mean = normal + pairs.alike[p] * wp.normalize(wp.cross(side, other))
+        if wp.length(mean) > wp.float64(0.01):
+            normal = wp.normalize(mean)
+        return normal
 
     @wp.func
     def separation(pairs: Pairs, displacement: wp.array(dtype=vec3), p: int, normal: wp.vec3d):
@@ -111,7 +127,7 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         side, other = sides(pairs, displacement, p)
         normal = wp.normalize(wp.cross(side, other))
         s = separation(pairs, displacement, p, normal)
-        opening = wp.dot(s, normal)
+        opening = wp.dot(s, mean_normal(pairs, displacement, p, normal))
         whole = wp.dot(s, s)
         shear = wp.max(whole - opening * opening, wp.float64(0.0))
         # Without a gap nothing says which side is which: both ways open the joint.

@@ -14,7 +14,7 @@ from ..device.checks import InputError, by_point, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import ByPoint
-from ..geometry.triangulation import places_on_triangles
+from ..geometry.triangulation import doubled_normals, places_on_triangles
 from ..interfaces import BuiltLaw, BuiltPart, History, Part
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
@@ -28,6 +28,8 @@ STIFFNESS, REACH, ENERGY_LENGTH = 1.0, 0.5, 6.0
 # Length of the zone that breaks in a peel, times strength over energy: 2 tension = energy at 180 degrees, and a membrane
 # under the strength bends from 0 to the separation 2 energy / strength. Spacings below which a note says so.
 ZONE, RESOLVED = math.sqrt(2.0), 5.5
+# Cosine of the angle of two sheets from which their mean normal tells peel from shear.
+ALIKE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +53,9 @@ class Joint(Part):
         strength: Largest traction in peel [Pa]; by default the energy over six spacings, for which eight spacings of a
             peeled membrane are breaking. The steady force of a peel does not depend on it.
         shear_energy: Energy in shear [J/m^2], like `energy`, the default.
-        shear_strength: Largest traction in shear [Pa]; by default the strength, if given, or the shear energy over six
-            spacings.
+        shear_strength: Largest traction in shear [Pa]; by default the strength times the shear energy over the energy.
+            With this proportion both break at the same separation, and a joint takes an energy between both however it
+            opens. With others it takes less if it turns from one to the other while it breaks.
         stiffness: Traction per separation of the intact joint [N/m^3]; by default the thickness times the modulus in
             pure shear over the squared spacing. More shortens the step.
         reach: Largest distance from a point to its triangle at the start [m]; by default half a spacing. The distance
@@ -121,10 +124,9 @@ class BuiltJoint(BuiltPart):
         self.stiffness = part.stiffness or STIFFNESS * (modulus or 0.0) * float(np.min(sheet.thickness)) / (
             sheet.spacing**2
         )
-        here = sheet.positions + context.initial_displacement
+        self._here = here = sheet.positions + context.initial_displacement
         self.points, self._corners, self._weights, self._gap = self._places(here)
         self._areas = sheet.areas[self.points]
-        self._sides = np.diff(here[self._corners], axis=1)
         self._allocate()
 
     def _places(self, here: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -153,6 +155,8 @@ class BuiltJoint(BuiltPart):
         self._kernels = joint(context.bits, breaks)
         reference = sheet.positions
         corners = reference[self._corners]
+        own, alike = self._own_triangles()
+        own_corners = reference[own]
         pairs = self._kernels.Pairs()
         values: dict[str, tuple[Any, Any]] = {
             "points": (wp.int32, self.points),
@@ -161,6 +165,10 @@ class BuiltJoint(BuiltPart):
             "apart": (wp.vec3d, reference[self.points] - (self._weights[..., None] * corners).sum(axis=1)),
             "first_side": (wp.vec3d, corners[:, 1] - corners[:, 0]),
             "second_side": (wp.vec3d, corners[:, 2] - corners[:, 0]),
+            "own": (wp.vec3i, own),
+            "own_first_side": (wp.vec3d, own_corners[:, 1] - own_corners[:, 0]),
+            "own_second_side": (wp.vec3d, own_corners[:, 2] - own_corners[:, 0]),
+            "alike": (wp.float64, alike),
             "gap": (wp.float64, self._gap),
             "area": (wp.float64, self._areas),
         }
@@ -193,6 +201,19 @@ class BuiltJoint(BuiltPart):
             if context.features.tracked:
                 self.released = context.array("joint_released", OWNER, wp.float64, shape=n, restart=True)
 
+    def _own_triangles(self) -> tuple[np.ndarray, np.ndarray]:
+        """A triangle of each joined point, shape (P, 3), and 1 or -1 as its normal is along that of its place or against.
+
+        It is 0 for sheets at an angle, as in a T-joint, where the normal at the place alone tells peel from shear.
+        """
+        triangles, here = self.context.sheet.triangles, self._here
+        last = np.zeros(self.context.sheet.size, np.int64)
+        last[triangles] = np.arange(len(triangles))[:, None]
+        own = triangles[last[self.points]]
+        ours, theirs = (doubled_normals(here, corners) for corners in (own, self._corners))
+        cosine = (ours * theirs).sum(axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)
+        return own, np.where(np.abs(cosine) > ALIKE, np.sign(cosine), 0.0)
+
     def _limits(self) -> np.ndarray:
         """1 / strength^2 and 1 / energy of each pair, in peel and in shear, shape (P, 4).
 
@@ -206,10 +227,12 @@ class BuiltJoint(BuiltPart):
             values = by_point(f"Joint.{name}", given, context.given.points)
             found.append(np.broadcast_to(values, context.sheet.size)[self.points])
         peel, shear = found
-        length = ENERGY_LENGTH * context.sheet.spacing
-        strength = peel / length if part.strength is None else np.full(len(peel), part.strength)
-        other = part.shear_strength or part.strength
-        shear_strength = shear / length if other is None else np.full(len(peel), other)
+        strength = peel / (ENERGY_LENGTH * context.sheet.spacing)
+        if part.strength is not None:
+            strength = np.full(len(peel), part.strength)
+        shear_strength = strength * shear / peel
+        if part.shear_strength is not None:
+            shear_strength = np.full(len(peel), part.shear_strength)
         self._zone = float((ZONE * peel / strength).min())
         for name, force, energy in (("strength", strength, peel), ("shear_strength", shear_strength, shear)):
             least = float((force**2 / (2.0 * energy)).max())
@@ -225,7 +248,7 @@ class BuiltJoint(BuiltPart):
         """Bound of the frequency of the intact joint [rad/s], by Gershgorin's theorem."""
         sheet = self.context.sheet
         # A corner also turns the normal, by one over its height in the triangle.
-        first, second = self._sides[:, 0], self._sides.sum(axis=1)
+        first, second = (self._here[self._corners[:, k]] - self._here[self._corners[:, 0]] for k in (1, 2))
         sides = np.linalg.norm(np.stack([second - first, second, first], axis=1), axis=-1)
         heights = np.linalg.norm(np.cross(first, second), axis=1)[:, None] / sides
         arms = np.abs(self._weights) + np.abs(self._gap)[:, None] / heights
