@@ -1,14 +1,14 @@
 """Two strips that overlap are glued and pulled apart: the glue breaks in shear from both ends. Kendall (1975).
 
-Two strips, 80 mm long and 1 mm thick, mu 0.1 MPa, overlap by 50 mm. One end is held, the other is pulled away slowly; all
-points stay in the plane and are held along y. Ahead of the crack both strips share the force, behind it one bears all.
-When a crack in the glue grows by dc at the force F, a length dc changes from the one to the other, and
+Two strips, 80 mm long and 1 mm thick, mu 0.1 MPa, overlap by 50 mm. One end is held, the other is pulled away slowly;
+all points stay in the plane and are held along y. Ahead of the crack both strips share the force, behind it one bears
+all. When a crack in the glue grows by dc at the force F, a length dc changes from the one to the other, and
 
     G = [stretch F / b - h W(stretch)] of one strip under F - 2 [stretch F / (2 b) - h W(stretch)] of each under F / 2,
 
 with the width b, the thickness h and the energy G of the glue in shear per area: F = 2 b sqrt(E h G) for small strains.
-`largest_load` is F while the overlap is much longer than the zone that breaks, some sqrt(2 E h G) / strength. `released_ratio` is the energy lost to the
-glue over G and its area.
+`largest_load` is F while the overlap is much longer than the zone that breaks, some sqrt(2 E h G) / strength.
+`released_ratio` is the energy lost to the glue over G and its area.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ def build(
     Args:
         points: Points along a strip.
         energy: Energy of the glue, in peel and shear [J/m^2].
-        strength: Its strength, in peel and shear [Pa].
+        strength: Its strength in shear [Pa].
         pull: Way of the end [m].
         speed: Its speed [m/s].
     """
@@ -60,7 +60,7 @@ def build(
     start = np.where((sheet.pieces == 2)[:, None], shift, 0.0)
     first, second = sheet.edges("sheet 1"), sheet.edges("sheet 2")
     held, pulled = first[strip.edges("left")], second[strip.edges("right")]
-    glue = Joint(second, first, energy=positive("energy", energy), strength=strength)
+    glue = Joint(second, first, energy=positive("energy", energy), shear_strength=strength)
     begin, way = float(start[pulled[0], 0]), positive("pull", pull)
     area = float(sheet.areas[second][strip.points[:, 0] <= OVERLAP * (1.0 + 1e-9)].sum())
 
@@ -109,7 +109,11 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     loads = [row["load"] for row in history]
-    shown = plots.frames_at(folder, [history[k]["time"] for k in (int(0.8 * np.argmax(loads)), int(np.argmax(loads)), -1)])
+    shown = plots.frames_at(
+        folder, [history[k]["time"] for k in (int(0.8 * np.argmax(loads)), int(np.argmax(loads)), -1)]
+    )
     plots.from_above(folder / "glue.png", shown, field="joint_damage", limits=(0.0, 1.0))
-    plots.curves(folder / "load.png", history, ["load"], ylabel="force (N)", against="pull", xlabel="way of the end (m)")
+    plots.curves(
+        folder / "load.png", history, ["load"], ylabel="force (N)", against="pull", xlabel="way of the end (m)"
+    )
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -2,9 +2,9 @@
 
 A sheet, 0.1 m square and 1 mm thick, mu 0.1 MPa, has a slit of 30 mm across the pull. A patch of the same rubber, 50 mm
 square, on a grid of its own that is turned by 15 degrees, is glued over the slit; then the sheet is stretched along y
-between two clamps. With `energy` = 0 the glue holds, and the slit opens `slit_opening`, as far as the patch stretches
-under it; without a patch (`patch` = 0) it opens freely. Glue with an energy breaks beside the slit and at the rim of the
-patch. A measured peel belongs in the scene `peel`, this one shows how a joint over an area is written.
+between two clamps. With `energy` = 0 the glue holds, and the slit opens `slit_opening`, as far as the patch lets it;
+without a patch (`patch` = 0) it opens freely. Glue with an energy breaks beside the slit and at the rim of the patch.
+Numbers of a peel are in the scene `peel`; this one shows how a joint over an area is written.
 """
 
 import numpy as np
@@ -57,11 +57,15 @@ def build(
     sheet = sheet.cut((middle - 0.5 * SLIT, middle + 1e-6), (middle + 0.5 * SLIT, middle + 1e-6))
     across = abs(sheet.points[:, 0] - middle) < 0.6 * sheet.spacing
     lip = [sheet.points[:, 1] <= middle + 1e-6, sheet.points[:, 1] > middle + 1e-6]
-    lower, upper = (int(p[np.argmin(abs(sheet.points[p, 1] - middle))]) for p in (np.flatnonzero(across & own) for own in lip))
+    lower, upper = (
+        int(p[np.argmin(abs(sheet.points[p, 1] - middle))]) for p in (np.flatnonzero(across & own) for own in lip)
+    )
     glue, start, edges = [], None, [sheet.edges(name) for name in ("bottom", "top")]
     if patch > 0.0:
         count = max(4, round(patch / sheet.spacing) + 1)
-        piece = Sheet.rectangle(patch, patch, thickness=THICKNESS, density=DENSITY, points=count, origin=2 * (-0.5 * patch,))
+        piece = Sheet.rectangle(
+            patch, patch, thickness=THICKNESS, density=DENSITY, points=count, origin=2 * (-0.5 * patch,)
+        )
         sheet = together(sheet, piece)
         start = placed(sheet, Place(), Place((middle, middle, 0.0), degrees=degrees))
         glue = [Joint(sheet.edges("sheet 2"), sheet.edges("sheet 1"), energy=not_negative("energy", energy) or None)]

@@ -1,17 +1,18 @@
 """A strip is peeled off another one, or two glued strips are peeled apart. Rivlin (1944), Kendall (1975).
 
-Two strips, 60 mm long and 1 mm thick, mu 0.1 MPa, are glued face to face but for the first 10 mm. With `kind` = "T" their
-ends are pulled apart, up and down; with "180" the lower strip is held, and the end of the upper one is folded back and
-pulled along. All points are held along y, so that the strips are in pure shear.
+Two strips, 60 mm long and 1 mm thick, mu 0.1 MPa, are glued face to face but for the first 10 mm. With `kind` = "T"
+their ends are pulled apart, up and down; with "180" the lower strip is held, the end of the upper one is folded back
+and pulled along. All points are held along y, so that the strips are in pure shear.
 
 When a length dc peels off, an end moves by stretch dc, at 180 degrees by (stretch + 1) dc, under the force F, and a
 length dc of each free strip is stretched. So the energy G of the glue per area gives the steady force,
 
     T:  2 stretch F / b - 2 h W(stretch) = G,          180 degrees:  (stretch + 1) F / b - h W(stretch) = G,
 
-with the width b, the thickness h, and the stretch and the energy density W of a strip under F. Strips that do not stretch
-have F / b = G / 2 in both, Rivlin's G / (1 - cos angle). `force` is the work of the ends over their way in the second half of the peel.
-Nothing is tuned: the force does not depend on the strength of the glue, if the spacing resolves the zone that breaks.
+with the width b, the thickness h, and the stretch and the energy density W of a strip under F. Strips that do not
+stretch have F / b = G / 2 in both, Rivlin's G / (1 - cos angle). `force` is the work of the ends over their way in the
+second half of the peel. Nothing is tuned: the force does not depend on the strength of the glue, if the spacing
+resolves the zone that breaks.
 """
 
 import numpy as np
@@ -128,7 +129,9 @@ def steady_state(kind, energy):
 
     def released(stretch):
         stored = 0.5 * MU * THICKNESS * (stretch**2 + stretch**-2 - 2.0)
-        return 2.0 * (tension(stretch) * stretch - stored) if kind == "T" else tension(stretch) * (stretch + 1.0) - stored
+        return (
+            2.0 * (tension(stretch) * stretch - stored) if kind == "T" else tension(stretch) * (stretch + 1.0) - stored
+        )
 
     stretch = float(brentq(lambda stretch: released(stretch) - energy, 1.0, 10.0))
     return stretch, tension(stretch)
@@ -139,5 +142,7 @@ def pictures(history, folder):
 
     shown = plots.frames_at(folder, [0.4 * history[-1]["time"], history[-1]["time"]])
     plots.surfaces(folder / "peel.png", shown, field="joint_damage", limits=(0.0, 1.0), view=(8.0, -80.0))
-    plots.curves(folder / "pull.png", history, ["pull"], ylabel="force (N)", against="travel", xlabel="way of the ends (m)")
+    plots.curves(
+        folder / "pull.png", history, ["pull"], ylabel="force (N)", against="travel", xlabel="way of the ends (m)"
+    )
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -84,10 +84,10 @@ def placed(sheet: Sheet, *places: Place) -> np.ndarray:
 def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place | None = None) -> Sheet:
     """Join two sheets along an edge to one sheet: the points of both edges become one, and families span the seam.
 
-    The seam is as stiff and as strong as the sheets; it may have a `TearingEnergy` of its own. The result is a cloud. Its
-    parts are "sheet 1", "sheet 2", "seam", and those of the sheets with their prefix. Thickness and density of the seam
-    are means over the areas on both sides. For sheets that meet at an angle, three at one edge, grids that do not match
-    and joints that break, see `Joint`.
+    The seam is as stiff and as strong as the sheets; it may have a `TearingEnergy` of its own. The result is a cloud.
+    Its parts are "sheet 1", "sheet 2", "seam", and those of the sheets with their prefix. Thickness and density of the
+    seam are means over the areas on both sides. For sheets that meet at an angle, three at one edge, grids that do not
+    match and joints that break, see `Joint`.
 
     Args:
         first: A sheet.
@@ -160,8 +160,8 @@ def _matched(here: np.ndarray, there: np.ndarray, spacing: float, other: np.ndar
     apart, at = cKDTree(there).query(here)
     if len(here) != len(there) or apart.max() > COINCIDENT * spacing or len(np.unique(at)) < len(at):
         raise InputError(
-            f"glued: edges of {len(here)} and {len(there)} points, up to {apart.max():.3g} m apart: expected points that "
-            "coincide one by one; place the second sheet, give both edges the same points, or use Joint"
+            f"glued: edges of {len(here)} and {len(there)} points, up to {apart.max():.3g} m apart: expected points "
+            "that coincide one by one; place the second sheet, give both edges the same points, or use Joint"
         )
     return np.asarray(other[at])
 
@@ -184,4 +184,6 @@ def _require_straight(places: np.ndarray, triangles: np.ndarray, firsts: int) ->
             f"{np.degrees(np.arccos(STRAIGHT)):.2g}, both with the same side up; use Joint for sheets at an angle"
         )
     if turned.any():
-        raise InputError("glued: the sheets lie on the same side of the seam: expected one on each; use Joint over an area")
+        raise InputError(
+            "glued: the sheets lie on the same side of the seam: expected one on each; use Joint over an area"
+        )

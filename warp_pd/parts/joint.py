@@ -25,8 +25,8 @@ OWNER = "Joint"
 # Default stiffness over thickness times modulus in pure shear over squared spacing, largest initial gap in spacings,
 # and the default strength: energy over strength, in spacings.
 STIFFNESS, REACH, ENERGY_LENGTH = 1.0, 0.5, 6.0
-# Length of the zone that breaks in a peel, times strength over energy: 2 tension = energy at 180 degrees, and a membrane
-# under the strength bends from 0 to the separation 2 energy / strength. Spacings below which a note says so.
+# Length of the zone that breaks in a peel, times strength over energy: 2 tension = energy at 180 degrees, and a
+# membrane under the strength bends from 0 to the separation 2 energy / strength. Spacings below which a note says so.
 ZONE, RESOLVED = math.sqrt(2.0), 5.5
 # Cosine of the angle of two sheets from which their mean normal tells peel from shear.
 ALIKE = 0.5
@@ -42,8 +42,8 @@ class Joint(Part):
     Between peel and shear strength and energy are those of Camanho and Davila (kernels/joint.py). Joined edges are
     joined by the areas of their points. A broken joint resists no contact: add `SelfContact` for that.
 
-    Only with the solver Explicit, in one process. A scene has one Joint, which may have the points of many and an energy
-    that varies.
+    Only with the solver Explicit, in one process. A scene has one Joint, which may have the points of many, and an
+    energy that varies.
 
     Attributes:
         first: Indices of the points that stick.
@@ -144,8 +144,8 @@ class BuiltJoint(BuiltPart):
         on = (np.abs(gap) <= reach) & (weights.min(axis=1) >= -1e-6)
         if not on.any():
             raise InputError(
-                f"Joint.first: none of its points lies on a triangle of Joint.second within {reach:.3g} m at the start; "
-                "expected sheets placed on each other, or a larger reach"
+                f"Joint.first: none of its points lies on a triangle of Joint.second within {reach:.3g} m at the "
+                "start; expected sheets placed on each other, or a larger reach"
             )
         return first[on], faces[face[on]], weights[on], np.where(np.abs(gap) > 1e-6 * reach, gap, 0.0)[on]
 
@@ -202,7 +202,7 @@ class BuiltJoint(BuiltPart):
                 self.released = context.array("joint_released", OWNER, wp.float64, shape=n, restart=True)
 
     def _own_triangles(self) -> tuple[np.ndarray, np.ndarray]:
-        """A triangle of each joined point, shape (P, 3), and 1 or -1 as its normal is along that of its place or against.
+        """A triangle of each joined point, shape (P, 3), and 1 or -1 for a normal along or against that of the place.
 
         It is 0 for sheets at an angle, as in a T-joint, where the normal at the place alone tells peel from shear.
         """

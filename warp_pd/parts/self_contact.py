@@ -162,9 +162,7 @@ class BuiltSelfContact(BuiltContact):
 
     def _default_stiffness(self) -> float:
         sheet = self.context.sheet
-        return (
-            STIFFNESS * pure_shear_modulus("SelfContact.stiffness", self.law, sheet) * float(np.min(sheet.thickness))
-        )
+        return STIFFNESS * pure_shear_modulus("SelfContact.stiffness", self.law, sheet) * float(np.min(sheet.thickness))
 
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
