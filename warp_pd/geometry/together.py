@@ -127,7 +127,7 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         values = [getattr(sheet, name) for sheet in sheets]
         if all(np.ndim(value) == 0 and value == values[0] for value in values):
             return float(values[0])
-        return summed([w * value for w, value in zip(weights, values, strict=True)]) / summed(weights)
+        return np.asarray(summed([w * value for w, value in zip(weights, values, strict=True)]) / summed(weights))
 
     areas = [sheet.areas for sheet in sheets]
     parts = {**shape.parts, "seam": seam}

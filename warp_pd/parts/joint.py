@@ -178,7 +178,7 @@ class BuiltJoint(BuiltPart):
             setattr(pairs, name, context.array(f"joint_{name}", OWNER, dtype, value, per="table"))
         pairs.stiffness = self.stiffness
         self._pairs = pairs
-        self._pulls = {
+        self._pulls: dict[str, Any] = {
             name: context.array(f"joint_{name}", OWNER, wp.vec3d, shape=len(self.points), per="table")
             for name in ("pull", "turn_first", "turn_second")
         }
@@ -186,7 +186,7 @@ class BuiltJoint(BuiltPart):
         order = np.argsort(members, kind="stable")
         joined, begins = np.unique(members[order], return_index=True)
         entries = np.column_stack([order // 4, order % 4 - 1])
-        self._touched = {
+        self._touched: dict[str, Any] = {
             "joined": context.array("joined_points", OWNER, wp.int32, joined, per="table"),
             "begins": context.array("joined_begins", OWNER, wp.int32, np.append(begins, len(order)), per="table"),
             "entries": context.array("joined_entries", OWNER, wp.vec2i, entries, per="table"),
@@ -261,7 +261,7 @@ class BuiltJoint(BuiltPart):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the damage, the force and the energy."""
         kernels, displacement, number = self._kernels, self.context.state.displacement, len(self.points)
-        given = {"pairs": self._pairs, "displacement": displacement, "damage": self.damage}
+        given: dict[str, Any] = {"pairs": self._pairs, "displacement": displacement, "damage": self.damage}
         if phase is Phase.INTERNAL_VARIABLES and self.damage is not None:
             stage.launch(OWNER, kernels.damage, number, **given, released=self.released)
         elif phase is Phase.INTERNAL_FORCE:
