@@ -65,47 +65,30 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         points: wp.array(dtype=wp.int32)
         corners: wp.array(dtype=wp.vec3i)
         weights: wp.array(dtype=wp.vec3d)
-        apart: wp.array(dtype=wp.vec3d)  # x_p - sum_k b_k x_k, and the two sides, in the reference state
-        first_side: wp.array(dtype=wp.vec3d)
-        second_side: wp.array(dtype=wp.vec3d)
-        own: wp.array(dtype=wp.vec3i)  # a triangle that p is a corner of, its sides, and 1 or -1 if its normal counts
-        own_first_side: wp.array(dtype=wp.vec3d)
-        own_second_side: wp.array(dtype=wp.vec3d)
+        own: wp.array(dtype=wp.vec3i)  # a triangle that p is a corner of, and 1 or -1 if its normal counts
         alike: wp.array(dtype=wp.float64)
         gap: wp.array(dtype=wp.float64)
         area: wp.array(dtype=wp.float64)
         limits: wp.array(dtype=wp.vec4d)  # 1 / strength^2 in peel and shear, 1 / energy in peel and shear
+        reference: wp.array(dtype=wp.vec3d)  # of all points
         stiffness: wp.float64
 
     @wp.func
-    def moved(displacement: wp.array(dtype=vec3), i: int):
+    def place(pairs: Pairs, displacement: wp.array(dtype=vec3), i: int):
         u = displacement[i]
-        return wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+        return pairs.reference[i] + wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
 
     @wp.func
-    def sides(pairs: Pairs, displacement: wp.array(dtype=vec3), p: int):
-        corners = pairs.corners[p]
-        u = moved(displacement, corners[0])
-        first = pairs.first_side[p] + (moved(displacement, corners[1]) - u)
-        return first, pairs.second_side[p] + (moved(displacement, corners[2]) - u)
-
-    @wp.func
-    def mean_normal(pairs: Pairs, displacement: wp.array(dtype=vec3), p: int, normal: wp.vec3d):
-        own = pairs.own[p]
-        u = moved(displacement, own[0])
-        side = pairs.own_first_side[p] + (moved(displacement, own[1]) - u)
-        other = pairs.own_second_side[p] + (moved(displacement, own[2]) - u)
-        mean = normal + pairs.alike[p] * wp.normalize(wp.cross(side, other))
-        if wp.length(mean) > wp.float64(0.01):
-            normal = wp.normalize(mean)
-        return normal
+    def sides(pairs: Pairs, displacement: wp.array(dtype=vec3), corners: wp.vec3i):
+        x = place(pairs, displacement, corners[0])
+        return place(pairs, displacement, corners[1]) - x, place(pairs, displacement, corners[2]) - x
 
     @wp.func
     def separation(pairs: Pairs, displacement: wp.array(dtype=vec3), p: int, normal: wp.vec3d):
-        corners, b = pairs.corners[p], pairs.weights[p]
-        place = b[0] * moved(displacement, corners[0]) + b[1] * moved(displacement, corners[1])
-        place += b[2] * moved(displacement, corners[2])
-        return pairs.apart[p] + (moved(displacement, pairs.points[p]) - place) - pairs.gap[p] * normal
+        s = place(pairs, displacement, pairs.points[p]) - pairs.gap[p] * normal
+        for k in range(3):
+            s -= pairs.weights[p][k] * place(pairs, displacement, pairs.corners[p][k])
+        return s
 
     @wp.func
     def left(damage: wp.array(dtype=real), i: int):
@@ -124,10 +107,14 @@ def joint(bits: int, breaks: bool) -> JointKernels:
     ):
         p = wp.tid() + first
         i = pairs.points[p]
-        side, other = sides(pairs, displacement, p)
+        side, other = sides(pairs, displacement, pairs.corners[p])
         normal = wp.normalize(wp.cross(side, other))
         s = separation(pairs, displacement, p, normal)
-        opening = wp.dot(s, mean_normal(pairs, displacement, p, normal))
+        side, other = sides(pairs, displacement, pairs.own[p])
+        mean = normal + pairs.alike[p] * wp.normalize(wp.cross(side, other))
+        if wp.length(mean) > wp.float64(0.01):
+            normal = wp.normalize(mean)
+        opening = wp.dot(s, normal)
         whole = wp.dot(s, s)
         shear = wp.max(whole - opening * opening, wp.float64(0.0))
         # Without a gap nothing says which side is which: both ways open the joint.
@@ -162,7 +149,7 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         turn_second: wp.array(dtype=wp.vec3d),
     ):
         p = wp.tid() + first
-        side, other = sides(pairs, displacement, p)
+        side, other = sides(pairs, displacement, pairs.corners[p])
         product = wp.cross(side, other)
         normal = wp.normalize(product)
         s = separation(pairs, displacement, p, normal)
@@ -211,7 +198,7 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         energy: wp.array(dtype=wp.float64),
     ):
         p = wp.tid() + first
-        side, other = sides(pairs, displacement, p)
+        side, other = sides(pairs, displacement, pairs.corners[p])
         s = separation(pairs, displacement, p, wp.normalize(wp.cross(side, other)))
         i = pairs.points[p]
         energy[i] = wp.float64(0.5) * left(damage, i) * pairs.stiffness * pairs.area[p] * wp.dot(s, s)

@@ -118,31 +118,25 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         shape = cloud(places[:, :2], triangles, None, spacing)
     else:
         shape = surface(places, triangles, spacing)
-    members = (np.arange(first.size, dtype=np.int32), index)
+    own, areas = np.concatenate([np.arange(first.size), index]), np.concatenate([first.areas, second.areas])
 
-    def summed(values: Sequence[np.ndarray]) -> np.ndarray:
-        return np.asarray(sum(np.bincount(own, value, shape.size) for own, value in zip(members, values, strict=True)))
+    def mean(values: float | np.ndarray, weights: np.ndarray) -> float | np.ndarray:
+        return values if np.ndim(values) == 0 else np.bincount(own, weights * values) / np.bincount(own, weights)
 
-    def mean(name: str, weights: Sequence[np.ndarray]) -> float | np.ndarray:
-        values = [getattr(sheet, name) for sheet in sheets]
-        if all(np.ndim(value) == 0 and value == values[0] for value in values):
-            return float(values[0])
-        return np.asarray(summed([w * value for w, value in zip(weights, values, strict=True)]) / summed(weights))
-
-    areas = [sheet.areas for sheet in sheets]
     parts = {**shape.parts, "seam": seam}
-    for number, (sheet, own) in enumerate(zip(sheets, members, strict=True), start=1):
-        parts |= {f"sheet {number}": np.unique(own)}
-        parts |= {f"sheet {number} {name}": np.unique(own[points]) for name, points in sheet.parts.items()}
+    for number, (sheet, members) in enumerate(((first, own[: first.size]), (second, index)), start=1):
+        parts |= {f"sheet {number}": np.unique(members)}
+        parts |= {f"sheet {number} {name}": np.unique(members[points]) for name, points in sheet.parts.items()}
+    thickness, factors = _joined("thickness", sheets), None
+    if first.stiffness is not None or second.stiffness is not None:
+        given = [np.ones(sheet.size) if sheet.stiffness is None else sheet.stiffness for sheet in sheets]
+        factors = np.asarray(mean(np.concatenate(given), areas * thickness))
     made = Sheet.of(
-        replace(shape, areas=summed(areas), parts=parts),
-        thickness=mean("thickness", areas),
-        density=mean("density", [sheet.areas * sheet.thickness for sheet in sheets]),
+        replace(shape, areas=np.bincount(own, areas), parts=parts),
+        thickness=mean(thickness, areas),
+        density=mean(_joined("density", sheets), areas * thickness),
     )
-    if first.stiffness is None and second.stiffness is None:
-        return made
-    factors = [np.ones(sheet.size) if sheet.stiffness is None else sheet.stiffness for sheet in sheets]
-    return replace(made, stiffness=summed([a * f for a, f in zip(areas, factors, strict=True)]) / summed(areas))
+    return replace(made, stiffness=factors)
 
 
 def _require_plain(name: str, sheet: Sheet) -> None:

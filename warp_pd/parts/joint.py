@@ -19,7 +19,7 @@ from ..interfaces import BuiltLaw, BuiltPart, History, Part
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.joint import joint
-from .self_contact import pure_shear_modulus
+from .self_contact import membrane_stiffness
 
 OWNER = "Joint"
 # Default stiffness over thickness times modulus in pure shear over squared spacing, largest initial gap in spacings,
@@ -120,10 +120,8 @@ class BuiltJoint(BuiltPart):
             raise InputError(f"{self.label}: not supported by static solvers; expected Explicit")
         self.part, self.context = part, context
         sheet = context.sheet
-        modulus = None if part.stiffness is not None else pure_shear_modulus("Joint.stiffness", law, sheet)
-        self.stiffness = part.stiffness or STIFFNESS * (modulus or 0.0) * float(np.min(sheet.thickness)) / (
-            sheet.spacing**2
-        )
+        unit = STIFFNESS / sheet.spacing**2
+        self.stiffness = part.stiffness or membrane_stiffness("Joint.stiffness", unit, law, sheet)
         self._here = here = sheet.positions + context.initial_displacement
         self.points, self._corners, self._weights, self._gap = self._places(here)
         self._areas = sheet.areas[self.points]
@@ -153,22 +151,15 @@ class BuiltJoint(BuiltPart):
         context, sheet, n = self.context, self.context.sheet, self.context.sheet.size
         breaks = self.part.energy is not None
         self._kernels = joint(context.bits, breaks)
-        reference = sheet.positions
-        corners = reference[self._corners]
         own, alike = self._own_triangles()
-        own_corners = reference[own]
         pairs = self._kernels.Pairs()
         values: dict[str, tuple[Any, Any]] = {
             "points": (wp.int32, self.points),
             "corners": (wp.vec3i, self._corners),
             "weights": (wp.vec3d, self._weights),
-            "apart": (wp.vec3d, reference[self.points] - (self._weights[..., None] * corners).sum(axis=1)),
-            "first_side": (wp.vec3d, corners[:, 1] - corners[:, 0]),
-            "second_side": (wp.vec3d, corners[:, 2] - corners[:, 0]),
             "own": (wp.vec3i, own),
-            "own_first_side": (wp.vec3d, own_corners[:, 1] - own_corners[:, 0]),
-            "own_second_side": (wp.vec3d, own_corners[:, 2] - own_corners[:, 0]),
             "alike": (wp.float64, alike),
+            "reference": (wp.vec3d, sheet.positions),
             "gap": (wp.float64, self._gap),
             "area": (wp.float64, self._areas),
         }

@@ -111,7 +111,7 @@ class BuiltSelfContact(BuiltContact):
         if part.friction > 0.0 and (context.held & RIGID).any():
             raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not support it")
         self.distance = DISTANCE * sheet.spacing if part.distance is None else part.distance
-        self.stiffness = self._default_stiffness() if part.stiffness is None else part.stiffness
+        self.stiffness = part.stiffness or membrane_stiffness("SelfContact.stiffness", STIFFNESS, law, sheet)
         self._skin = SKIN * sheet.spacing
         least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
         capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
@@ -159,10 +159,6 @@ class BuiltSelfContact(BuiltContact):
             self._impulse = context.array("friction_impulse", OWNER, context.types.vec3, shape=n)
             if context.features.tracked:
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
-
-    def _default_stiffness(self) -> float:
-        sheet = self.context.sheet
-        return STIFFNESS * pure_shear_modulus("SelfContact.stiffness", self.law, sheet) * float(np.min(sheet.thickness))
 
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
@@ -265,8 +261,8 @@ class BuiltSelfContact(BuiltContact):
             )
 
 
-def pure_shear_modulus(name: str, law: BuiltLaw, sheet: Sheet) -> float:
-    """Modulus of the softest point of a sheet in pure shear [Pa], for the default of the argument `name`.
+def membrane_stiffness(name: str, factor: float, law: BuiltLaw, sheet: Sheet) -> float:
+    """`factor` times the least modulus in pure shear and the least thickness, the default of the argument `name`.
 
     Raises:
         InputError: if the law has none.
@@ -280,4 +276,5 @@ def pure_shear_modulus(name: str, law: BuiltLaw, sheet: Sheet) -> float:
     modulus = float(below - 2.0 * none + above) / step**2
     if not modulus > 0.0:
         raise InputError(f"{name} = None: expected a number, because the material has no stiffness")
-    return modulus * (1.0 if sheet.stiffness is None else float(sheet.stiffness.min()))
+    softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
+    return factor * softest * modulus * float(np.min(sheet.thickness))
