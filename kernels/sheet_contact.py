@@ -166,6 +166,17 @@ def sheet_contact(
                     wp.float32(radius + reach + size),
                 )  # fmt: skip
 
+    @wp.func
+    def within(sides: bool, points: wp.vec4i, a: Surface):
+        """Whether a pair may come near before the boxes are made anew."""
+        x = mat43d()
+        motion = mat43d()
+        for k in range(4):
+            x[k] = start(points[k], a)
+            motion[k] = way(points[k], a)
+        gap = wp.length(wp.transpose(x) * nearest(sides, x))
+        return gap <= a.kept + a.skin + largest_approach(sides, motion)
+
     @kernel(per="face")
     def mark(a: Surface, first: int, close: wp.array(dtype=wp.uint8), status: wp.array(dtype=wp.int32)):
         f = wp.tid() + first
@@ -181,7 +192,18 @@ def sheet_contact(
                     g = a.tree.order[node - a.tree.leaves]
                     other = a.tree.spheres[g]
                     apart = wp.length(centre - wp.vec3(other[0], other[1], other[2]))
-                    found = apart < own[3] + other[3] and not shares_corner(f, g, a)
+                    if apart < own[3] + other[3] and not shares_corner(f, g, a):
+                        t = a.triangles[f]
+                        h = a.triangles[g]
+                        for each in range(15):
+                            k = each % 3
+                            pair = wp.vec4i(t[k], h[0], h[1], h[2])
+                            if each >= 12:
+                                pair = wp.vec4i(h[k], t[0], t[1], t[2])
+                            elif each >= 3:
+                                m = each / 3 - 1
+                                pair = wp.vec4i(t[k], t[(k + 1) % 3], h[m], h[(m + 1) % 3])
+                            found = found or within(each >= 3 and each < 12, pair, a)
                 node = next_node(node, entered, a.tree.leaves)
         close[f] = wp.where(found, wp.uint8(1), wp.uint8(0))
         if found:
