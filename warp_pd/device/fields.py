@@ -146,12 +146,7 @@ def on_cpu(array: Array) -> bool:
 
 
 def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
-    """A copy on the host, in the precision of the device.
-
-    Args:
-        array: The array.
-        points: Entries to copy of a one-dimensional array, gathered on the device; None for all.
-    """
+    """A copy on the host, in the precision of the device; `points` chooses entries of a one-dimensional array."""
     if points is not None:
         chosen: Array = wp.array(points, dtype=wp.int32, device=array.device)
         return np.asarray(wp.indexedarray(array, [chosen]).contiguous().numpy())

@@ -13,15 +13,7 @@ CELLS = 4.0
 
 
 def near_by_row(points: np.ndarray, distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbours of each point within a distance, and the index of the point in the list of each neighbour.
-
-    Args:
-        points: Positions [m], shape (N, 2).
-        distance: Distance [m].
-
-    Returns:
-        Neighbours in ascending order (-1 for none), and reverse indices (0 for none), both int32, shape (N, n).
-    """
+    """Neighbours within a distance [m], ascending (-1: none), and their reverse indices (0: none), int32, (N, n)."""
     size, low = len(points), points.min(axis=0)
     extent = np.maximum(np.ptp(points, axis=0), distance)
     edge = max(distance, float(np.sqrt(extent.prod() / (CELLS * size))))

@@ -43,16 +43,9 @@ class FitOptions:
 
 
 def fit_scene(scene: str, data: Sequence[Path], given: Mapping[str, Any], options: FitOptions) -> Iterator[str]:
-    """Fit constants of a scene to tests, save the result, and return the lines to print.
+    """Fit constants of a scene (name or file) to CSV files, save the result, and return the lines to print.
 
-    Args:
-        scene: Name or file.
-        data: CSV files of the tests.
-        given: Arguments of the scene and initial values of constants, as text or numbers.
-        options: Options of the command.
-
-    Raises:
-        InputError: if files, names or values are invalid.
+    `given` holds arguments of the scene and initial values of constants, as text or numbers.
     """
     one_of("--loss", options.loss, LOSSES)
     bounds = _bounds(options.bounds)

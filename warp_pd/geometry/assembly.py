@@ -36,11 +36,8 @@ class Part:
 def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks: Sequence[Part]) -> Shape:
     """The shape with areas, barriers and names.
 
-    Args:
-        base: Points, triangles without cracks, grid; its areas are ignored.
-        rings: The outline and the holes, counter-clockwise.
-        rigid: Rigid inclusions, counter-clockwise.
-        cracks: Lines of points along edges of triangles.
+    Rings (the outline and holes) and rigid inclusions are counter-clockwise; cracks run along edges of the triangles of
+    `base`, whose areas are ignored.
     """
     parts: dict[str, np.ndarray] = {}
     for ring in rings:

@@ -96,14 +96,7 @@ class FamilyLaw(BuiltLaw):
         inverse: np.ndarray | None,
         weights: np.ndarray,
     ) -> None:
-        """Copy the families to the device.
-
-        Args:
-            law: The law as given by the user.
-            context: Context in which arrays are allocated.
-            families: The families.
-            inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
-            weights: Weights by row, shape (R, n).
+        """Copy the families, K^-1 (R, n, 3) unless None, and weights (R, n) by row to the device.
 
         Raises:
             InputError: for a curved or graded sheet that the law does not support.

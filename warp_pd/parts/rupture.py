@@ -142,11 +142,7 @@ class CriticalEnergy(BondCriterion):
 
 
 def crossing_bonds(horizon: float) -> int:
-    """Nc: mean number of bonds of a square lattice that cross one spacing of a line, counted from both ends.
-
-    Args:
-        horizon: Horizon divided by the spacing [-].
-    """
+    """Nc: mean number of bonds across a spacing of a line, from both ends; `horizon` in spacings."""
     reach = int(horizon)
     return sum(
         abs(across)

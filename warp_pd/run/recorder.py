@@ -262,10 +262,6 @@ def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, floa
     """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
 
     See kernels/integrate.py for the kinetic energy that it uses.
-
-    Args:
-        history: Rows of earlier frames.
-        row: The newest row, with all energies.
     """
     first = history[0] if history else row
     kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"

@@ -186,10 +186,9 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> bool:
-    """Write the table as CSV with full precision; a missing number is an empty cell.
+    """Write the table as CSV with full precision; a missing number is an empty cell. Whether it was written:
 
-    Returns:
-        Whether it was written. A table with refused runs does not replace a table that has results for these runs.
+    A table with refused runs does not replace a table that has results for these runs.
     """
     head, cells = table(rows)
     names = list(rows[0].values)
