@@ -12,6 +12,7 @@ discrete one is slightly compressible.
 
 from warp_pd import BondAssociated, Fixed, Gent, InputError, Measure, Newton, Pressure, Sheet, Simulation
 from warp_pd.device.checks import count, one_of, positive
+from warp_pd.fitting import Deflection
 from warp_pd.geometry.curves import Circle
 
 RADIUS, DENSITY = 0.05, 1000.0
@@ -65,7 +66,7 @@ def build(
             Measure(
                 "center_deflection",
                 "m",
-                lambda built, frame: frame.displacement[centre, 2],
+                Deflection(centre, "z"),
                 HEIGHT.get(pressure) if standard else None,
                 "exact membrane, incompressible Gent",
             ),

@@ -28,7 +28,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import finite, positive
-from warp_pd.measures import support_force
+from warp_pd.fitting import SupportForce
 
 LENGTH, WIDTH, RADIUS, THICKNESS, DENSITY = 0.1, 0.05, 0.01, 1e-3, 1000.0
 
@@ -76,7 +76,7 @@ def build(
         solver=Newton(tolerance=tolerance, load_steps=load_steps),
         measures=[
             Measure("stretch", "1", lambda built, frame: 1.0 + (stretch - 1.0) * frame.time),
-            Measure("edge_force", "N", lambda built, frame: support_force(built, right)[0]),
+            Measure("edge_force", "N", SupportForce(right, "x")),
         ],
         section="own strip",
         pictures=pictures,

@@ -10,6 +10,7 @@ The reference is the exact membrane (tools/references/shooting.py, with cubic = 
 
 from warp_pd import ArcLength, BondAssociated, Fixed, Measure, Newton, Outcome, Pressure, Sheet, Simulation, Yeoh
 from warp_pd.device.checks import count, one_of, positive
+from warp_pd.fitting import Deflection
 from warp_pd.geometry.curves import Circle
 from warp_pd.scenes.balloon_paths import where_it_begins_to_fall, where_it_stops_falling
 from warp_pd.solvers import Solver
@@ -58,7 +59,7 @@ def build(
             Measure(
                 "center_deflection",
                 "m",
-                lambda built, frame: frame.displacement[sheet.nearest(0.0, 0.0), 2],
+                Deflection(sheet.nearest(0.0, 0.0), "z"),
                 HEIGHT if pressure == 6e3 else None,
                 EXACT,
             ),

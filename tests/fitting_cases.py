@@ -18,7 +18,7 @@ from warp_pd import (
     Simulation,
     Yeoh,
 )
-from warp_pd.measures import support_force
+from warp_pd.fitting import Deflection, SupportForce
 
 TOLERANCE = 1e-12
 
@@ -41,8 +41,8 @@ def pulled(material, points=9, stretch=1.3, thickness=1e-3, solver=None, hole=Fa
         ],
         solver=solver or Newton(tolerance=TOLERANCE),
         measures=[
-            Measure("force", "N", lambda built, frame: support_force(built, right)[0]),
-            Measure("narrowing", "m", lambda built, frame: frame.displacement[top, 1]),
+            Measure("force", "N", SupportForce(right, "x")),
+            Measure("narrowing", "m", Deflection(top, "y")),
             Measure("squared", "m^2", lambda built, frame: float((frame.displacement**2).sum())),
         ],
     )
@@ -78,9 +78,9 @@ def blown(
         loads=loads,
         solver=Newton(tolerance=TOLERANCE, duration=duration),
         measures=[
-            Measure("height", "m", lambda built, frame: frame.displacement[centre, 2]),
-            Measure("edge_height", "m", lambda built, frame: frame.displacement[edge, 2]),
-            Measure("pull", "N", lambda built, frame: support_force(built, right)[0]),
+            Measure("height", "m", Deflection(centre, "z")),
+            Measure("edge_height", "m", Deflection([edge], "z")),
+            Measure("pull", "N", SupportForce(right, "x")),
         ],
     )
 
@@ -94,5 +94,5 @@ def mooney_disc(c10=0.2e6, c01=0.02e6, pressure=8e3, prestretch=1.2):
         force=BondAssociated(MooneyRivlin(c10, c01), horizon=2.015),
         loads=[Fixed(held), Pressure(pressure)],
         solver=Newton(tolerance=TOLERANCE),
-        measures=[Measure("height", "m", lambda built, frame: frame.displacement[centre, 2])],
+        measures=[Measure("height", "m", Deflection(centre, "z"))],
     )

@@ -112,15 +112,16 @@ def kills(scene: str, whole: Path, seconds: float, number: int, work: Path) -> I
 
 
 def truncations(scene: str, whole: Path, places: int, chosen: Sequence[str], work: Path) -> Iterator[Trial]:
-    """Cut each file short at some places, then write the page and resume."""
+    """Cut each file short at some places, then ask for the contents and resume."""
     for name in (file for file in results_in(whole) if not chosen or file in chosen):
         size = (whole / name).stat().st_size
         for place in range(places):
             out = work / f"cut-{name}-{place}"
             shutil.copytree(whole, out)
             (out / name).write_bytes((whole / name).read_bytes()[: size * place // places])
-            done = run([sys.executable, "-m", "warp_pd", "view", str(out)])
-            yield Trial("file cut short, page", scene, _named(name, said_badly(done)))
+            for more in (["info", str(out / name)], ["info", str(out)]):
+                done = run([sys.executable, "-m", "warp_pd", *more])
+                yield Trial("file cut short, info", scene, _named(name, said_badly(done)))
             done = run(command(scene, out, "--resume"))
             yield Trial("file cut short, resumed", scene, _named(name, said_badly(done)))
             shutil.rmtree(out)

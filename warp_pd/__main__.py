@@ -330,6 +330,15 @@ def view(folder: Path, out: str | None, points: int | None, frames: int | None) 
 
 
 @main.command()
+@click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
+def info(file: Path) -> None:
+    """Show the contents of a frames.vtkhdf, animation.usd or summary.json, or of a folder with these files."""
+    from .output.info import describe
+
+    click.echo(describe(file))
+
+
+@main.command()
 @click.option("--points", type=int, multiple=True, default=(101,), help="Points along a side; may be repeated.")
 @click.option(
     "--horizon", type=float, multiple=True, default=(2.015, 3.15), help="Horizon in spacings; may be repeated."

@@ -1,4 +1,4 @@
-"""The command line: scenes, wrong input in one line, `list`."""
+"""The command line: scenes, wrong input in one line, `list` and `info`."""
 
 import json
 import os
@@ -46,6 +46,8 @@ WRONG_LINES = [
     (["run", "pressure", "--set", "=3"], "--set '=3': expected name=value"),
     (["run", "ball_penetration", "--points", "-5"], "points = -5: expected a whole number of 3 or more"),
     (["run", "ball_penetration", "--horizon", "nan"], "horizon = nan"),
+    (["info", "nothing.usd"], "the file does not exist"),
+    (["info", __file__], "expected a .vtkhdf, .usd or .json"),
 ]
 
 
@@ -62,9 +64,11 @@ def test_wrong_input_ends_with_one_line(arguments, text, tmp_path, monkeypatch):
     assert not [p for p in left if p.is_file()]
 
 
-def test_list_names_the_scenes():
+def test_list_and_info(ball):
     listed = cli("list").output
     assert {"ball_penetration", "pressure", "tension"} <= {line.split()[0] for line in listed.splitlines()}
+    told = cli("info", ball)
+    assert told.exit_code == 0 and "25 frames" in told.output and "/World/Sheet" in told.output
 
 
 def test_a_scene_of_ones_own(tmp_path):

@@ -184,12 +184,20 @@ def side_stream_waits(items: Sequence[Item]) -> list[bool]:
     waits: list[bool] = []
     parallel: list[Item] = []
     for item in items:
-        waits.append(any(item.touched.must_wait_for(earlier.touched) for earlier in parallel))
+        waits.append(any(_must_wait(item, earlier) for earlier in parallel))
         if waits[-1]:
             parallel = []
         if item.side_stream:
             parallel.append(item)
     return [*waits, bool(parallel)]
+
+
+def _must_wait(item: Item, earlier: Item) -> bool:
+    """Whether an item waits for an earlier one on the side stream."""
+    if item.divided and earlier.divided:
+        # Parts of divided launches touch different points up to the next exchange.
+        return isinstance(item, Call)
+    return item.touched.must_wait_for(earlier.touched)
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:

@@ -88,6 +88,21 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
 
 
+@dataclass(frozen=True)
+class Span:
+    """Division of the points from argument `start` to `stop` - 1 among the blocks of a launch.
+
+    The argument `blocks` is the number of blocks; each block loops until all points are done.
+
+    Attributes:
+        together: Points that a block works on at once.
+        most: Maximum number of blocks.
+    """
+
+    together: int
+    most: int
+
+
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -103,6 +118,9 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that accesses its arrays.
         alone: Whether a pointwise stage must not share a launch.
+        divided: Whether it is part of a launch that was split by points around an exchange (interfaces/overlap.py).
+            Parts of one split need not wait for each other.
+        span: Division of points among blocks, if threads do not correspond to points.
         only_if: Array; while its first entry is 0, a CPU skips the launch, and on a GPU the kernel does nothing.
         grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
         every: Interval of repetitions of a repeated stage in which it runs.
@@ -119,9 +137,26 @@ class Launch:
     run: int = 0
     side_stream: bool = False
     alone: bool = False
+    divided: bool = False
+    span: Span | None = None
     only_if: Array | None = None
     grouped: bool = False
     every: int = 1
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """First point that it works on, and last point plus 1."""
+        if self.span is None:
+            return self.begin, self.begin + self.threads
+        return self.arguments["start"], self.arguments["stop"]
+
+    def on_points(self, begin: int, end: int) -> Launch:
+        """The same launch on the points begin to end - 1."""
+        if self.span is None:
+            return replace(self, begin=begin, threads=end - begin)
+        blocks = min(-(-(end - begin) // self.span.together), self.span.most)
+        arguments = {**self.arguments, "start": begin, "stop": end, "blocks": blocks}
+        return replace(self, threads=self.threads // self.arguments["blocks"] * blocks, arguments=arguments)
 
     @property
     def parts(self) -> list[str]:
@@ -157,6 +192,7 @@ class Call:
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
         side_stream: As for a launch.
+        divided: Whether launches were split around it.
         every: As for a launch.
     """
 
@@ -167,6 +203,7 @@ class Call:
     capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
     touched: Touched
     side_stream: bool = False
+    divided: bool = False
     every: int = 1
 
     @property
@@ -227,6 +264,7 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
+        span: Span | None = None,
         only_if: Array | None = None,
         grouped: bool = False,
         **arguments: Any,
@@ -240,8 +278,8 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, only_if=only_if, grouped=grouped,
-            every=self._every,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
+            grouped=grouped, every=self._every,
         )  # fmt: skip
         self.items.append(made)
 

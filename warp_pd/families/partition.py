@@ -31,6 +31,7 @@ class Partition:
         near: Mask of points with complete families: owned points and one horizon around them, shape (n,). The others
             have empty families.
         faces: Index in the whole sheet of each local triangle (those whose lowest corner is owned), shape (F,).
+        inner: Longest range of owned points whose families are all owned.
         owners: Owner of each point of the whole sheet, shape (N,), if points are scattered, i.e. assigned by position
             instead of by block; otherwise None.
     """
@@ -41,6 +42,7 @@ class Partition:
     owned: slice
     near: np.ndarray
     faces: np.ndarray
+    inner: slice
     owners: np.ndarray | None = None
 
     @property
@@ -136,7 +138,8 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
     points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
     near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
     own = slice(begin - ranges[-1][0], end - ranges[-1][0])
-    return Partition(rank, bounds, points, own, near, _faces(sheet, begin, end))
+    inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
+    return Partition(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
 
 
 def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
@@ -148,7 +151,8 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, layers: int) -> Partition:
     """The partition of a cloud or a grid with holes, by position instead of by index.
 
-    Owned points come first. On a cloud, complete families come before empty ones.
+    Owned points come first. On a cloud, inner points come before those near the border, and complete families before
+    empty ones.
     """
     cloud, processes = sheet.layout == "cloud", len(bounds) - 1
     owners = bisection(sheet.points, processes) if cloud else row_bands(sheet.points, processes, sheet.spacing)
@@ -161,10 +165,19 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, laye
     for _ in range(layers):
         reached[sheet.triangles[reached[sheet.triangles].any(axis=1)]] = True
     halo = np.flatnonzero(reached & ~mine)
+    apart = _apart(sheet, horizon, own, halo)
     if cloud:
+        own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
         halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
     points = np.concatenate([own, halo])
-    return Partition(rank, bounds, points, slice(0, len(own)), near[points], faces, owners)
+    return Partition(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
+
+
+def _longest_run(flags: np.ndarray) -> slice:
+    """The longest run of true flags."""
+    ends = np.flatnonzero(np.concatenate([[True], ~flags, [True]]))
+    longest = int(np.argmax(np.diff(ends)))
+    return slice(int(ends[longest]), int(ends[longest + 1]) - 1)
 
 
 def row_bands(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
@@ -199,6 +212,17 @@ def bisection(points: np.ndarray, parts: int) -> np.ndarray:
         order = np.argsort(along, kind="stable")
         pieces += [(np.sort(piece[order[:at]]), first, low), (np.sort(piece[order[at:]]), first + low, number - low)]
     return found
+
+
+def _apart(sheet: Sheet, horizon: float, own: np.ndarray, halo: np.ndarray) -> np.ndarray:
+    """Mask of the points `own` that have no point of `halo` within the horizon."""
+    from scipy.spatial import cKDTree
+
+    if not len(halo):
+        return np.ones(len(own), bool)
+    distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
+    found, _ = cKDTree(sheet.points[halo]).query(sheet.points[own], distance_upper_bound=distance)
+    return np.asarray(np.isinf(found))
 
 
 def _lattice_reach(sheet: Sheet, horizon: float) -> int:

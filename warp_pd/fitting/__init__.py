@@ -4,7 +4,7 @@ from .columns import read_tests
 from .data import Curve, FieldData, read_table
 from .least_squares import fit
 from .model import SceneTests
-from .point_field import PointField
+from .probes import Deflection, PointField, Probe, SupportForce
 from .report import Fit
 from .sensitivity import Sensitivity, sensitivity
 from .tearing import TearingFit, tearing_energy
@@ -12,11 +12,14 @@ from .uniform import UniformTests, nominal_stress
 
 __all__ = [
     "Curve",
+    "Deflection",
     "FieldData",
     "Fit",
     "PointField",
+    "Probe",
     "SceneTests",
     "Sensitivity",
+    "SupportForce",
     "TearingFit",
     "UniformTests",
     "fit",

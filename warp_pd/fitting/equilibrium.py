@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -97,6 +98,8 @@ class Equilibrium:
         self.duration = scene.solver.duration
         self.factor = 0.0
         self.accuracy = ACCURACY[self.built.context.bits]
+        self._skew: Callable[[np.ndarray], np.ndarray] | None = None
+        self._internal_stage = False
 
     # States --------------------------------------------------------------------------------------------
 
@@ -151,6 +154,12 @@ class Equilibrium:
         self.built.context.run("frame")
         return FramePoints(self.built).frame(1, self.factor * self.duration).in_double()
 
+    def bare_frame(self) -> Frame:
+        """A frame with only the displacement of the current state, for probes."""
+        placement = self.built.context.placement
+        shown = self.displacement if placement is None else self.displacement - placement
+        return Frame(1, self.factor * self.duration, shown, np.zeros_like(shown))
+
     # Linear solves -------------------------------------------------------------------------------------
 
     def linearise(self) -> None:
@@ -159,6 +168,7 @@ class Equilibrium:
         Raises:
             NoEquilibriumError: if the tangent is singular.
         """
+        self._skew = None
         if self.linear.prepared:
             self.level.linearise(self._tension())
         else:
@@ -173,12 +183,49 @@ class Equilibrium:
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """Displacement x [m] of the free components with K x = force [N], both of shape (N, 3)."""
-        side = np.where(self.free, force, 0.0)
-        if not self.linear.solve_closely(side, self.accuracy):
+        return self._solve(force, None)
+
+    def solve_transposed(self, force: np.ndarray) -> np.ndarray:
+        """As `solve`, with K^T."""
+        if self._skew is None and any(not load.symmetric for load in self.level.following):
+            self._skew = self._skew_part()
+        return self._solve(force, self._skew)
+
+    def _solve(self, force: np.ndarray, added: Callable[[np.ndarray], np.ndarray] | None) -> np.ndarray:
+        side, accuracy = np.where(self.free, force, 0.0), self.accuracy
+        if not self.linear.solve_closely(side, accuracy, added):
             self._renew()
-            if not self.linear.solve_closely(side, self.accuracy):
+            if not self.linear.solve_closely(side, accuracy, added):
                 raise NoEquilibriumError("the tangent is too close to singular for derivatives")
         return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
+
+    @property
+    def has_adjoint(self) -> bool:
+        """Whether the transposed tangent is known."""
+        here = self.displacement
+        return all(load.symmetric or load.tangent_matrix(here) is not None for load in self.level.following)
+
+    def internal_product(self, direction: np.ndarray) -> np.ndarray:
+        """Stiffness of the force law (without loads) times a displacement [m]: force [N], shape (N, 3)."""
+        context, level = self.built.context, self.level
+        if not self._internal_stage:
+            level.add_product(context.stage("internal product", "derivatives"), level.vector, level.image, False)
+            self._internal_stage = True
+        assign(level.vector, direction)
+        context.run("internal product")
+        return np.asarray(level.image.numpy().astype(np.float64))
+
+    def _skew_part(self) -> Callable[[np.ndarray], np.ndarray]:
+        """K^T - K of the loads whose tangent is not symmetric, on free components."""
+        here, free = self.displacement, self.free.ravel()
+        total: Any = sum(load.tangent_matrix(here) for load in self.level.following if not load.symmetric)
+        # K is minus the change of the force.
+        skew = (total - total.T).tocsr()
+
+        def product(x: np.ndarray) -> np.ndarray:
+            return np.where(free, skew @ np.where(free, x, 0.0), 0.0)
+
+        return product
 
 
 def for_differences(scene: Simulation) -> Simulation:

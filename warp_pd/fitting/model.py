@@ -13,7 +13,7 @@ from ..device.checks import InputError
 from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
 from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
-from .point_field import PointField
+from .probes import PointField
 from .sensitivity import Build, Derivatives, Value, value_of
 
 # Values of a control at zero load that are tried: those of a force or a path, and of a stretch.

@@ -2,9 +2,8 @@
 
 With R(u, p) the unbalanced force and K = -dR/du, equilibrium R = 0 gives K du/dp = dR/dp. A measure m(u, p) then has
 
-    dm/dp = dm/dp at fixed u + dm/du . du/dp,
-
-which takes one linear solve per argument, whatever the number of measures.
+    dm/dp = dm/dp at fixed u + dm/du . du/dp           direct: one solve per constant, any measure
+          = dm/dp at fixed u + l . dR/dp, K^T l = dm/du     adjoint: one solve per measure
 
 dR/dp is the central difference of the unbalanced force between two scenes whose argument differs by 6e-6 of its size,
 at the same displacement except for held points, which each scene prescribes. It is exact to about 1e-10 in float64. Any
@@ -16,18 +15,21 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError
+from ..device.checks import InputError, one_of
 from ..interfaces.frame import Frame
 from ..run.simulation import Simulation
 from .equilibrium import Equilibrium, for_differences
+from .probes import Probe
 
 Build = Callable[..., Simulation]
 # What is measured: a name of a measure or column, and its function.
 Value = Callable[[Any, Frame], Any]
+METHODS = ("auto", "adjoint", "direct")
 
 
 def step_of(value: float, size: float, bits: int) -> float:
@@ -75,11 +77,20 @@ class Pair:
 
     def force(self, displacement: np.ndarray, factor: float) -> np.ndarray:
         """dR/dp at fixed displacement of the free components [N per unit], shape (N, 3)."""
-        total = np.zeros_like(displacement)
+        return self.force_and_changes(displacement, factor, ())[0]
+
+    def force_and_changes(
+        self, displacement: np.ndarray, factor: float, probes: Sequence[Probe]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `force`, and the derivatives of probes at fixed displacement, shape (M,)."""
+        total, changes = np.zeros_like(displacement), np.zeros(len(probes))
         for weight, side in zip(self._weights, self.sides, strict=True):
             side.set(displacement, factor)
             total += weight * side.residual()
-        return total
+            if probes:
+                frame = side.bare_frame()
+                changes += [weight * probe(side.built, frame) for probe in probes]
+        return total, changes
 
     def held(self, factor: float) -> np.ndarray:
         """du/dp of the held components [m per unit], shape (N, 3)."""
@@ -129,6 +140,16 @@ class Derivatives:
             for v in values
         ]
 
+    def adjoint(self, probes: Sequence[Probe]) -> np.ndarray:
+        """Derivatives of probes, shape (M, P), with one solve per probe."""
+        state = self.state
+        state.linearise()
+        here, factor = state.displacement, state.factor
+        made = [pair.force_and_changes(here, factor, probes) for pair in self.pairs]
+        forces, changes = np.array([force for force, _ in made]), np.array([change for _, change in made])
+        multipliers = np.array([state.solve_transposed(probe.gradient(state)) for probe in probes])
+        return np.asarray(np.einsum("mic,pic->mp", multipliers, forces) + changes.T)
+
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
@@ -139,12 +160,16 @@ class Sensitivity:
         vary: Names of the P arguments.
         values: Values of the measures, shape (M,).
         jacobian: Derivatives, shape (M, P), in the unit of the measure divided by that of the argument.
+        method: "adjoint" or "direct".
+        seconds: Wall time of the derivatives [s], without equilibrium and building of scenes.
     """
 
     measures: tuple[str, ...]
     vary: tuple[str, ...]
     values: np.ndarray
     jacobian: np.ndarray
+    method: str
+    seconds: float
 
 
 def sensitivity(
@@ -154,6 +179,7 @@ def sensitivity(
     settings: Mapping[str, Any] | None = None,
     *,
     factor: float = 1.0,
+    method: str = "auto",
     device: str | None = None,
     precision: int | None = None,
 ) -> Sensitivity:
@@ -165,20 +191,31 @@ def sensitivity(
         measures: Names of measures of the scene, or of columns of its history.
         settings: Arguments of `build`; others have their defaults.
         factor: Load factor, 0 to 1.
+        method: "adjoint" (one solve per measure, which must be a Deflection or SupportForce), "direct" (one solve per
+            argument), or "auto" (the adjoint if possible and with fewer solves).
         device: As for `Simulation.run`.
         precision: As for `Simulation.run`.
 
     Raises:
-        InputError: if a name does not exist, or the solver is not Newton.
+        InputError: if a name does not exist, the solver is not Newton, or a measure has no adjoint.
     """
+    one_of("method", method, METHODS)
     given = with_defaults(build, vary, settings or {})
     derivatives = Derivatives(build, given, vary, None, device, precision)
     state = derivatives.state
     state.reach(factor)
     values = [value_of(derivatives.scene, name) for name in measures]
+    probes = [value for value in values if isinstance(value, Probe)]
+    possible = len(probes) == len(values) and state.has_adjoint
+    if method == "adjoint" and not possible:
+        raise InputError("method = 'adjoint': expected measures that are a Deflection or SupportForce; take 'direct'")
+    adjoint = possible and (method == "adjoint" or (method == "auto" and len(values) <= len(vary)))
     frame = state.frame()
     numbers = np.array([float(value(state.built, frame)) for value in values])
-    return Sensitivity(tuple(measures), tuple(vary), numbers, np.array(derivatives.direct(values)))
+    begin = perf_counter()
+    jacobian = derivatives.adjoint(probes) if adjoint else np.array(derivatives.direct(values))
+    taken = perf_counter() - begin
+    return Sensitivity(tuple(measures), tuple(vary), numbers, jacobian, "adjoint" if adjoint else "direct", taken)
 
 
 def with_defaults(build: Build, vary: Sequence[str], settings: Mapping[str, Any]) -> dict[str, Any]:

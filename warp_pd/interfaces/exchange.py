@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 from ..device.checks import InputError
 from ..device.fields import Stored
-from ..device.launches import Item, Launch, Stage, arrays_in
+from ..device.launches import Call, Item, Launch, Stage, arrays_in
 from ..families.partition import HALO
 from .context import Context
+from .overlap import has_streams, overlap_exchanges
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
 OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
@@ -52,6 +53,17 @@ class Exchanges:
         self._access = {id(launch): self._access_of(launch, written) for launch in launches}
         self._launches = {id(launch): launch for launch in launches}
         self.need = self._needs()
+
+    @property
+    def of_points(self) -> frozenset[int]:
+        """Addresses of the arrays with one entry per point."""
+        return frozenset(begin for begin, _, _ in self._places)
+
+    def numbered(self, launch: Launch) -> bool:
+        """Whether the arrays of a launch begin with the first local point, i.e. none is a view of own points."""
+        touched = launch.touched
+        inside = (touched.reads | touched.gathers | touched.writes) - self.of_points
+        return not self._numbers(inside)
 
     def _numbers(self, addresses: Iterable[int]) -> frozenset[int]:
         """Fields that contain these addresses; views of own points begin inside their array."""
@@ -150,13 +162,19 @@ def add_exchanges(context: Context) -> None:
     partition = context.partition
     if partition is None:
         return
-    found = Exchanges(context).find()
+    exchanges = Exchanges(context)
+    found = exchanges.find()
     for stage in context.stages.values():
         items: list[Item] = []
+        added: set[int] = set()
         for place, item in enumerate(stage.items):
             if place in found[stage.name]:
-                items.append(context.communicator.exchange(found[stage.name][place], partition))
+                call: Call = context.communicator.exchange(found[stage.name][place], partition)
+                items.append(call)
+                added.add(id(call))
             items.append(item)
         if 0 in found[stage.name]:
             stage.wraparound = None
+        if has_streams(context.device):
+            items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
         stage.items = items

@@ -112,11 +112,13 @@ class BuiltLoad(BuiltPart, Protocol):
     Attributes:
         follows_displacement: Whether the force depends on the displacement.
         coarsens: Whether a displacement-dependent load can be built on coarser sheets, for multigrid.
+        symmetric: Whether the tangent of a displacement-dependent load is symmetric.
         at_rest: The load as contact in static equilibrium, or None.
     """
 
     follows_displacement: bool = False
     coarsens: bool = False
+    symmetric: bool = False
     at_rest: ContactAtRest | None = None
 
     def constant_force(self) -> np.ndarray | None:
@@ -136,6 +138,16 @@ class BuiltLoad(BuiltPart, Protocol):
             False if there is no tangent: Newton's method then refuses the load.
         """
         return False
+
+    def tangent_matrix(self, displacement: np.ndarray) -> Any:
+        """Derivative of the force [N/m], sparse, shape (3 N, 3 N), at a displacement [m], shape (N, 3).
+
+        It is called by the adjoint method, for loads with an unsymmetric tangent.
+
+        Returns:
+            None by default; derivatives then take one solve per constant.
+        """
+        return None
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad | None:
         """Build the same load on a coarser sheet, for multigrid; None if not supported.

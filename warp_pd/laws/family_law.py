@@ -75,6 +75,7 @@ class FamilyLaw(BuiltLaw):
     owner: str
     correction: dict[str, float] | None = None
     earlier_energy: wp.Function | None = None
+    partial_energy: wp.Function | None = None
     coarsens: bool = False
     slack_frequency: float | None = None
     depends_on_time: bool = False

@@ -18,7 +18,7 @@ import numpy as np
 import warp as wp
 
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Span, Stage
 from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -349,7 +349,7 @@ class FamilyBlocks:
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
-            bond_force=self.forces.array, force=force,
+            bond_force=self.forces.array, force=force, span=None if listed else Span(together, TUNING.blocks),
         )  # fmt: skip
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
@@ -401,6 +401,7 @@ class UndamagedLattice:
         law = self.law
         listed = (self.others, self.count) if law.layout.breakable else (None, None)
         for strip in self.forces.strips:
+            # First: it need not wait for an exchange.
             stage.launch(
                 law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin, block_dim=TUNING.lattice_block,
                 family_class=law.struct.family_class, inner=self.inner, intact=law.intact, displacement=displacement,

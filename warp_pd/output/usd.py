@@ -296,3 +296,19 @@ def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
     """Centre of the ball [m] at an already written frame, shape (3,)."""
     translate = stage.GetAttributeAtPath(f"{BALL}.xformOp:translate")
     return np.array(translate.Get(index)) if translate else None
+
+
+def describe_animation(path: Path) -> str:
+    """Describe an animation.usd in a few lines.
+
+    Raises:
+        InputError: if USD cannot read the file.
+    """
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        raise InputError(f"file = {str(path)!r}: USD cannot read it") from None
+    lines = [f"{path}: time codes {stage.GetStartTimeCode():g} to {stage.GetEndTimeCode():g}"]
+    lines.append(f"  {stage.GetTimeCodesPerSecond():g} a second, up {UsdGeom.GetStageUpAxis(stage)}")
+    lines += [f"  {prim.GetPath()} ({prim.GetTypeName()})" for prim in stage.Traverse() if prim.GetTypeName()]
+    return "\n".join(lines)

@@ -348,6 +348,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     """
 
     follows_displacement = True
+    symmetric = True
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:

@@ -183,6 +183,7 @@ class BuiltEnclosed(BuiltLoad):
     """
 
     follows_displacement = True
+    symmetric = True
 
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
         """Close the surface and allocate the arrays.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import factor_schedule
 from ..families.partition import Partition
+from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, External, Load
 from ..interfaces.context import Context
@@ -197,6 +199,21 @@ class FollowerPressure(BuiltLoad):
         kernel, points = follower_pressure_tangent(*self._key), self.context.sheet.size
         stage.launch("Pressure", kernel, points, **self._arguments(displacement), direction=direction, change=out)
         return True
+
+    def tangent_matrix(self, displacement: np.ndarray) -> Any:
+        """Tangent matrix for a flat sheet without broken bonds, otherwise None."""
+        if self.context.sheet.frames is not None or self.law.intact is not None:
+            return None
+        factor = 1.0
+        if self._schedule is not None and self.context.clock.scheduled is not None:
+            factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
+        families = self.law.families
+        pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)
+        return surface_vector_matrix(self._gradient, displacement, pressure)
+
+    @functools.cached_property
+    def _gradient(self) -> tuple[Any, Any]:
+        return point_gradient(self.law.families)
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the same pressure on a coarser lattice."""

@@ -108,9 +108,9 @@ class Case:
         )
 
     def rupture(self) -> Rupture | None:
-        """The rupture criterion, if any; the sheet stays far below it."""
+        """The rupture criterion, if any; the sheet stays far below it, on every grid."""
         if DAMAGE_FIELD in self.features:
-            return TearingEnergy(100.0)
+            return TearingEnergy(1e5 / (self.points - 1))
         return CriticalStretch(1e3) if "rupture" in self.features else None
 
     def cuts(self, spacing: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:

@@ -7,6 +7,7 @@ and, with the few vectors that fit in memory, did not converge on a million poin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ class LinearSolver:
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
         self.products = 0
         self.factors: Solve | None = None
+        self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
         self._conjugate = definite and not level.following
         self.on_device = self._conjugate and not level.context.device.is_cpu
@@ -81,9 +83,24 @@ class LinearSolver:
         else:
             self._on_host(right_side, accuracy)
 
-    def solve_closely(self, right_side: np.ndarray, accuracy: float) -> bool:
-        """As `solve`, by iterations on the host, with any earlier preconditioner; whether the accuracy was reached."""
-        return self._on_host(right_side, accuracy, CLOSE_CYCLES)
+    def solve_closely(
+        self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> bool:
+        """Solve for `direction` by iterations on the host; the preconditioner may be that of an earlier tangent.
+
+        Args:
+            right_side: Right-hand side [N], shape (N, 3).
+            accuracy: As for `solve`.
+            added: Function of vectors of shape (3 N,) that is added to K x, for the transposed tangent.
+
+        Returns:
+            Whether the accuracy was reached.
+        """
+        self._added = added
+        try:
+            return self._on_host(right_side, accuracy, CLOSE_CYCLES)
+        finally:
+            self._added = None
 
     @property
     def prepared(self) -> bool:
@@ -113,7 +130,8 @@ class LinearSolver:
         assign(self.level.vector, x.reshape(-1, 3))
         self.level.run("product")
         self.products += 1
-        return np.asarray(self.level.image.numpy().astype(np.float64).ravel())
+        image = self.level.image.numpy().astype(np.float64).ravel()
+        return np.asarray(image if self._added is None else image + self._added(x))
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
         r = r.reshape(-1, 3)

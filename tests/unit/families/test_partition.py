@@ -28,6 +28,11 @@ def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
         owners[own] += 1
         faces[partition.faces] += 1
         assert partition.owners is not None or own[0] % BLOCK == 0
+        inner = families.members_of(partition.points[partition.inner])
+        assert (
+            np.isin(inner[inner >= 0], own).all()
+            and partition.owned.start <= partition.inner.start <= partition.inner.stop
+        )
         members = families.members_of(own)
         assert near[own].all() and near[members[members >= 0]].all() and near[sheet.triangles[partition.faces]].all()
         around = families.members_of(np.flatnonzero(near))
@@ -64,7 +69,7 @@ def test_layers_around_a_halo_are_those_of_the_triangles(name):
         # Of a lattice they are whole rows.
         assert within[here].all() and (sheet.lattice is not None or not within[~here].any())
         assert within.sum() < sheet.size or rank == 1
-        for one, other in ((plain.owned, wide.owned), (plain.near, wide.near)):
+        for one, other in ((plain.owned, wide.owned), (plain.near, wide.near), (plain.inner, wide.inner)):
             np.testing.assert_array_equal(plain.points[one], wide.points[other])
 
 

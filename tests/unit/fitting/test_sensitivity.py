@@ -34,10 +34,13 @@ def last_row(build, settings):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_derivatives_are_those_of_differences(name):
+def test_derivatives_are_those_of_differences_by_both_methods(name):
     build, settings, vary, measures = CASES[name]
     vary, measures = vary.split(), measures.split()
-    found = sensitivity(build, vary, measures, settings, device="cpu")
+    found = {
+        method: sensitivity(build, vary, measures, settings, method=method, device="cpu")
+        for method in ("adjoint", "direct")
+    }
     given = with_defaults(build, vary, settings)
     for k, constant in enumerate(vary):
         # Fourth order, so that the differences are exact to 1e-8 or so.
@@ -46,17 +49,25 @@ def test_derivatives_are_those_of_differences(name):
         for m, measure in enumerate(measures):
             a, b, c, d = (row[measure] for row in rows)
             difference = (8.0 * (a - b) - (c - d)) / (12.0 * h)
-            # What does not depend on the constant has the round-off of the value.
-            zero = 1e-9 * abs(found.values[m] / given[constant])
-            assert found.jacobian[m, k] == pytest.approx(difference, rel=1e-6, abs=zero)
+            for derivatives in found.values():
+                # What does not depend on the constant has the round-off of the value.
+                zero = 1e-9 * abs(derivatives.values[m] / given[constant])
+                assert derivatives.jacobian[m, k] == pytest.approx(difference, rel=1e-6, abs=zero)
 
 
-def test_any_measure_has_derivatives():
+def test_any_measure_has_derivatives_by_the_direct_method():
     found = sensitivity(cases.ogden_strip, ["mu1", "stretch"], ["squared"], STRIP, device="cpu")
+    assert found.method == "direct"
     for k, (name, size) in enumerate((("mu1", 0.5e6), ("stretch", 1.3))):
         h = 1e-4 * size
         a, b = (last_row(cases.ogden_strip, {**STRIP, name: size + s * h})["squared"] for s in (1.0, -1.0))
         assert found.jacobian[0, k] == pytest.approx((a - b) / (2.0 * h), rel=1e-5)
+
+
+def test_the_adjoint_is_taken_where_it_needs_fewer_solves():
+    vary = ["mu", "lock", "thickness"]
+    assert sensitivity(cases.blown, vary, ["height"], device="cpu").method == "adjoint"
+    assert sensitivity(cases.blown, vary[:1], ["height", "pull"], device="cpu").method == "direct"
 
 
 def test_stiffness_and_pressure_scale_out():
@@ -68,7 +79,7 @@ def test_stiffness_and_pressure_scale_out():
 
 def test_float32_has_the_derivatives_of_float64():
     settings = {"pressure": 15e3}
-    exact = sensitivity(cases.blown, ["mu", "lock", "pressure"], ["height", "pull"], settings)
+    exact = sensitivity(cases.blown, ["mu", "lock", "pressure"], ["height", "pull"], settings, method="direct")
 
     def single(**given):
         scene = cases.blown(**given)
@@ -76,15 +87,17 @@ def test_float32_has_the_derivatives_of_float64():
         return scene
 
     rough = sensitivity(single, ["mu", "lock", "pressure"], ["height", "pull"], {
-        **settings, "mu": 0.4e6, "lock": 20.0})  # fmt: skip
+        **settings, "mu": 0.4e6, "lock": 20.0}, method="direct")  # fmt: skip
     assert rough.jacobian == pytest.approx(exact.jacobian, rel=5e-3)
 
 
 def test_every_device_has_the_derivatives_of_the_cpu(device):
     vary, measures = ["mu", "lock", "pressure", "prestretch"], ["height", "pull"]
-    here, there = (sensitivity(cases.blown, vary, measures, device=where) for where in (device, "cpu"))
-    assert here.values == pytest.approx(there.values, rel=1e-9)
-    assert here.jacobian == pytest.approx(there.jacobian, rel=1e-6)
+    for method in ("adjoint", "direct"):
+        here = sensitivity(cases.blown, vary, measures, method=method, device=device)
+        there = sensitivity(cases.blown, vary, measures, method=method, device="cpu")
+        assert here.values == pytest.approx(there.values, rel=1e-9)
+        assert here.jacobian == pytest.approx(there.jacobian, rel=1e-6)
 
 
 def test_what_has_no_derivative_is_refused():
@@ -107,6 +120,8 @@ def test_what_has_no_derivative_is_refused():
         sensitivity(cases.blown, ["mu"], ["width"])
     with pytest.raises(InputError, match="free = False: expected a number"):
         sensitivity(cases.blown, ["free"], ["height"])
+    with pytest.raises(InputError, match="method = 'adjoint': expected measures that are"):
+        sensitivity(cases.ogden_strip, ["mu1"], ["squared"], method="adjoint")
 
 
 def test_a_load_too_large_for_one_step_is_reached_in_several(monkeypatch):

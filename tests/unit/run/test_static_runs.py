@@ -9,7 +9,7 @@ from helpers import StopAt, square
 from small_runs import cli, run, simulate
 
 from warp_pd import EnclosedVolume, Fixed, Measure, Motion, NeoHookean, Newton, PointForce, Pressure, Relaxation, Yeoh
-from warp_pd.output import plots
+from warp_pd.output import info, plots
 from warp_pd.output.progress import Progress
 
 SCENE = """
@@ -75,6 +75,7 @@ def test_static_runs_say_their_share_of_the_load_and_no_time(tmp_path, capfd):
     # The bar goes on from frame to frame, and is full once.
     percents = [float(found) for found in re.findall(r"^ *([0-9.]+) %", said, re.MULTILINE)]
     assert percents == sorted(percents) and percents.count(100.0) == 1
+    assert "load factor 0 to load factor 1" in info.describe(tmp_path / "frames.vtkhdf")
     assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["load factor 0.5", "load factor 1"]
 
 

@@ -52,6 +52,8 @@ class TorchCommunicator(Communicator):
         """Join the process group; `cuda`: the sheet is on GPUs, one per process."""
         if cuda:
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+            # An exchange goes before the launches of the interior that fill the device meanwhile.
+            os.environ.setdefault("TORCH_NCCL_HIGH_PRIORITY", "1")
         with lost_processes_reported():
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
