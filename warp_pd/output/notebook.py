@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import html
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from typing import Any
+
+from ..device.checks import InputError
 
 Rows = Sequence[tuple[str, str]]
 
@@ -36,6 +39,17 @@ def html_table(title: str, rows: Rows) -> str:
         for name, value in rows
     )
     return f"<table><caption>{html.escape(title)}</caption>{cells}</table>"
+
+
+def data_frame(history: Sequence[Mapping[str, float]]) -> Any:
+    """The history as a `pandas.DataFrame`, one row per frame. Raises InputError if pandas is not installed."""
+    try:
+        import pandas  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    except ImportError:
+        raise InputError(
+            "table: expected pandas to be installed (pip install pandas); `history` works without it"
+        ) from None
+    return pandas.DataFrame([dict(row) for row in history])
 
 
 class Page:

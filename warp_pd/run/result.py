@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..device.checks import InputError, count
 from ..interfaces import History
 from ..interfaces.frame import Frame
-from ..output.notebook import Page, html_table
+from ..output.notebook import Page, data_frame, html_table
 from .built import Built
 from .description import result_rows, units_of
 
@@ -65,6 +65,17 @@ class Result:
         from ..output.frames import Frames
 
         return Frames(self._folder("frames"))
+
+    def table(self, fine: bool = False) -> Any:
+        """The history as a `pandas.DataFrame`, one row per frame.
+
+        Args:
+            fine: Whether to use `fine_history`.
+
+        Raises:
+            InputError: if pandas is not installed.
+        """
+        return data_frame(self._rows(fine))
 
     def plot(
         self, *names: str, against: str = "time", path: str | os.PathLike[str] | None = None, fine: bool = False

@@ -121,11 +121,13 @@ def test_the_command_line_asks_for_rows(tmp_path):
     assert len(rows) >= 9 and {"kinetic", "strain", "ball_force_z"} <= rows[0].keys()
 
 
-def test_curves_of_the_rows():
+def test_tables_and_curves_of_the_rows():
     result = pulled().run(device="cpu")
     figure = result.plot("pull_x", fine=True)
     assert len(figure.axes[0].lines[0].get_xdata()) == len(result.fine_history)
     assert figure.axes[0].get_ylabel() == "pull x [N]"
+    pytest.importorskip("pandas")
+    assert len(result.table(fine=True)) == len(result.fine_history)
 
 
 def test_wrong_input_is_one_line():

@@ -85,6 +85,19 @@ def test_wrong_names_are_one_line(result):
         assert said in str(error.value) and "\n" not in str(error.value)
 
 
+def test_the_history_is_a_table_of_pandas(result):
+    pandas = pytest.importorskip("pandas")
+    table = result.table()
+    assert isinstance(table, pandas.DataFrame) and len(table) == 4
+    assert table["kinetic"].tolist() == [row["kinetic"] for row in result.history]
+
+
+def test_without_pandas_one_line_says_how_to_get_it(result, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InputError, match="pip install pandas"):
+        result.table()
+
+
 class ZMQInteractiveShell:
     """Stands for the shell of a notebook."""
 
