@@ -23,6 +23,29 @@ OVER = (FINISHED, DIVERGED, NOT_CONVERGED)
 
 
 @dataclass(frozen=True)
+class Task:
+    """A run of a sweep before it starts.
+
+    Attributes:
+        simulation: The simulation to run.
+        values: Values of the swept arguments, as given.
+        folder: Folder of its files.
+        resume: Whether it resumes from the restart file in the folder.
+        overwrite: Whether it replaces results in the folder.
+    """
+
+    simulation: Any
+    values: Mapping[str, str]
+    folder: Path
+    resume: bool
+    overwrite: bool
+
+
+# Runs a task, and gives the content of its summary.json.
+Start = Callable[[Task], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
 class Row:
     """A run of a sweep and its results.
 
@@ -63,8 +86,10 @@ def sweep(
     build: Callable[[dict[str, str]], Any],
     choices: Mapping[str, Sequence[str]],
     out: Path,
-    options: Mapping[str, Any],
+    start: Start,
     *,
+    device: str | None = None,
+    precision: int | None = None,
     overwrite: bool = False,
     told: Callable[[int, int, Row], None] | None = None,
 ) -> list[Row]:
@@ -74,7 +99,9 @@ def sweep(
         build: Function values -> simulation.
         choices: Values of each argument.
         out: Parent folder of the folders of the runs.
-        options: Options of `Simulation.run` with a device and a precision, the same for every run.
+        start: Function that runs a task.
+        device: Device of all runs; None for CUDA if available.
+        precision: Precision of all runs, 32 or 64; None for the solver's.
         overwrite: Whether to run everything again.
         told: Callback (index, number of runs, row) after each run.
 
@@ -86,10 +113,10 @@ def sweep(
     """
     everything = list(combinations(choices))
     for values in everything if not overwrite else ():
-        _require_same(build, values, out / folder_name(values), options["device"], options["precision"])
+        _require_same(build, values, out / folder_name(values), device, precision)
     rows = []
     for number, values in enumerate(everything, start=1):
-        row = _run(build, values, out / folder_name(values), options, overwrite)
+        row = _run(build, values, out / folder_name(values), start, overwrite)
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
@@ -118,8 +145,7 @@ def _require_same(
 
 
 def _run(
-    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any],
-    overwrite: bool,
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, start: Start, overwrite: bool
 ) -> Row:  # fmt: skip
     try:
         earlier = None if overwrite else run_summary(folder)
@@ -127,7 +153,7 @@ def _run(
             return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
         simulation = build(values)
         goes_on = not overwrite and (folder / restart.NAME).is_file()
-        found = simulation.run(out=folder, resume=goes_on, overwrite=overwrite or not goes_on, **options).summary
+        found = start(Task(simulation, values, folder, goes_on, overwrite or not goes_on))
     except (InputError, MemoryError) as error:
         return Row(values, folder, REFUSED, str(error))
     except DivergedError as error:
