@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from .geometry.svg import read_outline
     from .geometry.together import placed, together
     from .interfaces.frame import Frame, Surface
-    from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
+    from .laws.bond_associated import BondAssociated
+    from .laws.bond_based import BondBased
+    from .laws.hyperelastic_bonds import HyperelasticBonds
+    from .laws.neural.law import Neural
+    from .laws.nodal import Nodal
+    from .laws.visco import Visco
+    from .laws.visco_bonds import ViscoBondBased
     from .materials import (
         ArrudaBoyce,
         Bimodular,
@@ -68,7 +74,10 @@ if TYPE_CHECKING:
     from .run.result import Result
     from .run.scene import Measure, Outcome
     from .run.simulation import Simulation
-    from .solvers import ArcLength, Explicit, Newton, Relaxation
+    from .solvers.arc_length import ArcLength
+    from .solvers.explicit import Explicit
+    from .solvers.newton import Newton
+    from .solvers.relaxation import Relaxation
 else:
     __getattr__ = lazy(
         __name__,

@@ -20,10 +20,11 @@ from ..device.checks import InputError, finite, one_of
 from ..geometry.sheet import Sheet
 from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
-from ..laws import BondAssociated, BondBased
+from ..laws.bond_associated import BondAssociated
+from ..laws.bond_based import BondBased
 from ..materials import Bimodular, Gent
 from ..parts import CriticalStretch, Fixed, Pressure, RigidBall, TearingEnergy
-from ..solvers import Explicit
+from ..solvers.explicit import Explicit
 from .built import Built
 from .simulation import Simulation
 
