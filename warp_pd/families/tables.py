@@ -16,8 +16,8 @@ from ..device.checks import InputError, kind_and_text, numbers, one_of, user_cod
 from ..device.cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
-from .intersections import shapes_by_row
 from .masks import unpack
+from .rows import shapes_by_row
 
 # Relative tolerance of lengths that are compared with the horizon.
 TOLERANCE = 1e-9
