@@ -22,7 +22,6 @@ class Pointwise:
     Attributes:
         function: Warp function (begin, end, arguments) that works on the points begin to end - 1.
         arguments: Its Warp struct.
-        name: Its name in the plan.
         effects: The arrays that it accesses, by their names in the struct.
     """
 

@@ -25,8 +25,6 @@ class Field:
     """The declaration of an array.
 
     Attributes:
-        name: Name of the field.
-        owner: The part that declared it.
         per: What an entry belongs to, one of PER; "bond" means [members, points].
         restart: Whether restart files store it; such names are unique in a simulation.
         halo: Whether ghost points need it if several processes divide the points.
@@ -74,12 +72,7 @@ class Stored:
 
 @dataclass(eq=False)
 class FieldRegister:
-    """All fields of a simulation on one device, in the order of their allocation.
-
-    Attributes:
-        device: The Warp device.
-        stored: The fields.
-    """
+    """All fields of a simulation on one device, in the order of their allocation."""
 
     device: wp.Device
     stored: list[Stored] = field(default_factory=list)

@@ -53,7 +53,6 @@ class WholeFamilies:
     """Properties of the whole sheet's families, kept by the families of a part.
 
     Attributes:
-        bonds: Number of bonds.
         commonest_row: Row of the largest number of points, see `Families`.
         has_common: Whether any point has this row.
     """

@@ -23,7 +23,6 @@ class Part:
     """Points of a curve or crack, in order.
 
     Attributes:
-        name: Its name.
         side: Number of the side of a polygon that begins at or contains each point, shape (M,).
         points: Point indices, shape (M,).
     """

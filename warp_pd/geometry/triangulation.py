@@ -36,12 +36,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class CoarseLattice:
-    """Every n-th column and row of a lattice, n = `stride`, and the last ones.
-
-    Attributes:
-        fine: The lattice.
-        stride: Stride of columns and rows.
-    """
+    """Every n-th column and row of a lattice, n = `stride`, and the last ones."""
 
     fine: Lattice
     stride: int

@@ -58,7 +58,6 @@ class FamilyLaw(BuiltLaw):
     Attributes:
         owner: Name of the law in the plan.
         context: Context with the arrays and stages.
-        points: Number of points.
         depends_on_time: Whether the force depends on more than the current displacement.
         thickness: Mean thickness of the sheet [m]; a varying thickness is included in the weights.
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.

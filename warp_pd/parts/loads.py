@@ -126,7 +126,6 @@ class ForcesHere(Load):
     Attributes:
         points: Point indices, shape (P,).
         force: Force on each point [N], shape (P, 3).
-        ramp: The ramp of the PointForce.
     """
 
     points: np.ndarray

@@ -156,7 +156,6 @@ class Damaged(BuiltRupture):
     """Damage of the sheet by broken bonds (base class).
 
     Attributes:
-        owner: Name of the criterion.
         spared: Whether each point is spared, (N,) uint8, or None.
         released: Energy released by broken bonds [J], (N,) float64; None if it is not tracked.
         tracked_energy: Warp function of the family energy whose loss is tracked, or None.

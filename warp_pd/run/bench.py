@@ -137,8 +137,6 @@ class Timing:
     """The measurements of a case.
 
     Attributes:
-        case: The case.
-        points: Number of points.
         bonds: Number of bonds, each counted from both ends.
         step: Median time of a step [s].
         spread: Half the interquartile range of the measurements, divided by the median.

@@ -27,9 +27,7 @@ class Task:
     """A run of a sweep before it starts.
 
     Attributes:
-        simulation: The simulation to run.
         values: Values of the swept arguments, as given.
-        folder: Folder of its files.
         resume: Whether it resumes from the restart file in the folder.
         overwrite: Whether it replaces results in the folder.
     """
