@@ -102,13 +102,7 @@ class BondAssociatedKernels:
 
 @functools.cache
 def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
-    """Kernels of the bond-associated law.
-
-    Args:
-        layout: Layout of the families.
-        material: Factory of (stress, energy), called with `bits`.
-        form: "variational" or "published".
-    """
+    """Kernels of the bond-associated law; `material` makes (stress, energy), `form` is "variational" or "published"."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)

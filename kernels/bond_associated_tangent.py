@@ -104,14 +104,7 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 def bond_associated_tangent(
     layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
 ) -> TangentKernels:
-    """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
-
-    Args:
-        layout: Layout of the families.
-        material: Factory of (stress, energy).
-        response: Factory of the function that gives stress and moduli.
-        held: Whether any component is held.
-    """
+    """Kernels of the tangent; arguments as for `bond_associated`; `response` makes stress and moduli."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33

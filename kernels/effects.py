@@ -41,12 +41,7 @@ class Effects:
 
 @dataclass(frozen=True)
 class Kernel:
-    """A Warp kernel with its effects.
-
-    Attributes:
-        kernel: The Warp kernel.
-        effects: The arrays that it accesses.
-    """
+    """A Warp kernel with the arrays that it accesses."""
 
     kernel: wp.Kernel
     effects: Effects

@@ -33,12 +33,7 @@ class LatticeMatrixKernels:
 
 @functools.cache
 def lattice_matrix(layout: Layout, held: bool) -> LatticeMatrixKernels:
-    """Kernels of the stored tangent of an undamaged lattice.
-
-    Args:
-        layout: Layout of the families.
-        held: Whether any component is held.
-    """
+    """Kernels of the stored tangent of an undamaged lattice."""
     types = layout.types
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33

@@ -23,7 +23,6 @@ class Part:
     """Points of a curve or crack, in order.
 
     Attributes:
-        name: Its name.
         side: Number of the side of a polygon that begins at or contains each point, shape (M,).
         points: Point indices, shape (M,).
     """
@@ -36,11 +35,8 @@ class Part:
 def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks: Sequence[Part]) -> Shape:
     """The shape with areas, barriers and names.
 
-    Args:
-        base: Points, triangles without cracks, grid; its areas are ignored.
-        rings: The outline and the holes, counter-clockwise.
-        rigid: Rigid inclusions, counter-clockwise.
-        cracks: Lines of points along edges of triangles.
+    Rings (the outline and holes) and rigid inclusions are counter-clockwise; cracks run along edges of the triangles of
+    `base`, whose areas are ignored.
     """
     parts: dict[str, np.ndarray] = {}
     for ring in rings:

@@ -110,11 +110,7 @@ def boundary_rings(edges: np.ndarray) -> list[np.ndarray]:
 def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
     """Points of the boundary rings of a flat sheet by name: "outline", "hole 1", "hole 2", ..., largest first.
 
-    Several pieces have "outline 1", "outline 2", ...
-
-    Args:
-        points: Positions [m], shape (N, 2).
-        edges: Boundary edges with the sheet on the left, shape (B, 2).
+    Several pieces have "outline 1", "outline 2", ... The edges have the sheet on their left.
     """
     rings = boundary_rings(edges)
     x, y = (([points[ring, c] for ring in rings]) for c in (0, 1))

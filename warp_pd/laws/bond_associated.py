@@ -68,12 +68,7 @@ class BondAssociated:
         check_material(self.material, "functions")
 
     def resolved_weights(self, at_once: bool, graded: bool = False) -> str:
-        """The weights with "auto" resolved.
-
-        Args:
-            at_once: Whether bonds break without prior softening by a damage field.
-            graded: Whether the spacing of the sheet varies.
-        """
+        """The weights with "auto" resolved; `at_once`: bonds break without prior softening by a damage field."""
         if self.weights != "auto":
             return self.weights
         return "plain" if (at_once and not graded) or self.horizon > MAX_CORRECTED else "corrected"

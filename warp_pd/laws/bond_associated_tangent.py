@@ -147,14 +147,9 @@ class BondAssociatedTangent:
 
 
 def pair_offsets(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lattice steps between any two points of a family; the centre counts as the last member.
+    """Distinct lattice steps between points of a family, zero first, (O, 2), and the step of each pair, (n + 1, n + 1).
 
-    Args:
-        steps: Steps to the members, shape (n, 2).
-
-    Returns:
-        The distinct steps, zero first, shape (O, 2), and the index of the step from one member to another,
-        shape (n + 1, n + 1).
+    The centre counts as the last member.
     """
     places = np.vstack([steps, [[0, 0]]])
     apart = (places[None] - places[:, None]).reshape(-1, 2)
@@ -222,15 +217,9 @@ class BondAssociatedMatrix:
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Second derivative of W Psi by F, whose columns F e1 and F e2 are stacked.
+    """Second derivative of W Psi by F, whose columns F e1 and F e2 are stacked, shape (M, 6, 6).
 
-    Args:
-        F: Deformation gradients, shape (M, 3, 2).
-        S: Weighted stress 11, 12, 22, shape (M, 3).
-        T: Weighted moduli, upper triangle, shape (M, 6).
-
-    Returns:
-        shape (M, 6, 6).
+    S is the weighted stress 11, 12, 22, shape (M, 3), T the upper triangle of the weighted moduli, shape (M, 6).
     """
     b = np.zeros((len(F), 3, 6))
     b[:, 0, :3] = 2.0 * F[..., 0]
@@ -247,11 +236,9 @@ def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.nd
 
 
 def gradient_matrix(force: BondAssociatedLaw) -> tuple[csr_matrix, tuple[np.ndarray, np.ndarray]]:
-    """Coefficients of the displacement in the gradients F_ij.
+    """Sparse coefficients of the displacement in the gradients F_ij [1/m], (2 M, N), and their members and points.
 
-    Returns:
-        Sparse matrix [1/m], shape (2 M, N), rows 2 q and 2 q + 1 for the two columns of the q-th F_ij; and the
-        member and point of each of the M intersections that determine a gradient.
+    Rows 2 q and 2 q + 1 are the columns of the q-th of the M gradients that intersections determine.
     """
     from scipy import sparse
 

@@ -58,7 +58,6 @@ class FamilyLaw(BuiltLaw):
     Attributes:
         owner: Name of the law in the plan.
         context: Context with the arrays and stages.
-        points: Number of points.
         depends_on_time: Whether the force depends on more than the current displacement.
         thickness: Mean thickness of the sheet [m]; a varying thickness is included in the weights.
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
@@ -97,14 +96,7 @@ class FamilyLaw(BuiltLaw):
         inverse: np.ndarray | None,
         weights: np.ndarray,
     ) -> None:
-        """Copy the families to the device.
-
-        Args:
-            law: The law as given by the user.
-            context: Context in which arrays are allocated.
-            families: The families.
-            inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
-            weights: Weights by row, shape (R, n).
+        """Copy the families, K^-1 (R, n, 3) unless None, and weights (R, n) by row to the device.
 
         Raises:
             InputError: for a curved or graded sheet that the law does not support.

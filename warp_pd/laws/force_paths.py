@@ -310,11 +310,6 @@ class FamilyBlocks:
 
         Thread blocks then recompute shape tensors, which would be slow for a tangent. If bonds can break, the released
         energy is bitwise reproducible only with stored tables.
-
-        Args:
-            context: Context with the sheet and the device.
-            material: The material.
-            horizon: Horizon in spacings.
         """
         sheet, features = context.whole, context.features
         able = has_shared_memory(context.device) and capabilities(material).near is not None

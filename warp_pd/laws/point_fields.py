@@ -43,12 +43,7 @@ class ShowingLaw(Protocol):
 
 
 def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
-    """Names of the fields that a law offers.
-
-    Args:
-        context: Context of the sheet; a sheet of one row of points has no in-plane strain.
-        stress: The material of the stress fields, or None if the law has none.
-    """
+    """Names of the fields that a law offers; `stress` is the material of the stress fields, or None."""
     lattice = context.sheet.lattice
     if lattice is not None and lattice.rows == 1:
         return tuple(BONDS)
@@ -68,17 +63,7 @@ def grouped(names: Sequence[str]) -> list[str]:
 
 
 def refuse_other(names: Sequence[str], known: Sequence[str], law: str, shown: Sequence[str]) -> None:
-    """Check that a law offers the requested fields.
-
-    Args:
-        names: Requested names.
-        known: Names that the law offers.
-        law: Name of the law, for the message.
-        shown: Names of the fields that frames always have, for the message.
-
-    Raises:
-        InputError: for the first name that is not offered.
-    """
+    """Check that a law offers the requested fields; `shown` are those that frames always have, for the message."""
     for name in names:
         if name not in known:
             if name in GROUPS:

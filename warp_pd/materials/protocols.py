@@ -89,16 +89,7 @@ def capabilities(material: Any) -> Capabilities:
 
 
 def check_material(material: Any, kind: str, name: str = "material") -> None:
-    """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants.
-
-    Args:
-        material: What should be one.
-        kind: Its kind.
-        name: Of the argument, for messages.
-
-    Raises:
-        InputError: if it is not, or as for `padded_constants`.
-    """
+    """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants."""
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
         raise InputError(f"{name} = {said(material)}: expected a material such as {example} with this law")

@@ -33,13 +33,7 @@ NOT_DRAWN = {
 
 
 def draw(history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any]) -> None:
-    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has the data.
-
-    Args:
-        history: One row per frame.
-        folder: Folder of the run, with frames.vtkhdf.
-        summary: Summary of the run, with measures and units.
-    """
+    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run in the folder has the data."""
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
     frames = frames_at(folder, series.times[chosen].tolist())
@@ -62,10 +56,6 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
 
     For a sheet that tears: the last frame before the tear begins, the first after, the one at half of the growth of the
     mean damage, and the last. For others: at a quarter, a half, three quarters and the end of the run.
-
-    Args:
-        history: One row per frame.
-        frames: Number of frames.
     """
     last = frames - 1
     damage = np.array([row.get("mean_damage", 0.0) for row in history[:frames]])

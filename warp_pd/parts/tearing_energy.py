@@ -135,8 +135,6 @@ class DamageField(Damaged):
 
     Attributes:
         field: Damage of the points, (N,), in the precision of the simulation.
-        constants: Its length and strength.
-        length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
         sweeps: Number of sweeps every INTERVAL steps.
         memory: State for restarts: the bits of intact bonds, the field, and data derived during a tear.
