@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -25,7 +26,7 @@ APART = 0.2
 # Elevation and azimuth of the eye [degrees].
 VIEW = (28.0, -60.0)
 # Labels and points of parts.
-Parts: TypeAlias = list[tuple[str, np.ndarray]]
+Parts: TypeAlias = Sequence[tuple[str, np.ndarray]]
 
 
 def draw_shape(
@@ -36,8 +37,9 @@ def draw_shape(
     view: tuple[float, float] = VIEW,
     thickness: float | np.ndarray,
     stiffness: np.ndarray | None,
+    regions: Parts = (),
 ) -> Any:
-    """Draw a shape with thickness and stiffness; the public function is `warp_pd.draw_sheet`.
+    """Draw a shape with thickness, stiffness and regions of materials; the public function is `warp_pd.draw_sheet`.
 
     Raises:
         InputError: if the path cannot be written.
@@ -45,7 +47,7 @@ def draw_shape(
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
     varying = np.asarray(thickness) if np.ndim(thickness) else None
-    parts = _parts(sheet, stiffness)
+    parts = _parts(sheet, stiffness, regions)
     figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
     lines = [*([title] if title else []), _described(sheet, varying)]
     axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)
@@ -200,11 +202,11 @@ def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _parts(sheet: Shape, stiffness: np.ndarray | None) -> Parts:
-    """Labels and points of stiffened and named parts, largest first, so that smaller ones are drawn on top."""
+def _parts(sheet: Shape, stiffness: np.ndarray | None, regions: Parts) -> list[tuple[str, np.ndarray]]:
+    """Labels and points of regions, stiffened and named parts, largest first, so that smaller ones are on top."""
     stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
-    order = sorted([*sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
+    order = sorted([*regions, *sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
     rest = [points for _, points in order[MAX_PARTS:]]
     return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]

@@ -19,9 +19,9 @@ from .rectangles import filled, line, rectangle
 from .selection import SelectableShape
 from .shape import Shape
 from .stretching import before_stretch
-from .topology import joined
 from .surface_edits import opened, slit_along, slits_at
 from .surfaces import sphere, surface, tube
+from .topology import joined
 from .triangulation import Segment
 
 # A number, one for each point, shape (N,), or a function of the coordinates of the points, each of shape (N,).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
             moved[point] = mixture
     crack = stops[:1]
     placed = _mixed(shape, moved)
-    for k, (a, b) in enumerate(zip(stops[:-1], stops[1:], strict=True)):
+    for k, (a, b) in enumerate(pairwise(stops)):
         along, up = placed.points[b] - placed.points[a], placed.normals[[a, b]].sum(axis=0)
         across = np.cross(up, along)
         size, longest = float(np.linalg.norm(across)), float(np.linalg.norm(along))
@@ -289,9 +290,7 @@ class Room:
         """The smallest fraction of its area that a triangle around a point keeps if the point moves by `way` [m]."""
         corners = self._triangles[self._around[point]]
         moved = np.where((corners == point)[..., None], self._before[point] + way, self.points[corners])
-        before, after = (
-            np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (self._before[corners], moved)
-        )
+        before, after = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (self._before[corners], moved))
         return float(((before * after).sum(axis=1) / (before**2).sum(axis=1)).min())
 
 
