@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -19,21 +19,11 @@ from .triangulation import doubled_normals, voronoi_areas
 # A level below this fraction of its largest difference along an edge is zero, and a place may be this fraction of the
 # longest edge off the sheet. No triangle may shrink to less than the last fraction of its area.
 ROUND_OFF, OFF, LEAST_SHARE, GOOD_SHARE = 1e-6, 0.5, 0.1, 0.3
+PER_POINT = ("frames", "spacings", "pieces")
 # A point in a triangle or on an edge: the points around it, and their weights.
 Mixture = tuple[np.ndarray, np.ndarray]
-
-
-@dataclass(eq=False)
-class Slit:
-    """A slit to be opened.
-
-    Attributes:
-        points: Points along it, shape (L,); those of a closed one end with the first.
-        moved: New places of some of them.
-    """
-
-    points: np.ndarray
-    moved: dict[int, Mixture]
+# Points along a slit, the first again at the end of a closed one, and the new places of some of them.
+Slit = tuple[np.ndarray, dict[int, Mixture]]
 
 
 def slit_along(shape: Shape, path: np.ndarray) -> Slit:
@@ -71,7 +61,7 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
             raise InputError(f"slit: path[{k}] to path[{k + 1}] leaves the sheet: expected more places between them")
         crack += way
         moved |= {point: snapped[point] for point in way if point in snapped}
-    return Slit(np.array(crack), moved)
+    return np.array(crack), moved
 
 
 def slits_at(shape: Shape, level: np.ndarray, inside: np.ndarray | None) -> list[Slit]:
@@ -99,7 +89,7 @@ def slits_at(shape: Shape, level: np.ndarray, inside: np.ndarray | None) -> list
         while line[-1] in following:
             line.append(following.pop(line[-1]))
         if len(line) > 1:
-            found.append(Slit(np.array(line), {point: snapped[point] for point in line if point in snapped}))
+            found.append((np.array(line), {point: snapped[point] for point in line if point in snapped}))
     return found
 
 
@@ -119,33 +109,31 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
             edge of a triangle long, or distorts a triangle too much.
     """
     on_edge = np.unique(boundary_edges(shape.triangles))
-    every = np.concatenate([slit.points[:-1] if _closed(slit) else slit.points for slit in slits])
-    inner = np.concatenate([slit.points[1:-1] for slit in slits])
+    lines = [line for line, _ in slits]
+    every = np.concatenate([line[int(line[0] == line[-1]) :] for line in lines])
+    inner = np.concatenate([line[1:-1] for line in lines])
     if len(np.unique(every)) < len(every) or np.isin(inner, on_edge).any():
         raise InputError(f"{name} meets itself or an edge: expected a line in the sheet with at most its ends on edges")
-    if min(len(slit.points) for slit in slits) < 3:
+    if min(map(len, lines)) < 3:
         raise InputError(f"{name} is shorter than two edges of triangles: expected a longer slit")
-    moved = {point: mixture for slit in slits for point, mixture in slit.moved.items()}
+    moved = {point: mixture for _, places in slits for point, mixture in places.items()}
     placed = _mixed(shape, moved)
     before, after = (doubled_normals(points, shape.triangles) for points in (shape.points, placed.points))
-    share = (before * after).sum(axis=1) / (before**2).sum(axis=1)
+    share = _shares(before, after)
     if (share < LEAST_SHARE).any():
         worst = placed.points[shape.triangles[np.argmin(share)]].mean(axis=0)
-        raise InputError(
-            f"{name} is too close to an edge or another slit near {tuple(np.round(worst, 6).tolist())}: expected room "
-            "for triangles"
-        )
-    triangles, source, parts = shape.triangles, np.arange(shape.size), {}
-    taken = set(shape.parts)
-    for slit in slits:
-        split = split_along(len(source), triangles, slit.points)
+        place = tuple(np.round(worst, 6).tolist())
+        raise InputError(f"{name} is too close to an edge or another slit near {place}: expected room for triangles")
+    triangles, source = shape.triangles, np.arange(shape.size)
+    parts = dict(shape.parts)
+    for line in lines:
+        split = split_along(len(source), triangles, line)
         copies = len(source) + np.arange(len(split.doubled))
         triangles, source = split.triangles, np.append(source, split.doubled)
-        left, right = np.unique(slit.points), np.union1d(np.setdiff1d(slit.points, split.doubled), copies)
-        number = next(k for k in range(1, len(taken) + 2) if f"slit {k}" not in taken)
-        taken.add(f"slit {number}")
+        left, right = np.unique(line), np.union1d(np.setdiff1d(line, split.doubled), copies)
+        number = next(k for k in range(1, len(parts) + 2) if f"slit {k}" not in parts)
         parts |= {f"slit {number} left": left, f"slit {number} right": right, f"slit {number}": np.union1d(left, right)}
-    kept = {part: np.flatnonzero(np.isin(source, points)) for part, points in shape.parts.items()}
+    parts |= {part: np.flatnonzero(np.isin(source, points)) for part, points in shape.parts.items()}
     cells = voronoi_areas(placed.points[source], triangles) / voronoi_areas(shape.points, shape.triangles)[source]
 
     def values(before: np.ndarray) -> np.ndarray:
@@ -156,18 +144,12 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
 
     return {
         "points": placed.points[source],
-        "frames": None if placed.frames is None else placed.frames[source],
-        "spacings": None if shape.spacings is None else values(shape.spacings),
-        "pieces": None if shape.pieces is None else shape.pieces[source],
+        **{name: None if (each := getattr(placed, name)) is None else each[source] for name in PER_POINT},
         "areas": cells * shape.areas[source],
         "triangles": triangles.astype(np.int32),
-        "parts": {part: points.astype(np.int32) for part, points in (kept | parts).items()},
+        "parts": {part: points.astype(np.int32) for part, points in parts.items()},
         "inclusions": tuple(np.flatnonzero(np.isin(source, m)).astype(np.int32) for m in shape.inclusions),
     }, values
-
-
-def _closed(slit: Slit) -> bool:
-    return bool(slit.points[0] == slit.points[-1])
 
 
 def _edges(shape: Shape) -> np.ndarray:
@@ -179,31 +161,20 @@ def _edges(shape: Shape) -> np.ndarray:
     return np.concatenate([unique[at_rim], unique[~at_rim]])
 
 
-@dataclass(eq=False)
-class Placed:
-    """Points with their tangent vectors and normals, some of them moved."""
-
-    points: np.ndarray
-    frames: np.ndarray
-    normals: np.ndarray
-    triangles: np.ndarray
-
-
-def _mixed(shape: Shape | Placed, moved: dict[int, Mixture]) -> Placed:
+def _mixed(shape: Shape, moved: dict[int, Mixture]) -> Shape:
     """The points of a shape with some at new places on the surface, which is curved between the points.
 
     A place is the mean of that in the plane of the triangle and its projections onto the tangent planes at the corners
     (Phong tessellation with alpha = 1/2, Boubekeur & Alexa 2008), which is exact to second order.
     """
     assert shape.frames is not None
-    points, frames, normals = shape.points.copy(), shape.frames.copy(), shape.normals.copy()
+    points, frames, normals = shape.points.copy(), shape.frames.copy(), shape.normals
     for point, (corners, weights) in moved.items():
-        flat, around = weights @ shape.points[corners], shape.normals[corners]
+        flat, around = weights @ shape.points[corners], normals[corners]
         lift = ((shape.points[corners] - flat) * around).sum(axis=1)
         points[point] = flat + 0.5 * (weights * lift) @ around
         frames[point] = tangents((weights @ around)[None])[0]
-        normals[point] = np.cross(frames[point, :, 0], frames[point, :, 1])
-    return Placed(points, frames, normals, shape.triangles)
+    return replace(shape, points=points, frames=frames)
 
 
 def _stop(shape: Shape, place: np.ndarray, edges: np.ndarray, name: str) -> tuple[int, Mixture | None]:
@@ -230,68 +201,55 @@ def _stop(shape: Shape, place: np.ndarray, edges: np.ndarray, name: str) -> tupl
 
 
 def _snapped(
-    shape: Shape | Placed, edges: np.ndarray, level: np.ndarray, held: Sequence[int]
+    shape: Shape, edges: np.ndarray, level: np.ndarray, held: Sequence[int]
 ) -> tuple[np.ndarray, dict[int, Mixture]]:
     """Edges along the zero line of a level, shape (K, 2), with positive values on their left, and new places of points.
 
-    On each edge that the zero line crosses, the nearer end is moved to the crossing, so that the line runs along edges
-    (Labelle & Shewchuk 2007, section 3). Points of an open edge move along it.
+    On each edge that the zero line crosses, one end is moved to the crossing, so that the line runs along edges
+    (Labelle & Shewchuk 2007, section 3): the end whose triangles keep more of their areas, and only as far as they stay
+    sound. Points of an open edge move along it.
     """
     difference = np.abs(np.diff(level[edges], axis=1))[:, 0]
     level[np.abs(level) < ROUND_OFF * difference.max(initial=0.0)] = 0.0
     given = level.copy()
-    crossed = np.flatnonzero((level[edges] > 0.0).any(axis=1) & (level[edges] < 0.0).any(axis=1))
+    crossed = np.flatnonzero(level[edges].prod(axis=1) < 0.0)
     rim = boundary_edges(shape.triangles)
-    at_rim, fixed = len(rim), np.zeros(len(level), bool)
-    fixed[list(held)] = True
-    on_rim = np.isin(edges[crossed], rim)
-    ends, first = edges[crossed], crossed < at_rim
+    ends, first = edges[crossed], crossed < len(rim)
     part = np.abs(level[ends]) / np.abs(level[ends]).sum(axis=1, keepdims=True)
-    may = ~fixed[ends] & (first[:, None] | ~on_rim)
+    may = ~np.isin(ends, held) & (first[:, None] | ~np.isin(ends, rim))
     nearest = np.round(np.where(may, part, 2.0).min(axis=1), 6)
-    room = Room(shape, np.unique(ends))
+    near, places = shape.triangles[np.isin(shape.triangles, ends).any(axis=1)], shape.points.copy()
     snapped: dict[int, Mixture] = {}
+
+    def left(point: int, way: np.ndarray) -> float:
+        """The smallest fraction of its area that a triangle around a point keeps if the point moves by `way` [m]."""
+        around = near[(near == point).any(axis=1)]
+        moved = np.where((around == point)[..., None], shape.points[point] + way, places[around])
+        after = np.cross(moved[:, 1] - moved[:, 0], moved[:, 2] - moved[:, 0])
+        return float(_shares(doubled_normals(shape.points, around), after).min())
+
     for k in np.lexsort((nearest, ~first)).tolist():
         if (level[ends[k]] == 0.0).any() or not may[k].any():
             continue
         ways = part[k][:, None] * (shape.points[ends[k, ::-1]] - shape.points[ends[k]])
-        least = [room.left(int(ends[k, e]), ways[e]) if may[k, e] else -np.inf for e in (0, 1)]
-        near = int(np.argmax(may[k] * (1.0 - part[k])))
-        chosen = near if least[near] > GOOD_SHARE else int(np.argmax(least))
+        least = [left(int(ends[k, e]), ways[e]) if may[k, e] else -np.inf for e in (0, 1)]
+        chosen = int(np.argmax(least))
         point, way, fraction = int(ends[k, chosen]), ways[chosen], 1.0
-        while fraction and room.left(point, fraction * way) < GOOD_SHARE:
+        while fraction and left(point, fraction * way) < GOOD_SHARE:
             fraction -= 0.25
         if fraction:
             moved = fraction * part[k, chosen]
             snapped[point] = ends[k, [chosen, 1 - chosen]], np.array([1.0 - moved, moved])
-        level[point], room.points[point] = 0.0, shape.points[point] + fraction * way
+        level[point], places[point] = 0.0, shape.points[point] + fraction * way
     side = level[shape.triangles].sum(axis=1)
     # Of a triangle with three points on the line, most of it decides.
     side = np.where((level[shape.triangles] == 0.0).all(axis=1), given[shape.triangles].sum(axis=1), side)
     return _between(shape.triangles, side > 0.0), snapped
 
 
-class Room:
-    """What is left of the triangles around points that move.
-
-    Attributes:
-        points: Present places of all points, shape (N, 3).
-    """
-
-    def __init__(self, shape: Shape | Placed, moving: np.ndarray) -> None:
-        self.points, self._before, self._triangles = shape.points.copy(), shape.points, shape.triangles
-        face, corner = np.nonzero(np.isin(shape.triangles, moving))
-        owner = shape.triangles[face, corner]
-        order = np.argsort(owner, kind="stable")
-        points, begins = np.unique(owner[order], return_index=True)
-        self._around = dict(zip(points.tolist(), np.split(face[order], begins[1:])[: len(points)], strict=True))
-
-    def left(self, point: int, way: np.ndarray) -> float:
-        """The smallest fraction of its area that a triangle around a point keeps if the point moves by `way` [m]."""
-        corners = self._triangles[self._around[point]]
-        moved = np.where((corners == point)[..., None], self._before[point] + way, self.points[corners])
-        before, after = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (self._before[corners], moved))
-        return float(((before * after).sum(axis=1) / (before**2).sum(axis=1)).min())
+def _shares(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Fractions of their areas that triangles keep, from their normals before and after, shape (F,)."""
+    return np.asarray((before * after).sum(axis=1) / (before**2).sum(axis=1))
 
 
 def _between(triangles: np.ndarray, positive: np.ndarray) -> np.ndarray:
@@ -302,7 +260,7 @@ def _between(triangles: np.ndarray, positive: np.ndarray) -> np.ndarray:
     return np.asarray(edges[apart[number] & own])
 
 
-def _way(shape: Placed, edges: np.ndarray, start: int, end: int) -> list[int] | None:
+def _way(shape: Shape, edges: np.ndarray, start: int, end: int) -> list[int] | None:
     """Points after `start` on the shortest path along edges to `end`; None if there is none."""
     from scipy import sparse
     from scipy.sparse.csgraph import dijkstra
@@ -312,8 +270,6 @@ def _way(shape: Placed, edges: np.ndarray, start: int, end: int) -> list[int] | 
     graph = sparse.csr_array((length, edges.T), shape=(size, size))
     before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)[1]
     way = [end]
-    while way[-1] != start:
-        if before[way[-1]] < 0:
-            return None
+    while before[way[-1]] >= 0:
         way.append(int(before[way[-1]]))
-    return way[-2::-1]
+    return way[-2::-1] if way[-1] == start else None

@@ -139,4 +139,4 @@ def joined(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Index of the connected patch of each of some points, shape (P,); edges of triangles between them connect them."""
     edges = directed_edges(triangles)
     inside = edges[np.isin(edges, points).all(axis=1)]
-    return components(int(max(triangles.max(), points.max())) + 1, inside)[points]
+    return np.asarray(components(int(max(triangles.max(), points.max())) + 1, inside)[points])

@@ -191,7 +191,7 @@ def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Areas of triangles [m^2], shape (F,); points have shape (N, 2) or (N, 3)."""
     if points.shape[1] == 2:
-        return np.abs(signed_areas(points, triangles))
+        return np.asarray(np.abs(signed_areas(points, triangles)))
     return np.asarray(0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1))
 
 

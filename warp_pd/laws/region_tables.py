@@ -56,7 +56,8 @@ def region_tables(
         raise InputError("sheet: expected sheet.as_cloud() with ByRegion, because families at an interface differ")
     if sheet.cuts or sheet.bodies is not None:
         raise InputError(
-            "sheet: expected no cuts and no rigid inclusions of an outline with ByRegion; use cracks of an outline, or slit"
+            "sheet: expected no cuts and no rigid inclusions of an outline with ByRegion; use cracks of an "
+            "outline, or slit"
         )
     if divided:
         raise InputError("material = ByRegion: expected a single process")

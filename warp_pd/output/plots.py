@@ -314,16 +314,12 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
 def _outlines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
     """Edges of the sheet and of its regions: ends [m], shape (E, 2, 3), and the triangle of each, shape (E,)."""
     found = []
-    for inside in (np.arange(len(frame.triangles)), *_triangles_of(frame)):
+    regions = [np.isin(frame.triangles, points).all(axis=1) for points in frame.regions]
+    for inside in map(np.flatnonzero, [np.ones(len(frame.triangles)), *regions]):
         sides = boundary_sides(frame.triangles[inside])
         found.append((directed_edges(frame.triangles[inside])[sides], inside[sides % max(len(inside), 1)]))
     edges, owners = (np.concatenate(each) for each in zip(*found, strict=True))
     return frame.points[edges], owners
-
-
-def _triangles_of(frame: Shown) -> list[np.ndarray]:
-    """Triangles of each region."""
-    return [np.flatnonzero(np.isin(frame.triangles, points).all(axis=1)) for points in frame.regions]
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
