@@ -256,10 +256,10 @@ def test_a_rigid_patch_of_a_tube_keeps_its_shape_and_the_momenta():
 def test_an_inclusion_is_one_patch_of_a_sheet():
     sheet = small_tube(24, 2.0)
     assert len(sheet.inclusion((0.0, 0.0, 0.0), 1.02).inclusions[0]) == 24
-    with pytest.raises(InputError, match="^inclusion at .* contains the whole sheet: expected a smaller one$"):
+    with pytest.raises(InputError, match=r"^inclusion at .* contains the whole sheet: expected a smaller one$"):
         sheet.inclusion((0.0, 0.0, 1.0), 9.0)
     in_two = sheet.slit(lambda x, y, z: z - 1.0)
-    with pytest.raises(InputError, match="^inclusion at .* contains 2 patches that do not hang together: expected a s"):
+    with pytest.raises(InputError, match=r"^inclusion at .* contains 2 patches that do not hang together: expected a s"):
         in_two.inclusion((1.0, 0.0, 1.0), 0.6)
 
 
