@@ -43,9 +43,8 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
         _add(parts, _ring_parts(ring))
     parts["all"] = np.unique(np.concatenate([ring.points for ring in rings]))
     opened = base
-    edge = np.unique(boundary_edges(base.triangles))
     for crack in cracks:
-        opened, sides = _opened(opened, crack, edge)
+        opened, sides = _opened(opened, crack)
         _add(parts, sides)
     middle = opened.points[opened.triangles].mean(axis=1)
     body, of_triangle = np.zeros(opened.size, np.int32), np.zeros(len(opened.triangles), np.int32)
@@ -89,10 +88,9 @@ def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
     return parts
 
 
-def _opened(shape: Shape, crack: Part, edge: np.ndarray) -> tuple[Shape, dict[str, np.ndarray]]:
+def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray]]:
     """The shape with a crack opened, and its named faces; tips belong to both faces."""
-    mouths = (bool(np.isin(crack.points[0], edge)), bool(np.isin(crack.points[-1], edge)))
-    split = split_along(shape.points, shape.triangles, crack.points, mouths)
+    split = split_along(shape.size, shape.triangles, crack.points)
     copies = shape.size + np.arange(len(split.doubled))
     grid = None
     if shape.grid is not None:

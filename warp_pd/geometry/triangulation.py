@@ -168,15 +168,16 @@ def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return triangles
 
 
+def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas of triangles [m^2], shape (F,); points have shape (N, 2) or (N, 3)."""
+    if points.shape[1] == 2:
+        return np.asarray(np.abs(signed_areas(points, triangles)))
+    return np.asarray(0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1))
+
+
 def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """A third of each adjacent triangle for every point [m^2], shape (N,)."""
-    areas = np.zeros(len(points))
-    flat = points.shape[1] == 2
-    third = (
-        np.abs(signed_areas(points, triangles)) / 3.0
-        if flat
-        else np.linalg.norm(doubled_normals(points, triangles), axis=1) / 6.0
-    )
+    areas, third = np.zeros(len(points)), triangle_areas(points, triangles) / 3.0
     for k in range(3):
         np.add.at(areas, triangles[:, k], third)
     return areas
@@ -264,7 +265,7 @@ def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = points[triangles]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
     squares = (sides**2).sum(axis=-1)
-    area = np.abs(signed_areas(points, triangles))
+    area = triangle_areas(points, triangles)
     # Twice the cotangent of each corner times twice the area.
     dot = 0.5 * (squares.sum(axis=1, keepdims=True) - 2.0 * squares)
     cell = np.empty(dot.shape)

@@ -12,6 +12,7 @@ OTHER_WORDS = {"step": "time step", "balance_error": "energy balance error"}
 # Words and unit of point fields; those of the components of a field that is not a vector in space, by number.
 FIELDS = {
     "displacement": ("displacement", "m"),
+    "u": ("displacement", "m"),
     "velocity": ("velocity", "m/s"),
     "damage": ("damage", ""),
     "joint_damage": ("damage of the joint", ""),
