@@ -17,10 +17,11 @@ from ..device.fields import Array, assign
 from ..device.graph import launch_now
 from ..interfaces import Solve
 from .level import OWNER, Level
+from .aggregates import Aggregates
 from .multigrid import Hierarchy
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
-MAX_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
+MAX_ITERATIONS = {"multigrid": 60, "algebraic": 60, "direct": 60, "jacobi": 4000}
 RESTART = 60
 # Cycles of GMRES for a solve that must reach its accuracy: its own estimate ends the first one a little early.
 CLOSE_CYCLES = 4
@@ -33,17 +34,20 @@ class LinearSolver:
         products: Number of stiffness products so far, including those of the preconditioner.
     """
 
-    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True) -> None:
+    def __init__(
+        self, level: Level, index: int, kind: str, hierarchy: Hierarchy | Aggregates | None, definite: bool = True
+    ) -> None:
         """Allocate the solver of a level.
 
         Args:
             level: The level.
             index: Its index in the hierarchy.
-            kind: Preconditioner, "multigrid", "direct" or "jacobi".
-            hierarchy: All levels, for "multigrid".
+            kind: Preconditioner, "multigrid", "algebraic", "direct" or "jacobi".
+            hierarchy: All levels, for "multigrid", or the aggregates, for "algebraic".
             definite: Whether K is positive definite; otherwise GMRES is used.
         """
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
+        self.aggregates = hierarchy if kind == "algebraic" else None
         self.products = 0
         self.factors: Solve | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
@@ -65,7 +69,10 @@ class LinearSolver:
         self._combination, self._block_scaling = stage.launches()
 
     def prepare(self) -> bool:
-        """Factorise if the preconditioner needs it; return whether that succeeded."""
+        """Factorise or aggregate if the preconditioner needs it; return whether that succeeded."""
+        if self.aggregates is not None:
+            self.aggregates.renew()
+            return self.aggregates.usable
         if self._sparse is not None:
             self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None

@@ -14,6 +14,7 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import BuiltSolver, FrameSink, System, Tangent
+from .aggregates import Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
@@ -60,8 +61,9 @@ class StaticSystem:
         self.preconditioner = self._preconditioner(tangent)
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
         self.levels: Sequence[Level] = self.hierarchy.levels if self.hierarchy else [finest]
+        cycle = Aggregates(finest) if self.preconditioner == "algebraic" else self.hierarchy
         self.solvers = [
-            LinearSolver(level, index, self.preconditioner, self.hierarchy, self.definite)
+            LinearSolver(level, index, self.preconditioner, cycle, self.definite)
             for index, level in enumerate(self.levels)
         ]
         self.report = Report(self.name, self.preconditioner)
@@ -186,11 +188,14 @@ class StaticSystem:
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
     def linearise(self, index: int, tension: float) -> bool:
-        """Compute the tangent and preconditioner of a level; return whether factorisation succeeded."""
+        """Compute the tangent and preconditioner of a level; return whether that succeeded, which a slack one does not."""
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)
             return self.hierarchy.usable
-        self.levels[0].linearise(tension)
+        level = self.levels[0]
+        level.linearise(tension)
+        if tension == 0.0 and not self.sizes.modulus and level.tangent.is_slack():
+            return False
         return self.solvers[0].prepare()
 
 
