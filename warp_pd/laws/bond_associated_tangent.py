@@ -180,7 +180,7 @@ class TangentMatrix:
         """K of all components [N/m], shape (3 N, 3 N); held ones have no part in it but their own stiffness."""
         from scipy import sparse
 
-        t, starts, columns = self.tangent, self.starts.numpy(), self.columns.numpy()
+        starts, columns = self.starts.numpy(), self.columns.numpy()
         blocks, free = self.blocks.numpy().astype(np.float64), self.free.reshape(-1, 3)
         rows = np.repeat(np.arange(len(free)), np.diff(starts))
         own = np.flatnonzero(rows == columns)
@@ -189,8 +189,6 @@ class TangentMatrix:
         stiffness = np.abs(blocks[own][:, np.arange(3), np.arange(3)])
         blocks[coupled] *= free[rows[coupled], :, None] & free[columns[coupled], None, :]
         blocks[own[:, None], np.arange(3), np.arange(3)] += np.where(free, 0.0, stiffness)
-        if t.force.intact is not None:
-            blocks[own] += LOOSE * t.modulus() * t.force.thickness * np.eye(3)
         return sparse.bsr_matrix((blocks, columns, starts), shape=(free.size, free.size))
 
     def matrix(self) -> csc_matrix:
@@ -201,7 +199,13 @@ class TangentMatrix:
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
-        return factorised(self.matrix(), self.free, added)
+        from scipy import sparse
+
+        matrix, t = self.matrix(), self.tangent
+        if t.force.intact is not None:
+            least = LOOSE * t.modulus() * t.force.thickness
+            matrix += least * sparse.identity(matrix.shape[0], format="csc")
+        return factorised(matrix, self.free, added)
 
 
 def pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import BuiltSolver, FrameSink, System, Tangent
-from .aggregates import Aggregates
+from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
@@ -23,6 +23,8 @@ from .newton_settings import Report, StaticSolver
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
+# Number of points from which aggregates are faster than a factorisation.
+ALGEBRAIC_FROM = 2000
 FINISHED, NOT_CONVERGED = "finished", "not converged"
 
 
@@ -90,9 +92,9 @@ class StaticSystem:
             if load.at_rest is not None:
                 return "direct"
         sheet, held = context.sheet, context.held
-        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
-        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
-        possible = bool(lattices) and law.coarsens
+        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and law.intact is None and law.coarsens
+        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth and not sheet.cuts else []
+        possible = bool(lattices)
         if sheet.lattice is not None and possible:
             nearest = coarse_points(lattices[-1], sheet.lattice)
             # A support that no coarse point sees would leave the coarse sheet loose.
@@ -102,14 +104,22 @@ class StaticSystem:
         if wanted == "multigrid" and not possible:
             raise InputError(
                 "preconditioner = 'multigrid': expected an uncut rectangle of more than 300 points, a horizon up to "
-                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'direct' or 'jacobi'"
+                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'algebraic' or 'direct'"
+            )
+        if wanted == "algebraic" and not (smooth and sheet.size > MAX_COARSEST):
+            raise InputError(
+                f"preconditioner = 'algebraic': expected more than {MAX_COARSEST} points, a horizon up to "
+                f"{MAX_MULTIGRID_HORIZON}, the law BondAssociated and bonds that do not break; take 'direct' or 'jacobi'"
             )
         if wanted != "auto":
             return wanted
         if sheet.size <= self.factorised:
             return "direct"
-        direct = context.device.is_cpu or sheet.size <= tangent.direct_points
-        return "multigrid" if possible else "direct" if direct else "jacobi"
+        if possible:
+            return "multigrid"
+        if smooth and sheet.size > ALGEBRAIC_FROM:
+            return "algebraic"
+        return "direct" if context.device.is_cpu or sheet.size <= tangent.direct_points else "jacobi"
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet to a load factor."""
