@@ -15,7 +15,7 @@ import numpy as np
 from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
 from ..kernels.families import WORD
-from ..kernels.kinematics import DEGENERATE, SAMPLE
+from ..kernels.kinematics import DEGENERATE
 from .intersections import shapes_by_row
 from .masks import unpack
 
@@ -310,21 +310,6 @@ def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Inverse of shape tensors (11, 12, 22), shape (..., 3), zero where degenerate; mask of the others, shape (...)."""
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
     usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
-    inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
-    inverse /= np.where(usable, determinant, 1.0)[..., None]
-    return np.where(usable[..., None], inverse, 0.0), usable
-
-
-def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse shape tensors of damaged intersections, shape (..., 3), zero where unusable; mask of usable ones.
-
-    Args:
-        shape: Shape tensors (11, 12, 22) of the intact members, shape (..., 3).
-        undamaged: Inverse shape tensors of the undamaged intersections, zero where degenerate, shape (..., 3).
-    """
-    determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-    ratio = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
-    usable = ratio >= SAMPLE
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
     inverse /= np.where(usable, determinant, 1.0)[..., None]
     return np.where(usable[..., None], inverse, 0.0), usable

@@ -75,7 +75,6 @@ class BondAssociatedTangent:
             **force.family_arguments(displacement), constants=force.constants, tension=tension, damage=force.damage,
             **state,
         )  # fmt: skip
-        unit_stiffness = force.unit_volume * force.inverse_horizon**2
         self._assembly = (stage, displacement)
         if stored_on(self.context.device):
             self.matrix = TangentMatrix(self, stage, displacement)

@@ -17,8 +17,8 @@ from .smoother import FEW_ITERATIONS, FEW_SAFETY, SWEEPS, Smoother
 
 # Aggregates on the coarsest level at most, which is factorised.
 MAX_COARSEST = 300
-# A family reaches every point of an aggregate, so all couplings count as strong. Weights by row sums need no estimate of
-# the largest eigenvalue, which takes longer than everything else.
+# All couplings count as strong: they reach two horizons, and an aggregate becomes a family. Weights by row sums need no
+# estimate of the largest eigenvalue, which takes longer than everything else.
 OPTIONS: dict[str, Any] = {
     "strength": ("symmetric", {"theta": 0.0}), "smooth": ("jacobi", {"weighting": "local"}),
     "improve_candidates": None, "coarse_solver": "splu", "max_coarse": MAX_COARSEST,
@@ -33,12 +33,13 @@ class Aggregates:
         self.level, self._smoother = level, Smoother(level)
         self._smoother.add_down(level.context.stage("down", "every V-cycle, downwards"))
         self._smoother.add_up(level.context.stage("up", "every V-cycle, upwards"))
-        self._sparse = level.tangent.sparse()
+        # Laws that coarsen store their tangent in blocks.
+        self._sparse: Any = level.tangent.sparse()
         self._points = in_space(level.context.sheet.points)
         self._coarse: Any = None
 
-    def renew(self) -> None:
-        """Set up the aggregates for the present tangent."""
+    def prepare(self) -> bool:
+        """Set up the aggregates for the present tangent; return whether they are usable."""
         from pyamg import smoothed_aggregation_solver
         from pyamg.multilevel import MultilevelSolver
 
@@ -51,9 +52,10 @@ class Aggregates:
         try:
             coarse.coarse_solver(levels[-1].A, np.zeros(levels[-1].A.shape[0]))
         except RuntimeError:
-            return
+            return False
         self._coarse = coarse
         self._smoother.tune(self._smoother.largest_eigenvalue(FEW_ITERATIONS, FEW_SAFETY))
+        return True
 
     @property
     def usable(self) -> bool:

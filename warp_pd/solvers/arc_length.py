@@ -123,8 +123,8 @@ class BuiltArcLength(BuiltStatic):
             said.append(f"ArcLength: switch = {self.solver.switch}: the path met fewer bifurcations and did not switch")
         if self.search.ended:
             said.append(
-                f"ArcLength: the path ends at load factor {state.factor:.5g}, step {state.step}: even the shortest step "
-                f"failed, as {self.search.ended}"
+                f"ArcLength: the path ends at load factor {state.factor:.5g}, step {state.step}: even the shortest "
+                f"step failed, as {self.search.ended}"
             )
         if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
             said.append(

@@ -16,8 +16,8 @@ import warp as wp
 from ..device.fields import Array, assign
 from ..device.graph import launch_now
 from ..interfaces import Solve
-from .level import OWNER, Level
 from .aggregates import Aggregates
+from .level import OWNER, Level
 from .multigrid import Hierarchy
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
@@ -47,7 +47,6 @@ class LinearSolver:
             definite: Whether K is positive definite; otherwise GMRES is used.
         """
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
-        self.aggregates = hierarchy if kind == "algebraic" else None
         self.products = 0
         self.factors: Solve | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
@@ -70,9 +69,8 @@ class LinearSolver:
 
     def prepare(self) -> bool:
         """Factorise or aggregate if the preconditioner needs it; return whether that succeeded."""
-        if self.aggregates is not None:
-            self.aggregates.renew()
-            return self.aggregates.usable
+        if self.hierarchy is not None:
+            return self.hierarchy.prepare()
         if self._sparse is not None:
             self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None

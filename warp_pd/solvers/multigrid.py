@@ -155,6 +155,10 @@ class Hierarchy:
         """Whether the coarsest tangent could be factorised."""
         return self._coarsest is not None
 
+    def prepare(self) -> bool:
+        """Return whether the levels are usable; `linearise` has set them up."""
+        return self.usable
+
     def sides(self, index: int) -> tuple[Array, Array]:
         """Right-hand side and solution of the V-cycle that starts at a level, (N,) vec3."""
         return self._smoothers[index].right_side, self._smoothers[index].solution

@@ -202,7 +202,9 @@ class Path(StaticSystem):
         growth = min(MOST_GROWTH, max(LEAST_GROWTH, growth))
         entry["converged"] = self._accept(origin, factor, growth * length, sink)
         if not entry["converged"]:
-            self.failure = "the equilibrium found lies on another branch, or where the path turns by more than 60 degrees"
+            self.failure = (
+                "the equilibrium found lies on another branch, or where the path turns by more than 60 degrees"
+            )
         return bool(entry["converged"])
 
     def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:

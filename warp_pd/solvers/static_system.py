@@ -109,7 +109,7 @@ class StaticSystem:
         if wanted == "algebraic" and not (smooth and sheet.size > MAX_COARSEST):
             raise InputError(
                 f"preconditioner = 'algebraic': expected more than {MAX_COARSEST} points, a horizon up to "
-                f"{MAX_MULTIGRID_HORIZON}, the law BondAssociated and bonds that do not break; take 'direct' or 'jacobi'"
+                f"{MAX_MULTIGRID_HORIZON}, the law BondAssociated, and bonds that do not break; take 'direct'"
             )
         if wanted != "auto":
             return wanted
@@ -198,7 +198,7 @@ class StaticSystem:
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
     def linearise(self, index: int, tension: float) -> bool:
-        """Compute the tangent and preconditioner of a level; return whether that succeeded, which a slack one does not."""
+        """Compute the tangent and preconditioner of a level; return whether it is of use; not at a slack start."""
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)
             return self.hierarchy.usable
