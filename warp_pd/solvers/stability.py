@@ -91,12 +91,9 @@ def _extreme(
     basis, found = np.zeros((size, 0)), np.zeros(0)
     mode = None
     while True:
-        moved = MOVED * basis
-        operator = LinearOperator((size, size), matvec=lambda x: product(x) + moved @ (basis.T @ x), dtype=np.float64)
+        operator = LinearOperator((size, size), matvec=_moved(product, basis), dtype=np.float64)
         try:
-            values, vectors = eigs(
-                operator, k=number, which=which, v0=rng.normal(size=size), tol=ACCURACY, ncv=krylov
-            )
+            values, vectors = eigs(operator, k=number, which=which, v0=rng.normal(size=size), tol=ACCURACY, ncv=krylov)
         except ArpackNoConvergence:
             return None
         mode = vectors[:, np.argmin(np.abs(values))].real if mode is None else mode
@@ -105,3 +102,8 @@ def _extreme(
         if which == "LM" or not (further < 0.0).any() or len(found) + number >= size:
             return np.sort(found), mode
         basis = np.linalg.qr(np.column_stack([basis, vectors.real, vectors.imag[:, values.imag != 0.0]]))[0]
+
+
+def _moved(product: Callable[[np.ndarray], np.ndarray], basis: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """The product with an operator whose eigenvalues in an invariant space are moved up; `basis` is orthonormal."""
+    return lambda x: np.asarray(product(x) + MOVED * (basis @ (basis.T @ x)))
