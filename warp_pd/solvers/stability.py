@@ -13,8 +13,6 @@ from .linear import LinearSolver
 
 # Accuracy of eigenvalues over the largest, and vectors of the Krylov space besides those that are wanted.
 ACCURACY, FURTHER = 1e-4, 12
-# Added to eigenvalues that are found, next to which all others are of order one.
-MOVED = 10.0
 
 
 @dataclass(frozen=True)
@@ -80,30 +78,14 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
 def _extreme(
     product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of the one nearest to zero; real parts.
-
-    From one start a Krylov space holds one copy of a multiple eigenvalue. Those found are therefore moved far up, and
-    the search starts anew until no other negative one is found.
-    """
+    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of the one nearest to zero; real parts."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
-    rng, krylov = np.random.default_rng(0), min(size, 2 * number + FURTHER)
-    basis, found = np.zeros((size, 0)), np.zeros(0)
-    mode = None
-    while True:
-        operator = LinearOperator((size, size), matvec=_moved(product, basis), dtype=np.float64)
-        try:
-            values, vectors = eigs(operator, k=number, which=which, v0=rng.normal(size=size), tol=ACCURACY, ncv=krylov)
-        except ArpackNoConvergence:
-            return None
-        mode = vectors[:, np.argmin(np.abs(values))].real if mode is None else mode
-        further = values.real if found.size == 0 else values.real[values.real < 0.0]
-        found = np.concatenate([found, further])
-        if which == "LM" or not (further < 0.0).any() or len(found) + number >= size:
-            return np.sort(found), mode
-        basis = np.linalg.qr(np.column_stack([basis, vectors.real, vectors.imag[:, values.imag != 0.0]]))[0]
-
-
-def _moved(product: Callable[[np.ndarray], np.ndarray], basis: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """The product with an operator whose eigenvalues in an invariant space are moved up; `basis` is orthonormal."""
-    return lambda x: np.asarray(product(x) + MOVED * (basis @ (basis.T @ x)))
+    operator = LinearOperator((size, size), matvec=product, dtype=np.float64)
+    start = np.random.default_rng(0).normal(size=size)
+    krylov = min(size, 2 * number + FURTHER)
+    try:
+        values, vectors = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=krylov)
+    except ArpackNoConvergence:
+        return None
+    return np.sort(values.real), vectors[:, np.argmin(np.abs(values))].real
