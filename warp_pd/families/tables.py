@@ -15,7 +15,7 @@ import numpy as np
 from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
 from ..kernels.families import WORD
-from ..kernels.kinematics import DEGENERATE, SAMPLE
+from ..kernels.kinematics import DEGENERATE
 from .masks import unpack
 from .rows import shapes_by_row
 
@@ -290,16 +290,6 @@ def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Inverse of shape tensors (11, 12, 22), shape (..., 3), zero where degenerate; mask of the others, shape (...)."""
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
     usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
-    inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
-    inverse /= np.where(usable, determinant, 1.0)[..., None]
-    return np.where(usable[..., None], inverse, 0.0), usable
-
-
-def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of damaged shape tensors (11, 12, 22), shape (..., 3), zero where unusable; mask of usable ones."""
-    determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-    ratio = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
-    usable = ratio >= SAMPLE
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
     inverse /= np.where(usable, determinant, 1.0)[..., None]
     return np.where(usable[..., None], inverse, 0.0), usable
