@@ -12,7 +12,6 @@ from .distances import BodyShape, ways_out, weights_of_nearest
 from .effects import unstaged
 
 
-
 @wp.struct
 class Segments:
     """Segments of a body in its frame.

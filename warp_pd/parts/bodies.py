@@ -18,7 +18,7 @@ from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, Part, StepL
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
-from ..kernels.body_contact import body_contact
+from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
 from .body_motion import BodyMotion
@@ -191,40 +191,26 @@ class BuiltBody(BuiltContact):
         self.motion.add(phase, stage)
         if phase not in (Phase.PROJECT, Phase.SEPARATE):
             return
-        context, part, f = self.context, self.part, self.context.features
-        kernels = body_contact(
+        context, part, f, motion = self.context, self.part, self.context.features, self.motion
+        of = point_contact(
             context.bits, part.shape.distance, part.motion.free, self._rubs, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
+            f.damped, f.tracked, f.half_steps, self._seen is not None, motion.marks is not None,
         )  # fmt: skip
-        project = phase is Phase.PROJECT
+        at_end, values = phase is Phase.SEPARATE, self._arguments()
         if self._surface is not None:
-            motion = self.motion
             self._surface.add(
-                stage, not project, reference=self._reference, skin=SKIN * context.sheet.spacing,
+                stage, at_end, reference=self._reference, skin=SKIN * context.sheet.spacing,
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
-            take = kernels.take_in_step if project else kernels.take_at_end
-            stage.pointwise(part.name, take, context.sheet.size, **self._surface.when, **self._arguments())
-            motion.after(stage, at_end=not project, **self._surface.when)
+            motion.take(stage, of, at_end, values, **self._surface.when)
             self._surface.add_end(stage)
-        find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
-        shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
-        if alone and project:
-            stage.pointwise(part.name, kernels.mark, points, **shared)
-        if part.motion.free:
-            stage.pointwise(part.name, find, points, alone=alone, **shared)
-            self.motion.yields(stage, at_end=not project)
-            if alone and project:
-                stage.pointwise(part.name, kernels.mark_again, points, alone=True, **shared)
-        stage.pointwise(part.name, act, points, alone=alone, **shared)
-        self.motion.after(stage, at_end=not project)
+        if motion.marks is not None and not at_end:
+            stage.pointwise(part.name, of.search.mark, context.sheet.size, **values)
+        motion.strike(stage, of, at_end, values)
 
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
-        names = ("need", "rows", "push", "arms", "slips", "push_work", "rub", "rub_work")
-        flying = {name: getattr(motion, name, None) for name in names}
-        flying["yielded"] = getattr(motion, "changes", None)
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
@@ -237,7 +223,7 @@ class BuiltBody(BuiltContact):
             "dissipated": state.dissipated,
             "changes": None if self._surface is None else self._surface.changes,
             "rubbing": None if self._surface is None else self._surface.rubbing,
-            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
+            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **motion.found(),
         }  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:

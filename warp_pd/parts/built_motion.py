@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import warp as wp
 
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.body_motion import Equations, Given, free_motion, path_motion, vec6d
+from ..kernels.body_contact import Given, PointContact, body_contact
+from ..kernels.body_motion import free_motion, path_motion, vec6d
+from ..kernels.effects import Kernel
+from ..kernels.free_contact import Equations, FreeBody, FreeContact, free_contact
 
 # Number of points from which those that may touch are marked first; on smaller sheets the extra launches cost more.
 MARKED_FROM = 2**17
-# Sums over points: number of threads per block on a GPU, and maximum number of blocks.
+# Sums over points or triangles: number of threads per block on a GPU, and maximum number of blocks.
 LANES, MOST_BLOCKS = 256, 512
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
@@ -46,19 +50,39 @@ class Thrown(Protocol):
         ...
 
 
+class Blocks:
+    """Division of the entries of a list among blocks of threads, for sums in a fixed order.
+
+    Attributes:
+        count: Number of blocks.
+        size: Entries per block.
+        threads: Number of threads of all blocks.
+    """
+
+    def __init__(self, entries: int, device: wp.Device) -> None:
+        self.count = min(MOST_BLOCKS, -(-entries // LANES))
+        self.size = -(-entries // self.count)
+        # On a CPU a block has one thread.
+        self.threads = self.count * (LANES if device.is_cuda else 1)
+
+
 class BuiltMotion:
     """A motion on a device; see kernels/body_motion.py for its arrays.
 
     Attributes:
-        marks: Whether each point may touch, (N,) uint8, on large sheets; see kernels/body_search.py.
+        marks: Whether each point may touch, (N,) uint8, on large sheets and for a free body; see
+            kernels/body_search.py.
+        free: Whether the sheet moves the body.
     """
+
+    free: ClassVar[bool] = False
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
         """Allocate the arrays of the pose."""
         self.name, self.context = name, context
         points = context.sheet.size
         # The size of the whole sheet decides, so that several processes use the same kernels as one.
-        large = context.whole.size >= MARKED_FROM
+        large = self.free or context.whole.size >= MARKED_FROM
         self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
@@ -71,15 +95,25 @@ class BuiltMotion:
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that move the body."""
 
-    def yields(self, stage: Stage, at_end: bool) -> None:
-        """Add launches between the search for touching points and their projection (`at_end`: their separation)."""
+    def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
+        """Add the launches of contact with points; `values`: members of the struct of `of`."""
+        kernels, alone = body_contact(of), self.marks is not None
+        act = kernels.separate if at_end else kernels.project
+        stage.pointwise(self.name, act, self.context.sheet.size, alone=alone, **values)
+
+    def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
+        """Add the launch that applies the impulses of triangles; `when`: options of the launch."""
+        kernels = body_contact(of)
+        act = kernels.take_at_end if at_end else kernels.take_in_step
+        stage.pointwise(self.name, act, self.context.sheet.size, **when, **values)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact with a free body, by their name in the struct of `PointContact`."""
+        return dict.fromkeys(("need", "rows", "arms", "slips", "yielded"))
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
         return None
-
-    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
-        """Add launches after the points have received their impulses; `when`: options of these launches."""
 
     def sums(self) -> dict[str, Array]:
         """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
@@ -133,15 +167,9 @@ class InFlight(BuiltMotion):
 
     Attributes:
         changes: Change of velocity and spin in the last half step [m/s, 1/s], (1,) vec6d.
-        need: Speed into the body that each point must lose [m/s], -1 for none, (N,) float64.
-        rows: Normal, and arm x normal, of these points, (N,) vec6d.
-        push: Impulse on each point in the last half step [N s], (N,) vec3d.
-        arms: Vector from the centre to each point [m], (N,) vec3d.
-        slips: Velocity of these points relative to the body [m/s], (N,) vec3d, or None without friction.
-        push_work: Work of `push` [J], (N,) float64, or None.
-        rub: The part of `push` caused by friction [N s], (N,) vec3d, or None.
-        rub_work: Work of `rub` [J], (N,) float64, or None.
     """
+
+    free = True
 
     def __init__(
         self,
@@ -161,80 +189,71 @@ class InFlight(BuiltMotion):
         self.motion.assign(np.array([body.velocity, body.spin], float))
         self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
         rubs = friction > 0.0
-        self._friction, self._rubs = friction, rubs and tracked
-        self._sums_given = SUMS if self._rubs else SUMS[:-1]
+        self._sums_given = SUMS if rubs and tracked else SUMS[:-1]
         self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
-        blocks = min(MOST_BLOCKS, -(-points // LANES))
-        self._block = -(-points // blocks)
-        self._lanes = LANES if context.device.is_cuda else 1
-        self._threads = blocks * self._lanes
+        blocks = self._blocks = Blocks(points, context.device)
 
         def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
 
-        self.need, self.rows = room("need", wp.float64, points), room("rows", vec6d, points)
-        self.push, self.arms = room("push", wp.vec3d, points), room("arms", wp.vec3d, points)
-        self.slips = room("slips", wp.vec3d, points) if rubs else None
-        self.push_work = room("push_work", wp.float64, points) if tracked else None
-        self.rub = room("rub", wp.vec3d, points) if self._rubs else None
-        self.rub_work = room("rub_work", wp.float64, points) if self._rubs else None
-        self._sums = room("sums", Equations, blocks, "block")
-        self._sums_of_given = room("sums_of_given", Given, blocks, "block")
         self.changes = room("changes", vec6d, 1, "once")
-        self._inertia = wp.mat33d(*inertia.ravel().tolist())
-        self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
-        self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(context.bits, context.features.damped, tracked, rubs, self.marks is not None)
+        # Speed into the body that each point must lose [m/s], -1 for none; normal, and arm x normal.
+        self._found = {"need": room("need", wp.float64, points), "rows": room("rows", vec6d, points)}
+        if rubs:
+            # Vector from the centre [m], and velocity relative to the body [m/s].
+            self._found |= {what: room(what, wp.vec3d, points) for what in ("arms", "slips")}
+        numbers = {
+            "mass": float(body.mass), "inertia": wp.mat33d(*inertia.ravel().tolist()),
+            "inverse_inertia": wp.mat33d(*np.linalg.inv(inertia).ravel().tolist()),
+            "gravity": wp.vec3d(*map(float, body.gravity)),
+        }  # fmt: skip
+        arrays = {
+            "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
+            "changes": self.changes, "given": self.given, "equations": room("sums", Equations, blocks.count, "block"),
+            "impulses": room("sums_of_given", Given, blocks.count, "block"),
+            "counts": room("counts", wp.int32, blocks.count, "block"), "arrived": room("arrived", wp.int32, 1, "once"),
+        }  # fmt: skip
+        self._of = with_values(FreeBody(), {**numbers, **arrays})
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches that kick and drift the body."""
-        step = self.context.state.step
+        """Add the launch of the first half kick and the drift."""
         if phase is Phase.RIGID_DRIFT:
+            of = self._of
             stage.launch(
-                self.name, self._kernels.move, 1, inverse_inertia=self._inverse, gravity=self._gravity, step=step,
-                place=self.place, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
-            )  # fmt: skip
-        elif phase is Phase.RIGID_KICK:
-            stage.launch(
-                self.name, self._kernels.kick, 1, gravity=self._gravity, step=step, motion=self.motion,
+                self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
+                step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
                 momenta=self.momenta,
             )  # fmt: skip
+
+    def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
+        """Add the launches that compute the response of the body to the touching points, and those of contact."""
+        kernels = self._kernels(of, at_end)
+        for kernel in (kernels.find, kernels.give_way, kernels.strike):
+            self._launch(stage, kernel, kernels.struct, values)
+
+    def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
+        """Add the launch that applies the impulses of triangles."""
+        kernels = self._kernels(of, at_end)
+        self._launch(stage, kernels.take, kernels.struct, values, **when)
+
+    def _kernels(self, of: PointContact, at_end: bool) -> FreeContact:
+        f = self.context.features
+        return free_contact(of, f.damped, f.tracked, "slips" in self._found, at_end)
+
+    def _launch(self, stage: Stage, kernel: Kernel, struct: Any, values: Mapping[str, Any], **when: Any) -> None:
+        blocks = self._blocks
+        stage.launch(
+            self.name, kernel, blocks.threads, block_dim=LANES, a=with_values(struct(), values), body=self._of,
+            block=blocks.size, **when,
+        )  # fmt: skip
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact."""
+        return super().found() | self._found | {"yielded": self.changes}
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
         return float(self.body.mass), self.inertia
-
-    def yields(self, stage: Stage, at_end: bool) -> None:
-        """Add the launches that compute the response of the body to the touching points, and move it."""
-        state = self.context.state
-        # The second time leaves out points that would have to be pulled.
-        for again in (0, 1):
-            stage.launch(
-                self.name, self._kernels.gather, self._threads, block_dim=LANES, mass=state.mass, marks=self.marks,
-                need=self.need, rows=self.rows, arms=self.arms, slips=self.slips, friction=self._friction,
-                changes=self.changes, use_changes=again, at_end=int(at_end), step=state.step,
-                damping=state.damping, block=self._block, sums=self._sums,
-            )  # fmt: skip
-            stage.launch(
-                self.name, self._kernels.solve, self._lanes, block_dim=LANES, sums=self._sums,
-                mass=float(self.body.mass), inertia=self._inertia, use_changes=again, at_end=int(at_end),
-                step=state.step, changes=self.changes, place=self.place, rotation=self.rotation, motion=self.motion,
-            )  # fmt: skip
-
-    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
-        """Add the launches that subtract the points' impulses from the body."""
-        # Before the end of the step, the internal force does not need their results.
-        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end and not when, **when}
-        stage.launch(
-            self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,
-            arms=self.arms, push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self._block,
-            sums=self._sums_of_given,
-        )  # fmt: skip
-        stage.launch(
-            self.name, self._kernels.give, self._lanes, **beside, sums=self._sums_of_given,
-            mass=float(self.body.mass), inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion,
-            momenta=self.momenta, given=self.given,
-        )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:
         """Momentum and angular momentum given to the sheet since the last frame; total energies lost in contact."""
