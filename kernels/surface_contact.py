@@ -29,6 +29,7 @@ from .body_motion import change_motion, spin_of, vec6d, wrench
 from .body_search import wide_places
 from .distances import TINY, BodyShape
 from .effects import Kernel, kernel
+from .free_contact import sum_of_blocks
 from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 from .numeric import numeric
 
@@ -38,6 +39,9 @@ MENDED = wp.constant(wp.float64(0.2))
 SLOTS = 4
 # A segment is the nearest part of a body if the distance to the body is at least this fraction of that to the segment.
 NEAREST = wp.constant(wp.float64(0.999))
+
+# Force and torque of impulses on a body, and number of constraints that press on it.
+Reaction = wp.types.vector(length=7, dtype=wp.float64)
 
 
 @dataclass(frozen=True)
@@ -49,8 +53,7 @@ class SurfaceContact:
         constraints: Arrays of the constraints of triangles, SLOTS for each.
         find: Finds the constraints of nearby triangles at the beginning of a half step.
         press: Computes the impulses of the next iteration.
-        react: Sums the impulses on a free body, per block of triangles.
-        give_way: Computes the change of velocity and spin of a free body from these sums.
+        react: Computes the change of velocity and spin of a free body by the impulses.
         move: Applies this change to the motion of the body and, during the step, to its position.
         spread: Computes the velocity changes of the points.
         clear: Resets the flag that any triangle is near, after the last launch that needs it.
@@ -61,7 +64,6 @@ class SurfaceContact:
     find: Kernel
     press: Kernel
     react: Kernel
-    give_way: Kernel
     move: Kernel
     spread: Kernel
     clear: Kernel
@@ -87,6 +89,7 @@ def surface_contact(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     wide, placed = wide_places(bits, curved)
+    sum_reaction = sum_of_blocks(Reaction)
 
     @wp.struct
     class Surface:
@@ -302,14 +305,17 @@ def surface_contact(
     @kernel(per="block")
     def react(
         a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
-        block: int, first: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64),
+        block: int, first: int, sums: wp.array(dtype=Reaction), counts: wp.array(dtype=wp.int32),
+        arrived: wp.array(dtype=wp.int32), changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        part = wp.tid() + first
-        total = vec6d()
-        number = wp.float64(0.0)
+        thread = wp.tid() + first
+        part = thread / wp.block_dim()
+        lane = thread - part * wp.block_dim()
+        number = wp.int32(0)
+        total = Reaction()
         back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
         centre = a.place[wp.where(at_end != 0, 0, 1)]
-        for f in range(part * block, wp.min((part + 1) * block, c.near.shape[0])):
+        for f in range(part * block + lane, wp.min((part + 1) * block, c.near.shape[0]), wp.block_dim()):
             for slot in range(wp.int32(c.near[f])):
                 s = wp.static(SLOTS) * f + slot
                 if pressed[s] != wp.uint8(0):
@@ -318,29 +324,22 @@ def surface_contact(
                     for k in range(3):
                         i = a.triangles[f][k]
                         if mobility(i, a) > wp.float64(0.0):
-                            total += wrench(c.weights[s][k] * impulse, began(i, back, a) - centre)
-                    number += wp.float64(1.0)
-        sums[part] = total
-        numbers[part] = number
-
-    @kernel(per="once")
-    def give_way(
-        a: Surface, at_end: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64), first: int,
-        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        total = vec6d()
-        number = wp.float64(0.0)
-        for part in range(sums.shape[0]):
-            total += sums[part]
-            number += numbers[part]
-        if wp.static(damped):
-            if at_end != 0:
-                # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
-                total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
-        turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
-        m = a.inverse_mass
-        changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
-        splits[0] = number
+                            got = wrench(c.ms[s][k] * impulse, began(i, back, a) - centre)
+                            for r in range(6):
+                                total[r] += got[r]
+                    total[6] += wp.float64(1.0)
+                    number += 1
+        ends, total = sum_reaction(total, number, part, lane, sums, counts, arrived)
+        if ends and lane == 0:
+            number_pressing = total[6]
+            m = a.inverse_mass
+            if wp.static(damped):
+                if at_end != 0:
+                    # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
+                    total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
+            turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
+            changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
+            splits[0] = number_pressing
 
     @kernel(per="once")
     def move_body(
@@ -367,4 +366,4 @@ def surface_contact(
         if wp.static(moves_freely):
             changes[0] = vec6d()
 
-    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, move_body, spread, clear)
+    return SurfaceContact(Surface, Constraints, find_pressing, press, react, move_body, spread, clear)

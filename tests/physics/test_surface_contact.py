@@ -28,7 +28,7 @@ from warp_pd import (
     TensionField,
     TriangleMesh,
 )
-from warp_pd.kernels.surface_contact import clearances
+from warp_pd.kernels.narrow_phase import clearances
 from warp_pd.parts.body_shapes import in_frame, on_device
 from warp_pd.parts.body_surface import segments_on_device
 

@@ -11,11 +11,12 @@ from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
+from ..kernels import narrow_phase
 from ..kernels import surface_contact as kernels
 from ..kernels.body_motion import vec6d
 from ..kernels.damage import face_damage
 from .body_shapes import BodyShape, in_frame
-from .built_motion import BuiltMotion
+from .built_motion import LANES, Blocks, BuiltMotion
 
 # Iterations per half step, and thickness of the layer around the segments of the body that triangles stay outside,
 # divided by the smaller of body thickness and spacing; the layer is thicker than the error left by the iterations.
@@ -84,10 +85,12 @@ class BodySurface:
         self._numbers: dict[str, Any] = {}
         if free is not None:
             mass, inertia = free
-            self._block = max(64, int(np.sqrt(faces)))
-            parts = -(-faces // self._block)
-            self._sums = {"sums": room("sums_of_faces", vec6d, "block", parts)}
-            self._sums["numbers"] = room("numbers_of_faces", wp.float64, "block", parts)
+            blocks = self._blocks = Blocks(faces, context.device)
+            self._sums = {
+                "sums": room("sums_of_faces", kernels.Reaction, "block", blocks.count),
+                "counts": room("counts_of_faces", wp.int32, "block", blocks.count),
+                "arrived": room("arrived_faces", wp.int32, "once", 1),
+            }
             self._yielded = {"changes": room("yielded", vec6d, "once", 1)}
             self._yielded["splits"] = room("splits", wp.float64, "once", 1)
             inverse = np.linalg.inv(inertia)
@@ -107,7 +110,7 @@ class BodySurface:
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)
         given: Any = wp.array(np.ascontiguousarray(corners, np.float64), dtype=wp.vec3d, device=context.device)
         wp.launch(
-            kernels.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
+            narrow_phase.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
             inputs=[given, 2.0 * self._segments.radius, self._segments, self._body, 0],
         )  # fmt: skip
         gap = found.numpy() - self._segments.radius + self._layer
@@ -148,10 +151,9 @@ class BodySurface:
             before, after = after, before
             if self._sums:
                 stage.launch(
-                    name, made.react, len(self._sums["sums"]), block=self._block, **before, **half, **constraints,
-                    **self._sums, **self.when,
+                    name, made.react, self._blocks.threads, block_dim=LANES, block=self._blocks.size, **before, **half,
+                    **constraints, **self._sums, **self._yielded, **self.when,
                 )  # fmt: skip
-                stage.launch(name, made.give_way, 1, **half, **self._sums, **self._yielded, **self.when)
         if self._sums:
             moved = {name: body[name] for name in ("place", "rotation", "motion")}
             stage.launch(
@@ -183,7 +185,7 @@ def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tup
         wp.array(corner.astype(np.float32), dtype=wp.vec3, device=device)
         for corner in (ends.min(axis=1) - rounding, ends.max(axis=1) + rounding)
     ]
-    made: Any = kernels.Segments()
+    made: Any = narrow_phase.Segments()
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.ends = wp.array(np.column_stack([pairs, own]).astype(np.int32), dtype=wp.vec3i, device=device)
     tree = wp.Bvh(*boxes)
