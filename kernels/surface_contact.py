@@ -324,7 +324,7 @@ def surface_contact(
                     for k in range(3):
                         i = a.triangles[f][k]
                         if mobility(i, a) > wp.float64(0.0):
-                            got = wrench(c.ms[s][k] * impulse, began(i, back, a) - centre)
+                            got = wrench(c.weights[s][k] * impulse, began(i, back, a) - centre)
                             for r in range(6):
                                 total[r] += got[r]
                     total[6] += wp.float64(1.0)
