@@ -283,9 +283,9 @@ def point_contact(
     def take_in_step(i: int, a: BodyContact):
         given = Given()
         change = a.changes[i]
-        # It belongs to one half step.
-        a.changes[i] = wp.vec3d()
         if wp.length_sq(change) > wp.float64(0.0):
+            # It belongs to one half step.
+            a.changes[i] = wp.vec3d()
             dt = wp.float64(a.step[0])
             arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
             given = strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
@@ -295,8 +295,8 @@ def point_contact(
     def take_at_end(i: int, a: BodyContact):
         given = Given()
         change = a.changes[i]
-        a.changes[i] = wp.vec3d()
         if wp.length_sq(change) > wp.float64(0.0):
+            a.changes[i] = wp.vec3d()
             given = end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
         return given
 

@@ -8,9 +8,8 @@ A second solution leaves out points that would have to be pulled, and adds frict
 sticking points move with the body, sliding points drag it by the friction coefficient times their impulse. The body
 moves by the second solution. Then the points are projected, and the body loses the momentum that they gained.
 
-A launch has one block of threads for each range of points. The block that ends last adds up the sums of all blocks, in
-their order, and moves the body (as in the CUDA sample threadFenceReduction). So bits repeat, and no launch is spent on
-the body alone.
+The kernels work on a list of the points that may touch (kernels/block_lists.py). The block that ends last moves the
+body.
 """
 
 import functools
@@ -19,6 +18,7 @@ from typing import Any
 
 import warp as wp
 
+from .block_lists import place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, STRUCK, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
@@ -26,61 +26,6 @@ from .effects import Kernel, kernel
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Sums over points: the upper triangle of the matrix, and the right-hand side.
 Equations = wp.types.vector(length=27, dtype=wp.float64)
-
-_ARRIVE = """
-#if defined(__CUDA_ARCH__)
-    __threadfence();
-    int before = atomicAdd(arrived.data, 1);
-    __threadfence();
-    return before;
-#else
-    return __atomic_fetch_add(arrived.data, 1, __ATOMIC_ACQ_REL);
-#endif
-"""
-
-
-@wp.func_native(_ARRIVE)
-def arrive(arrived: wp.array(dtype=wp.int32)) -> int:
-    """Count a block, after it has written its sums; return how many came before."""
-    ...
-
-
-@functools.cache
-def sum_of_blocks(kind: Any) -> wp.Function:
-    """Function (value, count, part, lane, sums, counts, arrived) -> whether the block ends last; then also the sum.
-
-    value, count: of a thread; values count only if a thread of the block has a nonzero count. part, lane: number of the
-    block and of the thread in it. sums, counts: room for each block. arrived: zero before and after a launch. On a CPU
-    a block has one thread.
-    """
-
-    @wp.func
-    def summed(
-        value: kind, count: int, part: int, lane: int, sums: wp.array(dtype=kind), counts: wp.array(dtype=wp.int32),
-        arrived: wp.array(dtype=wp.int32),
-    ):  # fmt: skip
-        total = value
-        number = wp.tile_sum(wp.tile(count))[0]
-        if number > 0:
-            total = wp.tile_sum(wp.tile(value, preserve_type=True))[0]
-        last = wp.int32(0)
-        if lane == 0:
-            counts[part] = number
-            if number > 0:
-                sums[part] = total
-            if arrive(arrived) == counts.shape[0] - 1:
-                arrived[0] = 0
-                last = 1
-        ends = wp.tile_sum(wp.tile(last))[0] > 0
-        if ends:
-            total = kind()
-            for k in range(lane, counts.shape[0], wp.block_dim()):
-                if counts[k] > 0:
-                    total += sums[k]
-            total = wp.tile_sum(wp.tile(total, preserve_type=True))[0]
-        return ends, total
-
-    return summed
 
 
 @wp.func
@@ -102,7 +47,7 @@ class FreeBody:
 
     changes: change of velocity and spin in the last half step. given: sums since the last frame: momentum and angular
     momentum given to the sheet, energy lost in contact, and the part of it lost by friction [J]. equations, impulses,
-    counts, arrived: for `sum_of_blocks`.
+    counts, arrived: for `sum_of_blocks`. entries, listed: the points that may touch, and their number in each block.
     """
 
     mass: wp.float64
@@ -118,6 +63,8 @@ class FreeBody:
     equations: wp.array(dtype=Equations)
     impulses: wp.array(dtype=Given)
     counts: wp.array(dtype=wp.int32)
+    entries: wp.array(dtype=wp.int32)
+    listed: wp.array(dtype=wp.int32)
     arrived: wp.array(dtype=wp.int32)
 
 
@@ -191,7 +138,7 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
     sum_equations, sum_given = sum_of_blocks(Equations), sum_of_blocks(Given)
     solving = ("body.changes", "body.equations", "body.counts", "body.arrived")
     lost = ("body.motion", "body.momenta", "body.given", "body.impulses", "body.counts", "body.arrived")
-    struck = tuple(f"a.{name}" for name in (*(STRUCK if at_end else MOVED), "marks"))
+    struck = tuple(f"a.{name}" for name in (STRUCK if at_end else MOVED))
 
     @wp.func
     def weight(a: BodyContact):
@@ -232,35 +179,29 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
 
     @kernel(per="block", writes=(*(f"a.{name}" for name in FOUND), *solving))
     def find_contact(a: BodyContact, body: FreeBody, block: int, first: int):
-        thread = wp.tid() + first
-        part = thread / wp.block_dim()
-        lane = thread - part * wp.block_dim()
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
-        for i in range(part * block + lane, wp.min((part + 1) * block, a.marks.shape[0]), wp.block_dim()):
-            if a.marks[i] != wp.uint8(0):
-                needed = find_point(i, a)
-                if needed >= wp.float64(0.0):
-                    count += 1
-                    m = weight(a) * wp.float64(a.mass[i])
-                    sums = with_row(sums, m, a.rows[i], -m * needed)
+        for k in range(lane, body.listed[part], wp.block_dim()):
+            i = body.entries[part * block + k]
+            needed = find_point(i, a)
+            if needed >= wp.float64(0.0):
+                count += 1
+                m = weight(a) * wp.float64(a.mass[i])
+                sums = with_row(sums, m, a.rows[i], -m * needed)
         ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
         if ends and lane == 0:
             body.changes[0] = solved(sums, body)
 
     @kernel(per="block", writes=("body.place", "body.rotation", "body.motion", *solving))
     def give_way(a: BodyContact, body: FreeBody, block: int, first: int):
-        thread = wp.tid() + first
-        part = thread / wp.block_dim()
-        lane = thread - part * wp.block_dim()
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
         d = body.changes[0]
-        for i in range(part * block + lane, wp.min((part + 1) * block, a.marks.shape[0]), wp.block_dim()):
-            needs = a.marks[i] != wp.uint8(0)
-            if needs:
-                needs = a.need[i] >= wp.float64(0.0)
-            if needs:
+        for k in range(lane, body.listed[part], wp.block_dim()):
+            i = body.entries[part * block + k]
+            if a.need[i] >= wp.float64(0.0):
                 j = a.rows[i]
                 speed_left = a.need[i] + wp.dot(j, d)
                 if speed_left > wp.float64(0.0):
@@ -288,23 +229,25 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
             body.changes[0] = change
             change_motion(change, wp.static(int(at_end)), wp.float64(a.step[0]), body.place, body.rotation, body.motion)
 
-    @kernel(per="block", writes=(*struck, *lost))
+    @kernel(per="block", writes=(*struck, "body.entries", "body.listed", *lost))
     def strike_points(a: BodyContact, body: FreeBody, block: int, first: int):
-        thread = wp.tid() + first
-        part = thread / wp.block_dim()
-        lane = thread - part * wp.block_dim()
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
+        number = body.listed[part]
         everywhere = bool(False)
         if wp.static(not at_end):
             everywhere = yields_far(a)
-        for i in range(part * block + lane, wp.min((part + 1) * block, a.marks.shape[0]), wp.block_dim()):
             if everywhere:
-                a.marks[i] = wp.uint8(1)
-            if a.marks[i] != wp.uint8(0):
-                count += 1
-                sums += act_on(i, a)
+                number = wp.min(block, a.marks.shape[0] - part * block)
+        for k in range(lane, number, wp.block_dim()):
+            if everywhere:
+                body.entries[part * block + k] = part * block + k
+            count += 1
+            sums += act_on(body.entries[part * block + k], a)
         ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
+        if everywhere and lane == 0:
+            body.listed[part] = number
         if ends and lane == 0:
             give(sums, body)
             if wp.static(not at_end):
@@ -317,9 +260,7 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
 
     @kernel(per="block", writes=(*(f"a.{name}" for name in TAKEN), *lost))
     def take_impulses(a: BodyContact, body: FreeBody, block: int, first: int):
-        thread = wp.tid() + first
-        part = thread / wp.block_dim()
-        lane = thread - part * wp.block_dim()
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
         for i in range(part * block + lane, wp.min((part + 1) * block, a.changes.shape[0]), wp.block_dim()):

@@ -25,11 +25,11 @@ from typing import Any
 
 import warp as wp
 
+from .block_lists import place_in_block, sum_of_blocks
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .body_search import wide_places
 from .distances import TINY, BodyShape
 from .effects import Kernel, kernel
-from .free_contact import sum_of_blocks
 from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 from .numeric import numeric
 
@@ -51,16 +51,18 @@ class SurfaceContact:
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
         constraints: Arrays of the constraints of triangles, SLOTS for each.
-        find: Finds the constraints of nearby triangles at the beginning of a half step.
+        mark: Marks triangles that may come near the segments in a half step.
+        find: Finds the constraints of these triangles at the beginning of the half step.
         press: Computes the impulses of the next iteration.
         react: Computes the change of velocity and spin of a free body by the impulses.
         move: Applies this change to the motion of the body and, during the step, to its position.
-        spread: Computes the velocity changes of the points.
+        spread: Computes the velocity changes of the corners of these triangles.
         clear: Resets the flag that any triangle is near, after the last launch that needs it.
     """
 
     struct: Any
     constraints: Any
+    mark: Kernel
     find: Kernel
     press: Kernel
     react: Kernel
@@ -145,70 +147,86 @@ def surface_contact(
                 return wp.float64(0.0)
         return wp.float64(1.0) / wp.float64(a.mass[i])
 
+    @wp.func
+    def in_reach(f: int, at_end: int, a: Surface):
+        """Whether a triangle may come near the segments in a half step; its corners in the frame of the body when the
+        half step begins, the rotation of the body then, and the distance within which a pair counts.
+        """
+        corners = a.triangles[f]
+        # The half step began before the drift, or at the end of the step now.
+        back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
+        when = wp.where(at_end != 0, 0, 1)
+        centre = a.place[when]
+        q = a.rotation[when]
+        x = wp.mat33d()
+        most = wp.float64(0.0)
+        fast = wp.float64(0.0)
+        for k in range(3):
+            x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
+            most = wp.max(most, wp.length(x[k] - x[0]))
+            fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
+        turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
+        reach = a.segments.radius + a.skin + back * (fast + turning)
+        return wp.length(x[0]) < reach + a.segments.size + most, x, q, reach
+
     @kernel(per="face")
-    def find_pressing(
-        a: Surface, at_end: int, first: int,
-        near: wp.array(dtype=wp.uint8), any_near: wp.array(dtype=wp.int32), weights: wp.array(dtype=wp.vec4d),
-        normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d), pushes: wp.array(dtype=wp.vec4d),
-        pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64), gaps: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
+    def mark_near(a: Surface, at_end: int, first: int, near: wp.array(dtype=wp.uint8)):
         f = wp.tid() + first
-        count = wp.int32(0)
         whole = bool(True)
         if wp.static(torn):
             whole = a.intact_faces[f] != wp.uint8(0)
         if whole:
-            corners = a.triangles[f]
-            # The half step began before the drift, or at the end of the step now.
-            back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
-            when = wp.where(at_end != 0, 0, 1)
-            centre = a.place[when]
-            q = a.rotation[when]
-            x = wp.mat33d()
-            most = wp.float64(0.0)
-            fast = wp.float64(0.0)
-            for k in range(3):
-                x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
-                most = wp.max(most, wp.length(x[k] - x[0]))
-                fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
-            turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
-            reach = a.segments.radius + a.skin + back * (fast + turning)
-            if wp.length(x[0]) < reach + a.segments.size + most:
-                lower, upper = box_around(x, reach, a.segments)
-                query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
-                entry = int(0)  # noqa: RUF046
-                while wp.bvh_query_next(query, entry):
-                    passes = passes_through(x, entry, a.segments)
-                    for pair in range(5):
-                        w, spot, counts = nearest_pair(pair, x, entry, a.segments)
-                        away = wp.transpose(x) * w - spot
-                        gap = wp.length(away)
-                        counts = counts and gap > TINY and gap < reach and not passes
-                        if counts:
-                            beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
-                            counts = beside[3] + a.segments.core >= NEAREST * gap
-                        slot = count
-                        if counts and count == wp.static(SLOTS):
-                            slot = 0
-                            for k in range(1, wp.static(SLOTS)):
-                                if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
-                                    slot = k
-                            counts = gap < gaps[wp.static(SLOTS) * f + slot]
-                        if counts:
-                            s = wp.static(SLOTS) * f + slot
-                            left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
-                            weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
-                            normals[s] = wp.quat_rotate(q, away / gap)
-                            spots[s] = spot
-                            pushes[s] = wp.vec4d()
-                            pressed[s] = wp.uint8(0)
-                            earlier[s] = wp.float64(0.0)
-                            gaps[s] = gap
-                            count = wp.max(count, slot + 1)
-        near[f] = wp.uint8(count)
-        if count > 0:
-            any_near[0] = 1
+            whole, _x, _q, _reach = in_reach(f, at_end, a)
+        near[f] = wp.where(whole, wp.uint8(1), wp.uint8(0))
+
+    @kernel(per="block")
+    def find_pressing(
+        a: Surface, at_end: int, entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int,
+        first: int, near: wp.array(dtype=wp.uint8), any_near: wp.array(dtype=wp.int32),
+        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d),
+        pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
+        gaps: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
+        part, lane = place_in_block(wp.tid() + first)
+        for number in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + number]
+            count = wp.int32(0)
+            _near, x, q, reach = in_reach(f, at_end, a)
+            lower, upper = box_around(x, reach, a.segments)
+            query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
+            entry = int(0)  # noqa: RUF046
+            while wp.bvh_query_next(query, entry):
+                passes = passes_through(x, entry, a.segments)
+                for pair in range(5):
+                    w, spot, counts = nearest_pair(pair, x, entry, a.segments)
+                    away = wp.transpose(x) * w - spot
+                    gap = wp.length(away)
+                    counts = counts and gap > TINY and gap < reach and not passes
+                    if counts:
+                        beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
+                        counts = beside[3] + a.segments.core >= NEAREST * gap
+                    slot = count
+                    if counts and count == wp.static(SLOTS):
+                        slot = 0
+                        for k in range(1, wp.static(SLOTS)):
+                            if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
+                                slot = k
+                        counts = gap < gaps[wp.static(SLOTS) * f + slot]
+                    if counts:
+                        s = wp.static(SLOTS) * f + slot
+                        left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
+                        weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
+                        normals[s] = wp.quat_rotate(q, away / gap)
+                        spots[s] = spot
+                        pushes[s] = wp.vec4d()
+                        pressed[s] = wp.uint8(0)
+                        earlier[s] = wp.float64(0.0)
+                        gaps[s] = gap
+                        count = wp.max(count, slot + 1)
+            near[f] = wp.uint8(count)
+            if count > 0:
+                any_near[0] = 1
 
     @wp.func
     def given_to(i: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8)):
@@ -231,15 +249,14 @@ def surface_contact(
                         count += 1
         return pushed, dragged, count
 
-    @kernel(per="face")
-    def press(
-        a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
-        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64), momentum: wp.float64, first: int,
-        pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
+    @wp.func
+    def press_triangle(
+        f: int, a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d),
+        pressed: wp.array(dtype=wp.uint8), changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
+        momentum: wp.float64, pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
         earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
         """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
-        f = wp.tid() + first
         if c.near[f] != wp.uint8(0):
             zero = wp.float64(0.0)
             dt = wp.float64(a.step[0])
@@ -303,28 +320,43 @@ def surface_contact(
                 pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
 
     @kernel(per="block")
+    def press(
+        a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64), momentum: wp.float64,
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
+        pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
+        earlier: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        part, lane = place_in_block(wp.tid() + first)
+        for k in range(lane, listed[part], wp.block_dim()):
+            press_triangle(
+                entries[part * block + k], a, at_end, c, pushes, pressed, changes, splits, momentum, pushes_after,
+                pressed_after, earlier,
+            )  # fmt: skip
+
+    @kernel(per="block")
     def react(
         a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
-        block: int, first: int, sums: wp.array(dtype=Reaction), counts: wp.array(dtype=wp.int32),
-        arrived: wp.array(dtype=wp.int32), changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
+        sums: wp.array(dtype=Reaction), counts: wp.array(dtype=wp.int32), arrived: wp.array(dtype=wp.int32),
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        thread = wp.tid() + first
-        part = thread / wp.block_dim()
-        lane = thread - part * wp.block_dim()
+        part, lane = place_in_block(wp.tid() + first)
         number = wp.int32(0)
         total = Reaction()
         back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
         centre = a.place[wp.where(at_end != 0, 0, 1)]
-        for f in range(part * block + lane, wp.min((part + 1) * block, c.near.shape[0]), wp.block_dim()):
+        for k in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + k]
             for slot in range(wp.int32(c.near[f])):
                 s = wp.static(SLOTS) * f + slot
                 if pressed[s] != wp.uint8(0):
                     push = pushes[s]
                     impulse = push[3] * c.normals[s] + wp.vec3d(push[0], push[1], push[2])
-                    for k in range(3):
-                        i = a.triangles[f][k]
+                    for corner in range(3):
+                        i = a.triangles[f][corner]
                         if mobility(i, a) > wp.float64(0.0):
-                            got = wrench(c.weights[s][k] * impulse, began(i, back, a) - centre)
+                            got = wrench(c.weights[s][corner] * impulse, began(i, back, a) - centre)
                             for r in range(6):
                                 total[r] += got[r]
                     total[6] += wp.float64(1.0)
@@ -348,17 +380,23 @@ def surface_contact(
     ):  # fmt: skip
         change_motion(changes[0], at_end, wp.float64(step[0]), place, rotation, motion)
 
-    @kernel(per="list")
+    @kernel(per="block")
     def spread(
-        a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), first: int,
+        a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
         changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d),
     ):  # fmt: skip
-        i = wp.tid() + first
-        pushed, dragged, _count = given_to(i, c, pushes, pressed)
-        ease = mobility(i, a)
-        changes[i] = ease * (pushed + dragged)
-        if wp.static(rubs):
-            rubbed[i] = ease * dragged
+        """Triangles that share a point write the same to it."""
+        part, lane = place_in_block(wp.tid() + first)
+        for k in range(lane, listed[part], wp.block_dim()):
+            corners = a.triangles[entries[part * block + k]]
+            for corner in range(3):
+                i = corners[corner]
+                pushed, dragged, _count = given_to(i, c, pushes, pressed)
+                ease = mobility(i, a)
+                changes[i] = ease * (pushed + dragged)
+                if wp.static(rubs):
+                    rubbed[i] = ease * dragged
 
     @kernel(per="once")
     def clear(first: int, any_near: wp.array(dtype=wp.int32), changes: wp.array(dtype=vec6d)):
@@ -366,4 +404,4 @@ def surface_contact(
         if wp.static(moves_freely):
             changes[0] = vec6d()
 
-    return SurfaceContact(Surface, Constraints, find_pressing, press, react, move_body, spread, clear)
+    return SurfaceContact(Surface, Constraints, mark_near, find_pressing, press, react, move_body, spread, clear)

@@ -105,6 +105,10 @@ class ContactAtRest(Protocol):
         """Settle what is left in equilibrium; whether that asks for a new one."""
         ...
 
+    def passed(self) -> bool:
+        """Whether equilibrium is on the wrong side, so that the load step must be halved."""
+        ...
+
 
 class BuiltLoad(BuiltPart, Protocol):
     """A load on a device. Every solver calls the same `add_force`.

@@ -14,13 +14,14 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, Part, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, Part, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
+from .body_checks import passes
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -350,7 +351,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
         self.memory = [self.multiplier, self._stiffness]
-        self._softest = 0.0
+        self._softest, self._divided = 0.0, 0
+        self._law, self._intact = law, None if law.intact is None else law.intact.numpy()
+        self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
         self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
@@ -395,6 +398,34 @@ class BodyAtRest(BuiltBody, BuiltLoad):
             stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
             self._stiffness.assign(np.array([stiffness]))
         self._softest = float(self._stiffness.numpy()[0])
+        self._before = self._from_centre()
+
+    def _from_centre(self) -> np.ndarray:
+        """Positions of the points relative to the centre of the body [m], shape (N, 3)."""
+        context = self.context
+        here = context.sheet.positions + np.asarray(context.state.displacement.numpy(), np.float64)
+        return np.asarray(here - self.motion.place.numpy()[0])
+
+    def passed(self) -> bool:
+        """Return whether the body has passed through the sheet since the last load step that it did not."""
+        torn, now = None, self._from_centre()
+        if self._intact is not None and self._law.intact is not None:
+            torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))
+        found = passes(self._before, now, self.context.sheet.triangles, torn)
+        if found:
+            self._divided += 1
+        else:
+            self._before = now
+        return found
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Note on load steps in which the body would have passed through the sheet."""
+        if not self._divided:
+            return []
+        return [
+            f"{self.label} passed through the sheet in {self._divided} load steps, which were halved: "
+            "expected more load_steps, a thicker body, or more points"
+        ]
 
     def settle(self) -> bool:
         """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""

@@ -16,7 +16,7 @@ from ..kernels import surface_contact as kernels
 from ..kernels.body_motion import vec6d
 from ..kernels.damage import face_damage
 from .body_shapes import BodyShape, in_frame
-from .built_motion import LANES, Blocks, BuiltMotion
+from .built_motion import BlockList, BuiltMotion
 
 # Iterations per half step, and thickness of the layer around the segments of the body that triangles stay outside,
 # divided by the smaller of body thickness and spacing; the layer is thicker than the error left by the iterations.
@@ -68,6 +68,7 @@ class BodySurface:
             "normals": room("normals", wp.vec3d, "table", size),
             "spots": room("spots", wp.vec3d, "table", size),
         }
+        self._near = BlockList(f"{name}_near_faces", name, self._found["near"], context)
         sides = {"begins": table("begins", wp.int32, begins), "sides": table("sides", wp.int32, order)}
         self._constraints = with_values(made.constraints(), {**self._found, **sides})
         self._earlier = room("earlier", wp.float64, "table", size)
@@ -85,11 +86,11 @@ class BodySurface:
         self._numbers: dict[str, Any] = {}
         if free is not None:
             mass, inertia = free
-            blocks = self._blocks = Blocks(faces, context.device)
+            near = self._near
             self._sums = {
-                "sums": room("sums_of_faces", kernels.Reaction, "block", blocks.count),
-                "counts": room("counts_of_faces", wp.int32, "block", blocks.count),
-                "arrived": room("arrived_faces", wp.int32, "once", 1),
+                "counts": near.counts,
+                "arrived": near.arrived,
+                "sums": near.room("reactions", kernels.Reaction),
             }
             self._yielded = {"changes": room("yielded", vec6d, "once", 1)}
             self._yielded["splits"] = room("splits", wp.float64, "once", 1)
@@ -136,23 +137,24 @@ class BodySurface:
         half: dict[str, Any] = {"a": with_values(made.struct(), values), "at_end": int(at_end)}
         constraints = {"c": self._constraints}
         before, after = self._given
-        stage.launch(
-            name, made.find, self._faces, any_near=self._any, earlier=self._earlier, gaps=self._gaps, **before, **half,
-            **self._found,
-        )  # fmt: skip
+        near, found = self._near, {**self._found, "any_near": self._any, "earlier": self._earlier, "gaps": self._gaps}
+        lists = {"entries": near.entries, "listed": near.listed}
+        stage.launch(name, made.mark, self._faces, near=found["near"], **half)
+        near.add(stage)
+        near.launch(stage, made.find, **found, **lists, **before, **half)
         for iteration in range(1 + ITERATIONS):
             # The first iteration only finds which triangles press; the last one has no momentum.
             momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
-            stage.launch(
-                name, made.press, self._faces, momentum=momentum, earlier=self._earlier, **self._yielded,
-                pushes_after=after["pushes"], pressed_after=after["pressed"], **before, **half, **constraints,
+            near.launch(
+                stage, made.press, momentum=momentum, earlier=self._earlier, **self._yielded,
+                pushes_after=after["pushes"], pressed_after=after["pressed"], **lists, **before, **half, **constraints,
                 **self.when,
             )  # fmt: skip
             before, after = after, before
             if self._sums:
-                stage.launch(
-                    name, made.react, self._blocks.threads, block_dim=LANES, block=self._blocks.size, **before, **half,
-                    **constraints, **self._sums, **self._yielded, **self.when,
+                near.launch(
+                    stage, made.react, **lists, **before, **half, **constraints, **self._sums, **self._yielded,
+                    **self.when,
                 )  # fmt: skip
         if self._sums:
             moved = {name: body[name] for name in ("place", "rotation", "motion")}
@@ -160,8 +162,8 @@ class BodySurface:
                 name, made.move, 1, at_end=int(at_end), changes=self._yielded["changes"], step=state.step, **moved,
                 **self.when,
             )  # fmt: skip
-        stage.launch(
-            name, made.spread, context.sheet.size, a=half["a"], changes=self.changes, rubbed=self.rubbing, **before,
+        near.launch(
+            stage, made.spread, a=half["a"], changes=self.changes, rubbed=self.rubbing, **lists, **before,
             **constraints, **self.when,
         )  # fmt: skip
 

@@ -13,6 +13,7 @@ from ..device.launches import Stage, with_values
 from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.block_lists import list_marked
 from ..kernels.body_contact import Given, PointContact, body_contact
 from ..kernels.body_motion import free_motion, path_motion, vec6d
 from ..kernels.effects import Kernel
@@ -20,8 +21,9 @@ from ..kernels.free_contact import Equations, FreeBody, FreeContact, free_contac
 
 # Number of points from which those that may touch are marked first; on smaller sheets the extra launches cost more.
 MARKED_FROM = 2**17
-# Sums over points or triangles: number of threads per block on a GPU, and maximum number of blocks.
-LANES, MOST_BLOCKS = 256, 512
+# Lists of points or triangles: number of threads per block on a GPU that work on a list, or make it, and maximum number
+# of blocks; more would not run at once.
+LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
@@ -50,20 +52,41 @@ class Thrown(Protocol):
         ...
 
 
-class Blocks:
-    """Division of the entries of a list among blocks of threads, for sums in a fixed order.
+class BlockList:
+    """List of the marked points or triangles, in parts that belong to blocks of threads; see kernels/block_lists.py.
 
     Attributes:
-        count: Number of blocks.
+        blocks: Number of blocks.
         size: Entries per block.
-        threads: Number of threads of all blocks.
+        entries: Room for a list of each block, int32.
+        listed: Number of entries in each list, int32.
+        counts, arrived: Room for `sum_of_blocks`.
     """
 
-    def __init__(self, entries: int, device: wp.Device) -> None:
-        self.count = min(MOST_BLOCKS, -(-entries // LANES))
-        self.size = -(-entries // self.count)
+    def __init__(self, name: str, owner: str, marks: Array, context: Context) -> None:
+        self._name, self._owner, self._marks = name, owner, marks
+        self._cuda, self._context = context.device.is_cuda, context
+        self.blocks = min(MOST_BLOCKS, -(-marks.size // LANES))
+        self.size = -(-marks.size // self.blocks)
+        self.entries = context.array(f"{name}_entries", owner, wp.int32, shape=marks.size, per="table")
+        self.listed = self.room("listed", wp.int32)
+        self.counts = self.room("counts", wp.int32)
+        self.arrived = context.array(f"{name}_arrived", owner, wp.int32, shape=1, per="once")
+
+    def room(self, what: str, dtype: Any) -> Array:
+        """An array with an entry for each block."""
+        return self._context.array(f"{self._name}_{what}", self._owner, dtype, shape=self.blocks, per="block")
+
+    def add(self, stage: Stage, **when: Any) -> None:
+        """Add the launch that makes the list."""
+        made = {"entries": self.entries, "counts": self.listed}
+        self.launch(stage, list_marked, LISTING, marks=self._marks, **made, **when)
+
+    def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, **arguments: Any) -> None:
+        """Add a launch of a kernel on all blocks."""
         # On a CPU a block has one thread.
-        self.threads = self.count * (LANES if device.is_cuda else 1)
+        threads = self.blocks * (lanes if self._cuda else 1)
+        stage.launch(self._owner, kernel, threads, block_dim=lanes, block=self.size, **arguments)
 
 
 class BuiltMotion:
@@ -191,7 +214,8 @@ class InFlight(BuiltMotion):
         rubs = friction > 0.0
         self._sums_given = SUMS if rubs and tracked else SUMS[:-1]
         self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
-        blocks = self._blocks = Blocks(points, context.device)
+        assert self.marks is not None
+        near = self._near = BlockList(f"{name}_near", name, self.marks, context)
 
         def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
@@ -209,9 +233,9 @@ class InFlight(BuiltMotion):
         }  # fmt: skip
         arrays = {
             "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
-            "changes": self.changes, "given": self.given, "equations": room("sums", Equations, blocks.count, "block"),
-            "impulses": room("sums_of_given", Given, blocks.count, "block"),
-            "counts": room("counts", wp.int32, blocks.count, "block"), "arrived": room("arrived", wp.int32, 1, "once"),
+            "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
+            "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
+            "entries": near.entries, "listed": near.listed,
         }  # fmt: skip
         self._of = with_values(FreeBody(), {**numbers, **arrays})
 
@@ -228,24 +252,19 @@ class InFlight(BuiltMotion):
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches that compute the response of the body to the touching points, and those of contact."""
         kernels = self._kernels(of, at_end)
+        if not at_end:
+            self._near.add(stage)
         for kernel in (kernels.find, kernels.give_way, kernels.strike):
-            self._launch(stage, kernel, kernels.struct, values)
+            self._near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles."""
         kernels = self._kernels(of, at_end)
-        self._launch(stage, kernels.take, kernels.struct, values, **when)
+        self._near.launch(stage, kernels.take, a=with_values(kernels.struct(), values), body=self._of, **when)
 
     def _kernels(self, of: PointContact, at_end: bool) -> FreeContact:
         f = self.context.features
         return free_contact(of, f.damped, f.tracked, "slips" in self._found, at_end)
-
-    def _launch(self, stage: Stage, kernel: Kernel, struct: Any, values: Mapping[str, Any], **when: Any) -> None:
-        blocks = self._blocks
-        stage.launch(
-            self.name, kernel, blocks.threads, block_dim=LANES, a=with_values(struct(), values), body=self._of,
-            block=blocks.size, **when,
-        )  # fmt: skip
 
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact."""

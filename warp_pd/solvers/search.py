@@ -165,4 +165,6 @@ class Search(StaticSystem):
                 whole[name] += found[name]
             converged, residual = found["converged"] and not self.rupture.goes_on(entry), found["residuals"][-1]
             whole["converged"] = entry["converged"] = converged
+        if converged and sum(contact.passed() for contact in self.levels[0].contacts):
+            converged = entry["converged"] = False
         return converged, residual
