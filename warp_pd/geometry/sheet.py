@@ -399,12 +399,28 @@ class Sheet(SelectableShape):
         Raises:
             InputError: if it contains fewer than three points, or only collinear points.
         """
-        members = self.within(centre, radius)
+        return self.rigid(self.within(centre, radius))
+
+    def rigid(self, points: np.ndarray, mass: float | None = None) -> Sheet:
+        """A copy in which `points` move as one rigid body, such as a frame at an edge.
+
+        Args:
+            points: Point indices.
+            mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
+
+        Raises:
+            InputError: if there are fewer than three points, only collinear points, or the mass is not positive.
+        """
+        members = point_indices("rigid: points", points, self.size)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            inclusion = f"inclusion at {centre!r} of radius {radius!r} contains {len(members)} points"
-            raise InputError(f"{inclusion}: expected three or more points that are not collinear")
-        return replace(self, inclusions=(*self.inclusions, members))
+            raise InputError(f"rigid: points = {len(members)} points: expected three or more that are not collinear")
+        density = self.density
+        if mass is not None:
+            volume = (self.areas * self.thickness)[members].sum()
+            density = np.broadcast_to(np.asarray(self.density, float), self.size).copy()
+            density[members] = positive("rigid: mass", mass) / volume
+        return replace(self, inclusions=(*self.inclusions, members), density=density)
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
         """A copy in which all moduli of the material are multiplied by `factor` at `points`.

@@ -281,26 +281,24 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of its thickness.
+        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of half its thickness.
 
         With friction, the initial speed of the sheet is added to that of the body: if friction stopped a point while
         its neighbours moved half a spacing, the sheet would be overstretched.
         """
         shape, sheet, context = self.part.shape, self.context.whole, self.context
-        furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
-        speed = self.part.motion.speed(min(shape.radius(), furthest))
+        reach = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
+        speed = self.part.motion.speed(min(shape.radius(), reach))
         if self._rubs:
             thrown = float(np.linalg.norm(context.state.velocity.numpy().astype(np.float64), axis=1).max())
             speed -= context.communicator.minimum(-thrown)
         if speed <= 0.0:
             return None
-        smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        furthest = travel * min(sheet.spacing, 0.5 * shape.thinnest())
         if self._surface is not None and self._surface.edged:
-            travel = min(travel, EDGE_TRAVEL * sheet.spacing / smaller)
-        return StepLimit(
-            travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel:.3g} spacings"
-        )
+            furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
+        return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def outline(self) -> Body:
         """Surface for drawing."""
@@ -339,11 +337,11 @@ class BodyAtRest(BuiltBody, BuiltLoad):
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
-            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath with Newton, or Explicit")
+            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath at rest, or Explicit")
         for name, value, wanted in (("friction", part.friction, 0.0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
-                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with Newton, or Explicit"
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types
@@ -351,7 +349,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
         self.memory = [self.multiplier, self._stiffness]
-        self._softest, self._divided = 0.0, 0
+        self._softest, self._refused = 0.0, 0
         self._law, self._intact = law, None if law.intact is None else law.intact.numpy()
         self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
@@ -386,16 +384,20 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._launch(stage, self._kernels.press, displacement, out=out)
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `blocks`, and the stage that updates the multipliers."""
+        """Add the launch that fills `blocks`."""
         self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
-        settle = self.context.stage(f"settle {self.part.name}", "every equilibrium")
-        self._launch(settle, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
 
-    def stiffen(self, modulus: float) -> None:
-        """Set the contact stiffness, unless it is set, to about that of the sheet at a point; `modulus` in [Pa]."""
-        sheet = self.context.sheet
+    def add_settling(self) -> None:
+        """Add the stage that updates the multipliers."""
+        stage, displacement = (
+            self.context.stage(f"settle {self.part.name}", "every equilibrium"),
+            self.context.state.displacement,
+        )
+        self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+
+    def stiffen(self, stiffness: float) -> None:
+        """Set the contact stiffness [Pa/m], unless it is set."""
         if not self._stiffness.numpy()[0]:
-            stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
             self._stiffness.assign(np.array([stiffness]))
         self._softest = float(self._stiffness.numpy()[0])
         self._before = self._from_centre()
@@ -413,18 +415,18 @@ class BodyAtRest(BuiltBody, BuiltLoad):
             torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))
         found = passes(self._before, now, self.context.sheet.triangles, torn)
         if found:
-            self._divided += 1
+            self._refused += 1
         else:
             self._before = now
         return found
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Note on load steps in which the body would have passed through the sheet."""
-        if not self._divided:
+        if not self._refused:
             return []
         return [
-            f"{self.label} passed through the sheet in {self._divided} load steps, which were halved: "
-            "expected more load_steps, a thicker body, or more points"
+            f"{self.label}: number of load steps refused, since it passed through the sheet: {self._refused}; expected "
+            "more load_steps, a thicker body, or more points"
         ]
 
     def settle(self) -> bool:

@@ -175,8 +175,9 @@ class OnPath(BuiltMotion):
         context.clock.register(Schedule(np.array([0.0]), positions[:1]))
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launch that follows the path."""
-        if phase is (Phase.RIGID_DRIFT if self.context.features.dynamic else Phase.SCHEDULES):
+        """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
+        phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        if phase in phases:
             clock = self.context.clock
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,

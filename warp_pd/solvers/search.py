@@ -83,8 +83,10 @@ class Search(StaticSystem):
         self._start_report(sink)
         if finest.contacts:
             finest.linearise(0.0)
+            sheet = finest.context.sheet
+            stiffness = finest.tangent.modulus() * float(np.mean(sheet.thickness)) / sheet.spacing**2
             for contact in finest.contacts:
-                contact.stiffen(finest.tangent.modulus())
+                contact.stiffen(stiffness)
         reached = sink.time / self.settings.duration
         broken, settled = self._keep(reached)
         while reached < 1.0 - 1e-9:
