@@ -100,6 +100,7 @@ class BuiltLaw(BuiltPart, Protocol):
         unit_volume: Thickness times reference area [m^3].
         correction: Report on the correction of the weights for the summary, or None.
         earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        partial_energy: Warp function of what every n-th member adds to this energy now, if the law has one.
         coarsens: Whether the law can be built on coarser sheets.
         goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
@@ -117,6 +118,7 @@ class BuiltLaw(BuiltPart, Protocol):
     unit_volume: float
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None
+    partial_energy: wp.Function | None
     coarsens: bool
     goes_slack: bool
     slack_frequency: float | None
