@@ -82,7 +82,7 @@ class BlockList:
         made = {"entries": self.entries, "counts": self.listed}
         self.launch(stage, list_marked, LISTING, marks=self._marks, **made, **when)
 
-    def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, **arguments: Any) -> None:
+    def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, /, **arguments: Any) -> None:
         """Add a launch of a kernel on all blocks."""
         # On a CPU a block has one thread.
         threads = self.blocks * (lanes if self._cuda else 1)
