@@ -1,8 +1,9 @@
 """Lists of marked entries, and sums over them in a fixed order, by blocks of threads.
 
-Each block has its own range of entries, and its own part of a list, so bits repeat without a sort. On a CPU a block has
-one thread. The block that ends last adds up the sums of all blocks, in their order (as in the CUDA sample
-threadFenceReduction), so no launch is spent on that.
+Each block has its own entries, and its own part of a list, so bits repeat without a sort. Blocks take turns at every 32
+entries, so that a small patch of the sheet is work for all of them. On a CPU a block has one thread. The block that
+ends last adds up the sums of all blocks, in their order (as in the CUDA sample threadFenceReduction), so no launch is
+spent on that.
 """
 
 import functools
@@ -75,24 +76,34 @@ def place_in_block(thread: int):
     return part, thread - part * wp.block_dim()
 
 
+@wp.func
+def entry_of(part: int, k: int, blocks: int):
+    """The k-th entry of a block."""
+    turn = k / 32
+    return 32 * (turn * blocks + part) + k - 32 * turn
+
+
 @kernel(per="block")
 def list_marked(
     marks: wp.array(dtype=wp.uint8), block: int, first: int, entries: wp.array(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):  # fmt: skip
-    """Write the marked entries of each block of `block` entries to the beginning of its part of `entries`."""
+    """Write the marked entries of each block, of `block` entries, to the beginning of its part of `entries`."""
     part, lane = place_in_block(wp.tid() + first)
-    begin = part * block
-    end = wp.min(begin + block, marks.shape[0])
+    blocks = counts.shape[0]
     count = wp.int32(0)
-    for i in range(begin + lane, end, wp.block_dim()):
-        if marks[i] != wp.uint8(0):
-            count += 1
-    at = begin + wp.untile(wp.tile_scan_exclusive(wp.tile(count)))
-    if count > 0:
-        for i in range(begin + lane, end, wp.block_dim()):
+    for k in range(lane, block, wp.block_dim()):
+        i = entry_of(part, k, blocks)
+        if i < marks.shape[0]:
             if marks[i] != wp.uint8(0):
-                entries[at] = i
-                at += 1
+                count += 1
+    at = part * block + wp.untile(wp.tile_scan_exclusive(wp.tile(count)))
     if lane == wp.block_dim() - 1:
-        counts[part] = at - begin
+        counts[part] = at + count - part * block
+    if count > 0:
+        for k in range(lane, block, wp.block_dim()):
+            i = entry_of(part, k, blocks)
+            if i < marks.shape[0]:
+                if marks[i] != wp.uint8(0):
+                    entries[at] = i
+                    at += 1

@@ -18,7 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from .block_lists import place_in_block, sum_of_blocks
+from .block_lists import entry_of, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, STRUCK, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
@@ -239,15 +239,21 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
         if wp.static(not at_end):
             everywhere = yields_far(a)
             if everywhere:
-                number = wp.min(block, a.marks.shape[0] - part * block)
+                number = block
         for k in range(lane, number, wp.block_dim()):
+            i = body.entries[part * block + k]
             if everywhere:
-                body.entries[part * block + k] = part * block + k
-            count += 1
-            sums += act_on(body.entries[part * block + k], a)
+                i = entry_of(part, k, body.listed.shape[0])
+            if i < a.marks.shape[0]:
+                body.entries[part * block + k] = i
+                count += 1
+                sums += act_on(i, a)
         ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
-        if everywhere and lane == 0:
-            body.listed[part] = number
+        if everywhere:
+            # The last entries of a block may lie beyond the last point.
+            number = wp.tile_sum(wp.tile(count))[0]
+            if lane == 0:
+                body.listed[part] = number
         if ends and lane == 0:
             give(sums, body)
             if wp.static(not at_end):
@@ -263,11 +269,13 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
         part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
-        for i in range(part * block + lane, wp.min((part + 1) * block, a.changes.shape[0]), wp.block_dim()):
-            got = take_on(i, a)
-            if wp.length_sq(got) > wp.float64(0.0):
-                count += 1
-                sums += got
+        for k in range(lane, block, wp.block_dim()):
+            i = entry_of(part, k, body.listed.shape[0])
+            if i < a.changes.shape[0]:
+                got = take_on(i, a)
+                if wp.length_sq(got) > wp.float64(0.0):
+                    count += 1
+                    sums += got
         ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
         if ends and lane == 0:
             give(sums, body)

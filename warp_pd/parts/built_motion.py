@@ -57,7 +57,7 @@ class BlockList:
 
     Attributes:
         blocks: Number of blocks.
-        size: Entries per block.
+        size: Entries per block, a multiple of 32.
         entries: Room for a list of each block, int32.
         listed: Number of entries in each list, int32.
         counts, arrived: Room for `sum_of_blocks`.
@@ -67,8 +67,8 @@ class BlockList:
         self._name, self._owner, self._marks = name, owner, marks
         self._cuda, self._context = context.device.is_cuda, context
         self.blocks = min(MOST_BLOCKS, -(-marks.size // LANES))
-        self.size = -(-marks.size // self.blocks)
-        self.entries = context.array(f"{name}_entries", owner, wp.int32, shape=marks.size, per="table")
+        self.size = 32 * -(-marks.size // (32 * self.blocks))
+        self.entries = context.array(f"{name}_entries", owner, wp.int32, shape=self.blocks * self.size, per="table")
         self.listed = self.room("listed", wp.int32)
         self.counts = self.room("counts", wp.int32)
         self.arrived = context.array(f"{name}_arrived", owner, wp.int32, shape=1, per="once")
