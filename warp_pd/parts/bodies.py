@@ -425,8 +425,8 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         if not self._refused:
             return []
         return [
-            f"{self.label}: number of load steps refused, since it passed through the sheet: {self._refused}; expected "
-            "more load_steps, a thicker body, or more points"
+            f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
+            "load_steps, a thicker body, or more points"
         ]
 
     def settle(self) -> bool:
