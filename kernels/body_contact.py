@@ -303,45 +303,23 @@ def point_contact(
     return PointContact(search, find_inside, find_touching, project, separate, take_in_step, take_at_end)
 
 
-@dataclass(frozen=True)
-class BodyContactStages:
-    """Pointwise stages of contact with a body on a path; see the functions of `PointContact`."""
-
-    project: Pointwise
-    separate: Pointwise
-    take_in_step: Pointwise
-    take_at_end: Pointwise
-
-
 @functools.cache
-def body_contact(of: PointContact) -> BodyContactStages:
-    """Pointwise stages of contact with a body on a path."""
+def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
+    """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end."""
     BodyContact, plane = of.search.struct, of.search.plane
-    may_touch_in_step, may_touch_now = of.search.may_touch_in_step, of.search.may_touch_now
-    project, separate, take, take_last = of.project, of.separate, of.take_in_step, of.take_at_end
+    may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
+    act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
 
-    @pointwise(BodyContact, writes=MOVED)
-    def project_out(begin: int, end: int, a: BodyContact):
+    @pointwise(BodyContact, writes=STRUCK if at_end else MOVED)
+    def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
-            if may_touch_in_step(i, a, here):
-                project(i, a)
-
-    @pointwise(BodyContact, writes=STRUCK)
-    def separate_from(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        for i in range(begin, end):
-            if may_touch_now(i, a, here):
-                separate(i, a)
+            if may_touch(i, a, here):
+                act_on(i, a)
 
     @pointwise(BodyContact, writes=TAKEN)
-    def take_in_step(begin: int, end: int, a: BodyContact):
+    def take_impulses(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            take(i, a)
+            take_on(i, a)
 
-    @pointwise(BodyContact, writes=TAKEN)
-    def take_at_end(begin: int, end: int, a: BodyContact):
-        for i in range(begin, end):
-            take_last(i, a)
-
-    return BodyContactStages(project_out, separate_from, take_in_step, take_at_end)
+    return strike_points, take_impulses

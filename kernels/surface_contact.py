@@ -249,76 +249,6 @@ def surface_contact(
                         count += 1
         return pushed, dragged, count
 
-    @wp.func
-    def press_triangle(
-        f: int, a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d),
-        pressed: wp.array(dtype=wp.uint8), changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
-        momentum: wp.float64, pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
-        earlier: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
-        if c.near[f] != wp.uint8(0):
-            zero = wp.float64(0.0)
-            dt = wp.float64(a.step[0])
-            drift = wp.where(at_end != 0, zero, dt)
-            corners = a.triangles[f]
-            x = wp.mat33d()
-            v = wp.mat33d()
-            counts = wp.vec3i()
-            for k in range(3):
-                i = corners[k]
-                pushed, dragged, count = given_to(i, c, pushes, pressed)
-                change = mobility(i, a) * (pushed + dragged)
-                x[k] = position(i, a) - a.place[0] + drift * change
-                v[k] = wide(a.velocity[i]) + change
-                counts[k] = count
-            for slot in range(wp.int32(c.near[f])):
-                s = wp.static(SLOTS) * f + slot
-                w = c.weights[s]
-                n = c.normals[s]
-                spot = wp.vec3d()
-                moving = wp.vec3d()
-                full = zero
-                sure = bool(True)
-                for k in range(3):
-                    b = w[k]
-                    spot += b * x[k]
-                    moving += b * v[k]
-                    full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
-                    sure = sure and (b == zero or counts[k] > 0)
-                on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
-                relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
-                full_slip = full
-                if wp.static(moves_freely):
-                    d = changes[0]
-                    yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)
-                    relative -= yielded
-                    on_body += drift * yielded
-                    split = wp.max(splits[0], wp.float64(1.0))
-                    lever = wp.cross(on_body, n)
-                    turned = wp.dot(lever, spin_of(a.rotation[0], a.inverse_inertia, lever))
-                    full += split * (a.inverse_mass + turned)
-                    full_slip += split * (a.inverse_mass + a.easiest_turn * wp.length_sq(on_body))
-                rate = (wp.dot(n, spot - on_body) - a.segments.radius - w[3]) / dt
-                if at_end != 0:
-                    rate = wp.dot(relative, n)
-                    if wp.length(spot - on_body) > a.segments.radius + a.skin:
-                        rate = wp.max(rate, zero)
-                push = pushes[s]
-                much = push[3]
-                rub = wp.vec3d(push[0], push[1], push[2])
-                if sure and full > zero:
-                    much = wp.max(much - rate / full, zero)
-                    if wp.static(rubs):
-                        rub -= (relative - wp.dot(relative, n) * n) / full_slip
-                        size = wp.length(rub)
-                        if size > a.friction * much:
-                            rub = (a.friction * much / size) * rub
-                ahead = wp.max(much + momentum * (much - earlier[s]), zero)
-                earlier[s] = much
-                pushes_after[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
-                pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
-
     @kernel(per="block")
     def press(
         a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
@@ -327,12 +257,71 @@ def surface_contact(
         pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
         earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
+        """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
         part, lane = place_in_block(wp.tid() + first)
-        for k in range(lane, listed[part], wp.block_dim()):
-            press_triangle(
-                entries[part * block + k], a, at_end, c, pushes, pressed, changes, splits, momentum, pushes_after,
-                pressed_after, earlier,
-            )  # fmt: skip
+        for number in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + number]
+            if c.near[f] != wp.uint8(0):
+                zero = wp.float64(0.0)
+                dt = wp.float64(a.step[0])
+                drift = wp.where(at_end != 0, zero, dt)
+                corners = a.triangles[f]
+                x = wp.mat33d()
+                v = wp.mat33d()
+                counts = wp.vec3i()
+                for k in range(3):
+                    i = corners[k]
+                    pushed, dragged, count = given_to(i, c, pushes, pressed)
+                    change = mobility(i, a) * (pushed + dragged)
+                    x[k] = position(i, a) - a.place[0] + drift * change
+                    v[k] = wide(a.velocity[i]) + change
+                    counts[k] = count
+                for slot in range(wp.int32(c.near[f])):
+                    s = wp.static(SLOTS) * f + slot
+                    w = c.weights[s]
+                    n = c.normals[s]
+                    spot = wp.vec3d()
+                    moving = wp.vec3d()
+                    full = zero
+                    sure = bool(True)
+                    for k in range(3):
+                        b = w[k]
+                        spot += b * x[k]
+                        moving += b * v[k]
+                        full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
+                        sure = sure and (b == zero or counts[k] > 0)
+                    on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
+                    relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
+                    full_slip = full
+                    if wp.static(moves_freely):
+                        d = changes[0]
+                        yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)
+                        relative -= yielded
+                        on_body += drift * yielded
+                        split = wp.max(splits[0], wp.float64(1.0))
+                        lever = wp.cross(on_body, n)
+                        turned = wp.dot(lever, spin_of(a.rotation[0], a.inverse_inertia, lever))
+                        full += split * (a.inverse_mass + turned)
+                        full_slip += split * (a.inverse_mass + a.easiest_turn * wp.length_sq(on_body))
+                    rate = (wp.dot(n, spot - on_body) - a.segments.radius - w[3]) / dt
+                    if at_end != 0:
+                        rate = wp.dot(relative, n)
+                        if wp.length(spot - on_body) > a.segments.radius + a.skin:
+                            rate = wp.max(rate, zero)
+                    push = pushes[s]
+                    much = push[3]
+                    rub = wp.vec3d(push[0], push[1], push[2])
+                    if sure and full > zero:
+                        much = wp.max(much - rate / full, zero)
+                        if wp.static(rubs):
+                            rub -= (relative - wp.dot(relative, n) * n) / full_slip
+                            size = wp.length(rub)
+                            if size > a.friction * much:
+                                rub = (a.friction * much / size) * rub
+                    ahead = wp.max(much + momentum * (much - earlier[s]), zero)
+                    earlier[s] = much
+                    pushes_after[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
+                    pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
 
     @kernel(per="block")
     def react(

@@ -258,7 +258,7 @@ def test_bodies_without_a_surface_leave_nothing_of_it():
         pin = RigidBody(Capsule(0.03, 0.03), BodyPath.still((0.0, 0.0, 5.0)), surface=surface)
         return simulate(square(7), contact=pin).plan("cpu", 64)
 
-    for name in ("find_pressing", "spread", "take_in_step", "body_pushes_after"):
+    for name in ("find_pressing", "spread", "take_impulses", "body_pushes_after"):
         assert name in plan(True) and name not in plan(False)
 
 

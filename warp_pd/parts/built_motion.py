@@ -120,15 +120,13 @@ class BuiltMotion:
 
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches of contact with points; `values`: members of the struct of `of`."""
-        kernels, alone = body_contact(of), self.marks is not None
-        act = kernels.separate if at_end else kernels.project
-        stage.pointwise(self.name, act, self.context.sheet.size, alone=alone, **values)
+        act, _take = body_contact(of, at_end)
+        stage.pointwise(self.name, act, self.context.sheet.size, alone=self.marks is not None, **values)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles; `when`: options of the launch."""
-        kernels = body_contact(of)
-        act = kernels.take_at_end if at_end else kernels.take_in_step
-        stage.pointwise(self.name, act, self.context.sheet.size, **when, **values)
+        _act, take = body_contact(of, at_end)
+        stage.pointwise(self.name, take, self.context.sheet.size, **when, **values)
 
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact with a free body, by their name in the struct of `PointContact`."""
