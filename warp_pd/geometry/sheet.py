@@ -416,15 +416,36 @@ class Sheet(SelectableShape):
                 sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
-        offset = self.points[members] - self.points[members[:1]]
-        inclusion = f"inclusion at {centre!r} of radius {radius!r} contains"
-        if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            raise InputError(f"{inclusion} {len(members)} points: expected three or more that are not collinear")
-        if len(members) == self.size:
-            raise InputError(f"{inclusion} the whole sheet: expected a smaller one")
         if self.frames is not None and (patches := len(np.unique(joined(self.triangles, members)))) > 1:
-            raise InputError(f"{inclusion} {patches} patches that do not hang together: expected a smaller one")
-        return replace(self, inclusions=(*self.inclusions, members))
+            raise InputError(
+                f"inclusion at {centre!r} of radius {radius!r} contains {patches} patches that do not hang together: "
+                "expected a smaller one"
+            )
+        return self.rigid(members)
+
+    def rigid(self, points: np.ndarray, mass: float | None = None) -> Sheet:
+        """A copy in which `points` move as one rigid body, such as a frame at an edge.
+
+        Args:
+            points: Point indices.
+            mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
+
+        Raises:
+            InputError: if there are fewer than three points, only collinear points or all points of the sheet, or the
+                mass is not positive.
+        """
+        members = point_indices("rigid: points", points, self.size)
+        offset = self.points[members] - self.points[members[:1]]
+        if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
+            raise InputError(f"rigid: points = {len(members)} points: expected three or more that are not collinear")
+        if len(members) == self.size:
+            raise InputError("rigid: points contain the whole sheet: expected fewer")
+        density = self.density
+        if mass is not None:
+            volume = (self.areas * self.thickness)[members].sum()
+            density = np.broadcast_to(np.asarray(self.density, float), self.size).copy()
+            density[members] = positive("rigid: mass", mass) / volume
+        return replace(self, inclusions=(*self.inclusions, members), density=density)
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
         """A copy in which all moduli of the material are multiplied by `factor` at `points`.

@@ -203,35 +203,8 @@ class TangentMatrix:
         return factorised(matrix, self.free, added)
 
 
-<<<<<<< HEAD
-def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Second derivative of W Psi by F, whose columns F e1 and F e2 are stacked, shape (M, 6, 6).
-
-    S is the weighted stress 11, 12, 22, shape (M, 3), T the upper triangle of the weighted moduli, shape (M, 6).
-    """
-    b = np.zeros((len(F), 3, 6))
-    b[:, 0, :3] = 2.0 * F[..., 0]
-    b[:, 1, 3:] = 2.0 * F[..., 1]
-    b[:, 2, :3], b[:, 2, 3:] = F[..., 1], F[..., 0]
-    moduli = T[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-    blocks = 0.5 * b.transpose(0, 2, 1) @ (moduli @ b)
-    for c in range(3):
-        blocks[:, c, c] += S[:, 0]
-        blocks[:, c, 3 + c] += S[:, 1]
-        blocks[:, 3 + c, c] += S[:, 1]
-        blocks[:, 3 + c, 3 + c] += S[:, 2]
-    return blocks
-
-
-def gradient_matrix(force: BondAssociatedLaw) -> tuple[csr_matrix, tuple[np.ndarray, np.ndarray]]:
-    """Sparse coefficients of the displacement in the gradients F_ij [1/m], (2 M, N), and their members and points.
-
-    Rows 2 q and 2 q + 1 are the columns of the q-th of the M gradients that intersections determine.
-    """
-=======
 def pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:
     """Points that share a family, as starts of rows, shape (N + 1,), and columns in ascending order."""
->>>>>>> wt-static
     from scipy import sparse
 
     n, every = families.points, np.arange(families.points)
