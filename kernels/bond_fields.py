@@ -10,6 +10,7 @@ from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
+from .maxwell import ElasticNetwork, maxwell
 from .principal_fields import Wanted, image_of, showing, tensors
 from .visco import overstressed
 
@@ -24,6 +25,7 @@ def bond_fields(
     viscous: bool,
     stiffened: bool,
     wanted: Wanted,
+    network: ElasticNetwork | None = None,
 ) -> Kernel:
     """Kernel that fills the point fields of a law with one deformation gradient per bond.
 
@@ -36,6 +38,7 @@ def bond_fields(
         viscous: Whether the stress has Prony terms, see kernels/visco.py.
         stiffened: Whether the moduli vary from point to point by a factor.
         wanted: The fields to fill.
+        network: The material without its viscous branches, whose constants are then `prony`; otherwise None.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -45,6 +48,7 @@ def bond_fields(
     stress, _ = material(bits)
     Constants = constants_of(stress)
     with_overstress = overstressed(bits) if viscous else None
+    respond = maxwell(network, bits).respond if network is not None else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
@@ -61,6 +65,7 @@ def bond_fields(
         prony: wp.array(dtype=parameters),
         strain: wp.array2d(dtype=vec3),
         overstress: wp.array2d(dtype=vec3),
+        branch_state: wp.array2d(dtype=parameters),
         first: int,
         stretch_1: wp.array(dtype=real),
         stretch_2: wp.array(dtype=real),
@@ -92,7 +97,10 @@ def bond_fields(
                     F1 += weight * A1
                     F2 += weight * A2
                 if wp.static(with_stress):
-                    S = stress(G, of_bond(family, i, j, constants))
+                    if wp.static(network is not None):
+                        S, _strain = respond(G, constants, i, j, family.members, real(0.0), prony, branch_state)
+                    else:
+                        S = stress(G, of_bond(family, i, j, constants))
                     if wp.static(viscous):
                         S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
                     U = stretch_of(G)

@@ -92,7 +92,7 @@ class DamageFieldKernels:
 @functools.cache
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function,
+    earlier_energy: wp.Function, driving_energy: wp.Function,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -106,6 +106,7 @@ def damage_field(
         tracked: Whether to sum the released energy.
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family at an earlier time.
+        driving_energy: The same for the part of it that drives damage.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -260,7 +261,7 @@ def damage_field(
     ):
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
-            y = scale[i] * earlier_energy(
+            y = scale[i] * driving_energy(
                 family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
             )
             driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         Gent,
         Incompressible,
         Material,
+        Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
@@ -84,8 +85,8 @@ else:
             "laws.nodal": "Nodal",
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
-            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
-            "PairwiseMaterial Prony TensionField Yeoh",
+            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material Maxwell MooneyRivlin NeoHookean "
+            "Ogden PairwiseMaterial Prony TensionField Yeoh",
             "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
@@ -140,6 +141,7 @@ __all__ = [
     "Incompressible",
     "InputError",
     "Material",
+    "Maxwell",
     "Measure",
     "MooneyRivlin",
     "Motion",

@@ -100,6 +100,8 @@ class BuiltLaw(BuiltPart, Protocol):
         unit_volume: Thickness times reference area [m^3].
         correction: Report on the correction of the weights for the summary, or None.
         earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        driving_energy: The same for the part that drives a damage field; None if it is the whole.
+        energy_constants: The constants that these take.
         coarsens: Whether the law can be built on coarser sheets.
         goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
@@ -117,6 +119,8 @@ class BuiltLaw(BuiltPart, Protocol):
     unit_volume: float
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None
+    driving_energy: wp.Function | None
+    energy_constants: Any
     coarsens: bool
     goes_slack: bool
     slack_frequency: float | None

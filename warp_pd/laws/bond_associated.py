@@ -16,6 +16,7 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..kernels.bond_associated import bond_associated
+from ..kernels.maxwell import ElasticNetwork
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
@@ -27,7 +28,7 @@ from .variational import Key
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
-NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
+NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None, "branch_state": None}
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class BondAssociatedForce(FamilyLaw):
         key: What determines its kernels: layout, material functions, form.
         paths: Types of its force paths, in the order in which they are tried.
         path: The force path in use.
+        network: The material without its viscous branches, or None if it has none.
     """
 
     has_energy = True
@@ -111,6 +113,7 @@ class BondAssociatedForce(FamilyLaw):
     takes_regions = True
     divides = True
     paths: ClassVar[Sequence[type[ForcePath]]] = PATHS
+    network: ElasticNetwork | None = None
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         features, sheet = context.features, context.sheet
@@ -177,7 +180,8 @@ class BondAssociatedForce(FamilyLaw):
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the fields of frames, means over the bonds of a point."""
-        kernel = shown.of_bonds(self.key, self.material, bool(self.shown_internal))
+        viscous = bool(self.shown_internal) and self.network is None
+        kernel = shown.of_bonds(self.key, self.material, viscous, self.network)
         shown.add_principal(stage, kernel, factors=factors(self.context), **{**NO_PRONY, **self.shown_internal})
         shown.add_counts(stage)
 

@@ -24,6 +24,7 @@ from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
+from ..kernels.maxwell import ElasticNetwork
 from ..kernels.reference_force import reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
@@ -140,7 +141,9 @@ class Reference:
 
 
 # What only viscous laws give to the kernel of a CPU.
-NO_PRONY: dict[str, Any] = {"step": None, "prony": None, "strain": None, "overstress": None, "viscous_work": None}
+NO_PRONY: dict[str, Any] = dict.fromkeys(
+    ("step", "prony", "strain", "overstress", "viscous_work", "damage", "branch_state")
+)
 
 
 class RowSums:
@@ -152,11 +155,13 @@ class RowSums:
 
     name: ClassVar[str] = "rows"
 
-    def __init__(self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
+    def __init__(
+        self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy"), network: ElasticNetwork | None = None
+    ) -> None:
         self.law = law
         layout, material, _ = law.key
         near, words = capabilities(law.material).near, -(-law.families.members // WORD)
-        self.kernels = {name: family_rows(layout, material, near, words, name) for name in what}
+        self.kernels = {name: family_rows(layout, material, near, words, name, network) for name in what}
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:

@@ -6,17 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
 
-from ..device.checks import InputError
+from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.bond_state import energy_of_families
+from ..kernels.maxwell import ElasticNetwork, branched_constants, branched_energy, branched_force
 from ..kernels.reference_force import reference_force
 from ..kernels.visco import visco_energy, viscous_update
-from ..materials import Prony, capabilities
+from ..materials import Maxwell, Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
 from .force_paths import NO_PRONY, ForcePath, Reference, RowSums
@@ -30,22 +33,29 @@ VISCOUS = ("viscous_step", "viscous_force")
 class Visco(BondAssociated):
     """Bond-associated visco-hyperelasticity in plane stress; the undeformed sheet is stress-free.
 
-    The second Piola stress of every intersection is the material's (the long-term stress) plus stresses that relax: S =
+    With `branches` the material has Maxwell elements (kernels/maxwell.py). They take every material, also a
+    TensionField, whose wrinkles relax elastic and viscous stresses together, and every rupture criterion. The elastic
+    energy alone drives a TearingEnergy (Shrimali and Lopez-Pamies, Extreme Mech. Lett. 58, 2023). The state has 4
+    numbers per bond and branch.
+
+    With `prony`, terms as in VE, the second Piola stress of every intersection is the material's (the long-term stress) plus stresses that relax: S =
     S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous stress is S_inf + sum_p S_p.
     No motion can extract energy from it; see kernels/visco.py, also for the stored and dissipated energy. The state has
     3 numbers per bond, and 3 more per Prony term.
 
-    When a bond breaks, the energy stored in its Prony terms counts as viscous loss. The strain of the remaining bonds
+    When a bond with Prony terms breaks, the energy stored in its Prony terms counts as viscous loss. The strain of the remaining bonds
     jumps, which the energy balance does not include.
 
     Attributes:
         material: Material of the long-term stress, such as Yeoh. Other arguments are those of BondAssociated.
-        prony: Relaxing terms (keyword only); without terms the law is elastic.
+        prony: Relaxing terms (keyword only).
+        branches: Maxwell elements (keyword only); without these and `prony` the law is elastic.
         fast: Whether to use fast kernels on a CPU, which combine force and relaxation of a step (keyword only); a GPU
             has none.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    branches: tuple[Maxwell, ...] = field(default=(), kw_only=True)
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
@@ -53,10 +63,17 @@ class Visco(BondAssociated):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_prony(self.prony)
-        if self.prony and capabilities(self.material).goes_slack:
+        known = capabilities(self.material)
+        if self.prony and known.goes_slack:
             raise InputError(
-                f"prony = {self.prony!r}: expected () with a TensionField material, as Prony terms resist compression"
+                f"prony = {self.prony!r}: expected () with a TensionField material, which takes `branches` instead"
             )
+        if not isinstance(self.branches, tuple) or not all(isinstance(each, Maxwell) for each in self.branches):
+            raise InputError(f"branches = {self.branches!r}: expected a tuple of Maxwell elements")
+        if self.branches and self.prony:
+            raise InputError(f"prony = {self.prony!r}: expected () with branches")
+        if self.branches and known.goes_slack and (known.resisting is None or known.response is None):
+            raise InputError(f"material = {said(self.material)}: expected a TensionField of a material with `response`")
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
@@ -66,6 +83,8 @@ class Visco(BondAssociated):
         Raises:
             InputError: if the sheet or the weights do not allow the horizon.
         """
+        if self.branches:
+            return BranchedForce(self, context)
         return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
 
 
@@ -143,7 +162,7 @@ class ViscoForce(ElasticVisco):
         Raises:
             InputError: always.
         """
-        raise InputError("damage = TearingEnergy: expected Visco without prony, or another criterion")
+        raise InputError("damage = TearingEnergy: expected Visco with branches, not prony, or another criterion")
 
     def sums(self) -> Mapping[str, Array]:
         """Strain energy and viscous losses."""
@@ -155,7 +174,8 @@ class ViscoForce(ElasticVisco):
         The fast kernel also fills `pairs` with the forces at the end of the step.
         """
         if self.rows is not None:
-            self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
+            given = {**NO_PRONY, "step": step, "prony": prony, **self.internal}
+            self.rows.add_pairs(stage, displacement, "viscous_step", given)
             self._updated = stage
             return
         kernel = viscous_update(self.layout, self.law.material.functions)
@@ -194,3 +214,97 @@ class ViscoForce(ElasticVisco):
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
             prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
         )  # fmt: skip
+
+
+class BranchedForce(ElasticVisco):
+    """The law with Maxwell elements on one sheet and device.
+
+    Attributes:
+        network: The material without branches.
+        rows: The fast kernels of a CPU, or None.
+        state: State of the branches, see kernels/maxwell.py, (branches * members, N).
+        viscous: Energy that each family has dissipated [J], (N,) float64.
+    """
+
+    paths: ClassVar[Sequence[type[ForcePath]]] = (Reference,)
+    depends_on_time = True
+    takes_regions = False
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        super().__init__(law, context)
+        known, real, vec4 = capabilities(law.material), context.types.real, context.types.parameters
+        elastic = known.resisting or law.material
+        self.network = ElasticNetwork(elastic.functions, capabilities(elastic).response, known.wrinkle_width)
+        self.rows = None
+        if law.fast and RowSums.applies(self):
+            self.rows = RowSums(self, ("branched_step",), self.network)
+        self._advanced: Stage | None = None
+        constants = np.array([each.constants for each in law.branches])
+        self.branches = context.array("branches", self.owner, vec4, constants, per="table")
+        shape = (len(law.branches) * self.families.members, self.points)
+        self.state = context.array("branch_state", self.owner, vec4, shape=shape, per="bond", restart=True)
+        self.viscous = context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True)
+        self._no_time = context.array("no_time", self.owner, real, np.zeros(1), per="table")
+        self.earlier_energy = branched_energy(self.layout, self.network, False)
+        self.driving_energy = branched_energy(self.layout, self.network, True)
+
+    @property
+    def energy_constants(self) -> Any:
+        """Constants of the material, and constants and state of the branches."""
+        given = branched_constants(self.network, self.context.bits)()
+        given.elastic, given.branches, given.state = self.constants, self.branches, self.state
+        return given
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase."""
+        super().add(phase, stage)
+        if phase is Phase.INTERNAL_VARIABLES:
+            assert self.context.state.step is not None
+            self._add_pairs(stage, self.context.state.displacement, self.context.state.step)
+            self._advanced = stage
+
+    def _add_pairs(self, stage: Stage, displacement: Array, step: Array) -> None:
+        """Add the launch that advances the branches by a step [s] and fills `pairs` with the forces at its end."""
+        given = {
+            "step": step, "prony": self.branches, "damage": self.damage, "branch_state": self.state,
+            "viscous_work": self.viscous,
+        }  # fmt: skip
+        if self.rows is not None:
+            self.rows.add_pairs(stage, displacement, "branched_step", {**NO_PRONY, **given})
+            return
+        stage.launch(
+            self.owner, branched_force(self.layout, self.network), self.points, **self.family_arguments(displacement),
+            constants=self.constants, unit=self.unit_volume * self.inverse_horizon, bond_force=self.pairs, **given,
+        )  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        if self._advanced is not stage:
+            self._add_pairs(stage, displacement, self._no_time)
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        stage.launch(
+            self.owner, energy_of_families(self.layout, self.earlier_energy), self.points,
+            **self.family_arguments(displacement), constants=self.energy_constants, unit_volume=self.unit_volume,
+            out=out,
+        )  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """Strain energy and viscous losses."""
+        return {**super().sums(), "viscous": self.viscous}
+
+    @property
+    def shown_internal(self) -> dict[str, Any]:
+        """Constants and state of the branches."""
+        return {"prony": self.branches, "branch_state": self.state}
+
+    def field_names(self) -> tuple[str, ...]:
+        """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""
+        return tuple(name for name in super().field_names() if name != "wrinkle_state")
+
+    @property
+    def force_path(self) -> str:
+        """Name of its force path."""
+        return Reference.name if self.rows is None else RowSums.name
