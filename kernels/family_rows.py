@@ -219,9 +219,7 @@ def family_rows(
                         stored += weight * energy(strain_now, f.of_bond(family, i, j, constants))
                     else:
                         if wp.static(branched):
-                            S, lost = advance(
-                                strain_now, constants, i, j, family.members, step[0], prony, branch_state
-                            )
+                            S, lost = advance(strain_now, constants, i, j, family.members, step[0], prony, branch_state)
                             work += wp.float64(weight * lost)
                         elif wp.static(quick):
                             S, guess = stress_near(strain_now, f.of_bond(family, i, j, constants), guess)

@@ -253,7 +253,7 @@ def maxwell(network: ElasticNetwork, bits: int) -> MaxwellFunctions:
         branches: wp.array(dtype=vec4),
         state: wp.array2d(dtype=vec4),
     ):
-        S, strain = respond(G, constants, i, j, members, step, branches, state)
+        S, strain = respond(G, constants, i, j, members, real(0.5) * step, branches, state)
         lost = real(0.0)
         if step > real(0.0):
             d = area_change(strain)
