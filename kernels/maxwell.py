@@ -1,6 +1,6 @@
-"""Viscous branches: Maxwell elements at finite strain, whose width is found together with that of the elastic network.
+"""Viscous branches: Maxwell elements at finite strain, which wrinkle together with the elastic network.
 
-A branch is a transient network (Green and Tobolsky, J. Chem. Phys. 14, 1946; Lubliner, Mech. Res. Commun. 12, 1985): its
+A branch is a transient network (Green and Tobolsky, J. Chem. Phys. 14, 1946; Lubliner, Mech. Res. Comm. 12, 1985): its
 chains let go at the rate 1 / tau and form again free of stress. M is the mean of C^-1 over their times of birth:
 
     W = W_eq(C) + sum_p mu_p / 2 (C : M_p - 3 - ln det M_p),        dM_p/dt = (C^-1 - M_p) / tau_p
@@ -29,8 +29,9 @@ eigenvalues c1 >= c2 of P C and K = Q det P, the sheet is slack if c1^3 <= K, an
 For a neo-Hookean elastic network q is its modulus times C33, whatever C. For others P and Q are those at the last C*,
 with the q that has the elastic network's stiffness across the wrinkles; the iteration then converges as Newton's.
 
-`state` [branches * members, points] stores M - I (11, 22, 12, 33). All formulas are written in G = C - I and M - I, so
-that no digits of a small strain are lost.
+`state` [branches * members, points] stores M - I (11, 22, 12, 33), half a step after the strain: the force has half of
+the decay of its step. This splitting is of second order in the step, and what is lost balances the energy. All formulas
+are written in G = C - I and M - I, so that no digits of a small strain are lost.
 """
 
 import functools
@@ -39,12 +40,11 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bond_associated import bond_associated
-from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
+from .incompressible import named
 from .materials import invariants
 from .numeric import numeric
-from .stiffness_left import stiffness_left
 from .tension_field import taut_strain
 from .visco import relaxation_factors
 
@@ -350,54 +350,6 @@ def branched_energy(layout: Layout, network: ElasticNetwork, drives: bool) -> wp
 
 
 @functools.cache
-def branched_force(layout: Layout, network: ElasticNetwork) -> Kernel:
-    """Reference kernel that advances the branches by a step and fills bond_force [members, points], N.
-
-    With a step of zero nothing changes but bond_force. The sums are those of kernels/reference_force.py;
-    kernels/family_rows.py computes them faster.
-    """
-    types, bits = layout.types, layout.bits
-    real, vec3, vec4 = types.real, types.vec3, types.parameters
-    Family = family_functions(layout).struct
-    Constants = constants_of(network.functions(bits)[0])
-    law = bond_associated(layout, network.functions, "variational").mechanics
-    advance, left = maxwell(network, bits).advance, stiffness_left(bits)
-
-    @kernel(gathers=("displacement",))
-    def branched_force(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        inverse_horizon: real,
-        unit: real,
-        step: wp.array(dtype=real),
-        prony: wp.array(dtype=vec4),
-        damage: wp.array(dtype=real),
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-        viscous_work: wp.array(dtype=wp.float64),
-        branch_state: wp.array2d(dtype=vec4),
-    ):
-        i = wp.tid() + first
-        for k in range(family.members):
-            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = law.is_undamaged(family, intact, i)
-        work = wp.float64(0.0)
-        for j in range(family.members):
-            there, H1, H2, inverse, weight, tilt = law.visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
-            if there:
-                S, lost = advance(
-                    law.green(H1, H2, tilt), constants, i, j, family.members, step[0], prony, branch_state
-                )
-                work += wp.float64(weight * lost)
-                A1, A2 = law.stress_on_members(H1, H2, S, weight, inverse, tilt)
-                law.add_to_members(family, intact, i, j, A1, A2, bond_force)
-        law.finish_forces(family, intact, i, unit, bond_force)
-        if wp.static(layout.softened):
-            work *= wp.float64(left(damage[i]))
-        viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
-
-    return branched_force
+def maxwell_response(network: ElasticNetwork) -> FunctionFactory:
+    """Factory of `MaxwellFunctions.advance`."""
+    return named(lambda bits: maxwell(network, bits).advance, network.functions, "maxwell")

@@ -28,7 +28,6 @@ def run(rate: float, material: str, grid: str, device: str | None, precision: in
     """One strip: how its run ended, its energy balance, losses, and stretch at the onset."""
     import numpy as np
 
-    from warp_pd.scenes.pure_shear_tear import CUT, HEIGHT, LENGTH, stretch_at, strip
     from warp_pd import (
         Explicit,
         Gent,
@@ -45,6 +44,7 @@ def run(rate: float, material: str, grid: str, device: str | None, precision: in
     )
     from warp_pd.geometry.roughness import rough_surface
     from warp_pd.measures import TearLine, worst_balance
+    from warp_pd.scenes.pure_shear_tear import CUT, HEIGHT, LENGTH, stretch_at, strip
 
     materials = {
         "neo_hookean": NeoHookean(MU, 100.0 * MU), "gent": Gent(MU, 100.0 * MU, 60.0),
