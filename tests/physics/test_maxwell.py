@@ -113,7 +113,7 @@ def followed():
 
 
 def test_relaxation_is_a_sum_of_exponentials(followed):
-    paths, _, stress, _ = followed
+    _, _, stress, _ = followed
     # The first step has half of its decay.
     t = (np.arange(COUNT) + 0.5) / COUNT
     wanted = (MU + sum(m * np.exp(-t / time) for m, time in BRANCHES)) * (2.5 - 2.5**-2)
@@ -152,7 +152,7 @@ def test_creep_keeps_its_stress(followed):
 
 @pytest.mark.parametrize("material", [NeoHookean(MU, 100.0), Ogden((1.0, 0.05), (1.3, 5.0))], ids=["slight", "ogden"])
 def test_wrinkles_have_the_least_energy(material):
-    """After a history of other strains S is the derivative of the energy, never compressive, and zero across wrinkles."""
+    """After other strains S is the derivative of the energy, never compressive, and zero across wrinkles."""
     rng = np.random.default_rng(0)
     F = np.eye(2) + rng.uniform(-1.0, 1.0, (300, 4, 2, 2)) * np.geomspace(1e-3, 2.0, 300)[:, None, None, None]
     G = np.einsum("...ki,...kj->...ij", F, F) - np.eye(2)

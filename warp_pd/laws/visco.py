@@ -144,7 +144,7 @@ class ViscousForce(ElasticVisco):
 
     def add_pairs(self, stage: Stage, displacement: Array, step: Array, terms: Array) -> None:
         """Add the launch that advances the state by a step [s] and fills `pairs` with the forces at its end."""
-        given = {
+        given: dict[str, Any] = {
             "step": step, "terms": terms, "damage": self.damage, "state": self.state, "viscous_work": self.viscous_work
         }  # fmt: skip
         if self.rows is not None:

@@ -28,7 +28,9 @@ CUT = ((0.02, 0.031), (0.071, 0.08))
 # Times that are constant and that depend on the rate, slow, and so fast that a step relaxes a term.
 ALL_TERMS = (*TERMS, Prony(0.05e6, 0.01e6, time=0.5, exponent=0.6), Prony(0.02e6, time=1e-5))
 PRONY = {"material": POLYUREA, "prony": ALL_TERMS}
-BRANCHES = {"material": TensionField(POLYUREA), "branches": (Maxwell(0.2e6, 0.1), Maxwell(0.1e6, 1e-4))}
+BRANCHES = {
+    "material": TensionField(POLYUREA), "prony": (), "branches": (Maxwell(0.2e6, 0.1), Maxwell(0.1e6, 1e-4))
+}  # fmt: skip
 
 
 def fields_after_steps(sheet, bits, fast, damage=None, tear=None, **law):
