@@ -91,12 +91,15 @@ class BondAssociatedKernels:
         strain_energy: Energy of each family [points], J.
         earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
             bonds.
+        partial_energy: Warp function of the part of that energy that every n-th member adds, for several threads of a
+            GPU; None for the published form.
         mechanics: Warp functions shared with the tangent.
     """
 
     gather: Pointwise
     strain_energy: Kernel
     earlier_energy: wp.Function
+    partial_energy: wp.Function | None
     mechanics: FamilyMechanics
 
 
@@ -320,6 +323,49 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         return there, H1, H2, inverse, weight, tilt
 
     @wp.func
+    def energy_and_weight(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: Constants,
+        inverse_horizon: real,
+        i: int,
+        lane: int,
+        lanes: int,
+    ):
+        """Sums of W_ij w_ij and W_ij over the members j = lane, lane + lanes, ..., at a time `back` before now."""
+        undamaged = is_undamaged(family, intact, i)
+        stored = real(0.0)
+        total = real(0.0)
+        for j in range(lane, family.members, lanes):
+            there, H1, H2, _inverse, weight, tilt = visit_earlier(
+                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                stored += weight * energy(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                total += weight
+        return stored, total
+
+    @wp.func
+    def partial_energy(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        i: int,
+        lane: int,
+        lanes: int,
+    ):
+        """What the members lane, lane + lanes, ... add to `earlier_energy` now."""
+        stored, _total = energy_and_weight(
+            family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i, lane, lanes
+        )
+        return stored
+
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -331,22 +377,16 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        undamaged = is_undamaged(family, intact, i)
-        stored = real(0.0)
-        total = real(0.0)
-        for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = visit_earlier(
-                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
-            )
-            if there:
-                stored += weight * energy(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
-                total += weight
-        return stored * family_scale(family, i, undamaged, total)
+        stored, total = energy_and_weight(
+            family, intact, displacement, velocity, back, constants, inverse_horizon, i, wp.int32(0), wp.int32(1)
+        )
+        return stored * family_scale(family, i, is_undamaged(family, intact, i), total)
 
     return BondAssociatedKernels(
         gather=gather_pairs(layout),
         strain_energy=energy_of_families(layout, earlier_energy),
         earlier_energy=earlier_energy,
+        partial_energy=None if published else partial_energy,
         mechanics=FamilyMechanics(
             intact_members,
             is_undamaged,

@@ -57,6 +57,8 @@ NEAR = 0.55
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 # Points of a thread of a CPU that lists them.
 TOGETHER = 256
+# Threads that share a family on a GPU: a warp, which is also a block.
+LANES = 32
 # What `driving` is at points that are not listed, for processes that have them as ghost points.
 UNLISTED = -2.0
 
@@ -92,7 +94,7 @@ class DamageFieldKernels:
 @functools.cache
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, driving_energy: wp.Function,
+    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -107,6 +109,8 @@ def damage_field(
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family at an earlier time.
         driving_energy: The same for the part of it that drives damage.
+        partial_energy: Warp function of what a thread adds to the driving energy now, if LANES threads share a family in
+            `drive`; None if a thread computes it alone.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -116,6 +120,8 @@ def damage_field(
     left, fall, curvature = degradation(layout.bits, weak)
     energy_of_step = energy_over_step(layout, earlier_energy)
     together = 1 if atomics else TOGETHER
+    shared = partial_energy is not None
+    lanes = LANES if shared else 1
 
     @wp.func
     def outside(
@@ -259,17 +265,28 @@ def damage_field(
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
     ):
-        for n in range(wp.tid() + first, count[0], stride):
+        thread = wp.tid() + first
+        lane = thread % wp.static(lanes)
+        for n in range(thread // wp.static(lanes), count[0], stride):
             i = listed[n]
-            y = scale[i] * driving_energy(
-                family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
-            )
-            driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
-            before[i] = damage[i]
-            if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
-                enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
-                if fraction_broken(family, intact, i) >= enough:
-                    severed_at[i] = damage[i]
+            stored = real(0.0)
+            if wp.static(shared):
+                part = partial_energy(
+                    family, intact, displacement, constants, inverse_horizon, i, lane, wp.static(lanes)
+                )
+                stored = wp.tile_sum(wp.tile(part, preserve_type=True))[0]
+            else:
+                stored = driving_energy(
+                    family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
+                )
+            if lane == 0:
+                y = scale[i] * stored
+                driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
+                before[i] = damage[i]
+                if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
+                    enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
+                    if fraction_broken(family, intact, i) >= enough:
+                        severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))
     def sweep(

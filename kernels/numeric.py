@@ -40,11 +40,7 @@ class Numeric:
 
 @functools.cache
 def numeric(bits: int) -> Numeric:
-    """Types for `bits` = 32 or 64.
-
-    Raises:
-        ValueError: for any other precision.
-    """
+    """Types for `bits` = 32 or 64. Raises ValueError for any other precision."""
     if bits not in (32, 64):
         raise ValueError(f"precision = {bits!r}: expected 32 or 64")
     real = wp.float32 if bits == 32 else wp.float64

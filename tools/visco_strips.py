@@ -3,6 +3,8 @@
     python tools/visco_strips.py --device cuda:0 --jobs 8 --out docs/visco-strips.json      all 40, on an H200
     python tools/visco_strips.py --rates 100 --materials yeoh --only-aligned                 one, on a CPU
 
+Rows are saved as they come, beside those of earlier calls.
+
 The strips of `pure_shear_tear` (40 mm high, with a cut), 24 rows, mu = 0.4 MPa, Gc = 8 kJ/m^2, with a Maxwell element
 of mu and 1 ms and one of mu and 50 ms. They are pulled at a constant rate to twice the elastic energy at which
 Griffith's criterion of Shrimali and Lopez-Pamies (Extreme Mech. Lett. 58, 2023) lets them tear, H W_eq = Gc, and held
@@ -15,7 +17,18 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-from study import Row, at_least_one, device_title, in_processes, provenance, run_tool, save_rows, study_parser, table
+from study import (
+    Row,
+    at_least_one,
+    device_title,
+    in_processes,
+    load_rows,
+    provenance,
+    run_tool,
+    save_rows,
+    study_parser,
+    table,
+)
 
 MU, ENERGY, HOLD, ROWS = 0.4e6, 8e3, 0.02, 24
 RATES = (0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -89,11 +102,14 @@ def main() -> None:
     parser.add_argument("--precision", type=at_least_one, default=32, choices=(32, 64))
     options = parser.parse_args()
     grids = list(GRIDS)[: 1 if options.only_aligned else None]
-    # The longest first.
-    cases = itertools.product(sorted(options.rates), options.materials, grids, [options.device], [options.precision])
-    rows: list[dict[str, Any]] = []
+    # The shortest first.
+    cases = itertools.product(
+        sorted(options.rates, reverse=True), options.materials, grids, [options.device], [options.precision]
+    )
+    rows: list[dict[str, Any]] = load_rows(options.out)
     for _case, row in in_processes(run, list(cases), options.jobs):
-        rows.append(row)
+        same = [r for r in rows if all(r[k] == row[k] for k in ("rate", "material", "grid", "precision"))]
+        rows = [r for r in rows if r not in same] + [row]
         print(row, flush=True)
         save_rows(options.out, rows)
     rows.sort(key=lambda row: (row["rate"], row["material"], row["grid"]))

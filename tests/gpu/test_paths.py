@@ -17,6 +17,7 @@ from warp_pd import (
     Pressure,
     Relaxation,
     Simulation,
+    TearingEnergy,
 )
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
@@ -164,3 +165,25 @@ def test_torch_in_the_graph_is_the_fused_network(device, precision):
         results.append(Simulation(sheet, law, solver, loads=loads).run(device=device))
     assert results[0].status == results[1].status == "finished"
     close(results[0].frame.displacement, results[1].frame.displacement, {32: 1e-4, 64: 1e-11}[precision])
+
+
+@pytest.mark.parametrize(("cloud", "precision"), [(False, 32), (True, 64)])
+def test_a_damage_field_is_that_of_a_cpu(device, cloud, precision):
+    """On a GPU several threads add up the energy that drives the damage of a family."""
+    sheet = square(17).cut((0.0, 0.05), (0.04, 0.05))
+    pulled = (0.3 * rough(sheet) + 0.4 * sheet.positions * (0.0, 1.0, 0.0)).astype(f"f{precision // 8}")
+    fields = []
+    for where in (device, device, "cpu"):
+        built = build(
+            sheet.as_cloud() if cloud else sheet, horizon=3.15, material=GENT, precision=precision, device=where,
+            damage=TearingEnergy(2.0),
+        )  # fmt: skip
+        damage = built.context.fields.kept()["damage_field"]
+        at_start = damage.numpy().copy()
+        built.state.displacement.assign(pulled)
+        built.context.run("start")
+        built.context.run("step")
+        fields.append(damage.numpy())
+    assert fields[0].tobytes() == fields[1].tobytes()
+    assert np.abs(fields[2] - at_start).max() > 0.05
+    close(fields[0], fields[2], 10.0 * TOLERANCE[precision])

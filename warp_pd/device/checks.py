@@ -62,11 +62,7 @@ def kind_and_text(error: Exception) -> str:
 
 
 def finite(name: str, value: Any) -> float:
-    """`value` as a float.
-
-    Raises:
-        InputError: unless it is one finite number.
-    """
+    """`value` as a float. Raises InputError unless it is one finite number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -80,11 +76,7 @@ def finite(name: str, value: Any) -> float:
 
 
 def positive(name: str, value: Any) -> float:
-    """`value` as a positive float.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """`value` as a positive float. Raises InputError if it is not."""
     number = finite(name, value)
     if number <= 0.0:
         raise InputError(f"{name} = {said(value)}: expected a positive number")
@@ -92,11 +84,7 @@ def positive(name: str, value: Any) -> float:
 
 
 def not_negative(name: str, value: Any) -> float:
-    """`value` as a nonnegative float.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """`value` as a nonnegative float. Raises InputError if it is not."""
     number = finite(name, value)
     if number < 0.0:
         raise InputError(f"{name} = {said(value)}: expected 0 or a positive number")
@@ -104,33 +92,21 @@ def not_negative(name: str, value: Any) -> float:
 
 
 def count(name: str, value: Any, least: int) -> int:
-    """Return `value` as an int.
-
-    Raises:
-        InputError: if it is not a whole number of at least `least`.
-    """
+    """Return `value` as an int. Raises InputError if it is not a whole number of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} = {said(value)}: expected a whole number of {least} or more")
     return int(value)
 
 
 def below_one(name: str, value: Any) -> float:
-    """`value` as a float between 0 and 1, exclusive.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """`value` as a float between 0 and 1, exclusive. Raises InputError if it is not."""
     if positive(name, value) >= 1.0:
         raise InputError(f"{name} = {said(value)}: expected a number greater than 0 and less than 1")
     return float(value)
 
 
 def counts(name: str, value: Any, least: int) -> tuple[int, int]:
-    """`value` as two ints, each at least `least`.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """`value` as two ints, each at least `least`. Raises InputError if it is not."""
     if not isinstance(value, tuple | list) or len(value) != 2:
         raise InputError(f"{name} = {said(value)}: expected two whole numbers")
     return count(f"{name}[0]", value[0], least), count(f"{name}[1]", value[1], least)
@@ -200,11 +176,7 @@ def corners(name: str, value: Any, points: int) -> np.ndarray:
 
 
 def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> float:
-    """Return `length` if the spacing resolves it.
-
-    Raises:
-        InputError: if it is shorter than `least` spacings.
-    """
+    """Return `length` if the spacing resolves it. Raises InputError if it is shorter than `least` spacings."""
     if length < least * spacing:
         raise InputError(
             f"{name} = {length!r}: expected at least {least:g} spacings, {least * spacing:.3g} m; use more points"
@@ -229,11 +201,7 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
 
 
 def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
-    """`value` as a tuple of finite floats.
-
-    Raises:
-        InputError: unless it has `length` finite components.
-    """
+    """`value` as a tuple of finite floats. Raises InputError unless it has `length` finite components."""
     try:
         numbers = tuple(float(v) for v in value)
     except (TypeError, ValueError):

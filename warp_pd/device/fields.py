@@ -88,11 +88,7 @@ class FieldRegister:
         return iter(self.stored)
 
     def __getitem__(self, name: str) -> Array:
-        """The first array of this name.
-
-        Raises:
-            KeyError: if no array has this name.
-        """
+        """The first array of this name. Raises KeyError if no array has this name."""
         for stored in self.stored:
             if stored.name == name:
                 return stored.array
@@ -135,11 +131,7 @@ class FieldRegister:
 
 
 def _require_short_rows(declared: Field, array: Array) -> None:
-    """Check the row length of an array, whose stride in bytes Warp stores in 32 bits.
-
-    Raises:
-        InputError: if they are not.
-    """
+    """Check the row length of an array, whose stride in bytes Warp stores in 32 bits."""
     if array.ndim > 1 and array.strides[0] >= 2**31:
         most = (2**31 - 1) // int(wp.types.type_size_in_bytes(array.dtype))
         raise InputError(

@@ -339,11 +339,7 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:
-    """Compare the names of arguments.
-
-    Raises:
-        TypeError: if one is missing or unknown.
-    """
+    """Compare the names of arguments. Raises TypeError if one is missing or unknown."""
     if expected != given:
         raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
 

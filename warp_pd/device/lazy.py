@@ -18,11 +18,7 @@ def lazy(package: str, offered: Mapping[str, str]) -> Callable[[str], Any]:
     places = {name: module for module, names in offered.items() for name in names.split()}
 
     def find(name: str) -> Any:
-        """The object of that name, or the module.
-
-        Raises:
-            AttributeError: if there is neither.
-        """
+        """The object of that name, or the module. Raises AttributeError if there is neither."""
         if name in places:
             found = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
         else:

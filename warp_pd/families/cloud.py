@@ -14,11 +14,7 @@ from .visibility import cut_through, nothing_severed, severed
 
 
 def cloud_families(sheet: Sheet, horizon: Horizon, function: InfluenceFunction, intersections: bool) -> Families:
-    """Families of a cloud; arguments as for `build_families`.
-
-    Raises:
-        InputError: if a point has no neighbours.
-    """
+    """Families of a cloud; arguments as for `build_families`. Raises InputError if a point has no neighbours."""
     neighbours, reverses, incomplete = find_neighbours(sheet, np.arange(sheet.size), horizon)
     refuse_lone_points(sheet, np.arange(sheet.size), neighbours, horizon)
     return point_rows(sheet, np.arange(sheet.size), neighbours, reverses, incomplete, horizon, function, intersections)

@@ -37,11 +37,7 @@ class Horizon:
 
 
 def checked_horizon(sheet: Sheet, horizon: float) -> Horizon:
-    """Check the horizon in spacings of a sheet and create it.
-
-    Raises:
-        InputError: if it is too small or too large.
-    """
+    """Check the horizon in spacings of a sheet and create it. Raises InputError if it is too small or too large."""
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
         raise InputError(f"horizon = {horizon!r}: expected at least 1 spacing, and 1.42 on a lattice")
@@ -59,11 +55,7 @@ def checked_horizon(sheet: Sheet, horizon: float) -> Horizon:
 
 
 def require_diagonals(sheet: Sheet, horizon: float) -> None:
-    """Check that the families of a lattice determine deformation gradients.
-
-    Raises:
-        InputError: if the horizon excludes the diagonal neighbours.
-    """
+    """Check that the families of a lattice determine deformation gradients."""
     if sheet.lattice is None:
         return
     if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):

@@ -77,11 +77,7 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
 
 
 def _check_dimensions(table: Table, control: str, column: str, wanted: str | None) -> None:
-    """Check the dimensions of the columns against those of the scene.
-
-    Raises:
-        InputError: if they differ; the message tells if the columns seem to be reversed.
-    """
+    """Check the dimensions of the columns against those of the scene."""
     expected = {control: DIMENSIONS.get(control), column: wanted}
     for name, other in ((control, column), (column, control)):
         dimension, right = table.dimensions[name], expected[name]

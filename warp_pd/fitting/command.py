@@ -86,11 +86,7 @@ def run_line(scene: str, given: Mapping[str, Any], result: Fit) -> str:
 
 
 def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by name.
-
-    Raises:
-        InputError: for text other than NAME=LOW:HIGH.
-    """
+    """Bounds by name. Raises InputError for text other than NAME=LOW:HIGH."""
     found = {}
     for text in texts:
         name, _, limits = text.partition("=")

@@ -43,11 +43,7 @@ DIMENSIONS = {
 
 
 def factor_and_dimension(column: str, unit: str) -> tuple[float, str]:
-    """Conversion factor to SI, and dimension.
-
-    Raises:
-        InputError: if the unit is unknown.
-    """
+    """Conversion factor to SI, and dimension. Raises InputError if the unit is unknown."""
     if unit not in UNITS:
         raise InputError(f"column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}")
     return UNITS[unit]
@@ -127,11 +123,7 @@ class FieldData:
     rows: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Check the shapes.
-
-        Raises:
-            InputError: if the shapes differ, or no displacement was measured.
-        """
+        """Check the shapes. Raises InputError if the shapes differ, or no displacement was measured."""
         if self.displacements.shape != (len(self.places), 3) or not np.isfinite(self.displacements).any():
             raise InputError(
                 f"FieldData: displacements have shape {self.displacements.shape}: expected ({len(self.places)}, 3), "

@@ -57,11 +57,7 @@ def has_equilibrium(scene: Simulation) -> bool:
 
 
 def require_newton(scene: Simulation) -> None:
-    """Check that derivatives at equilibrium are available for a scene.
-
-    Raises:
-        InputError: if the solver is not Newton, there is contact, or bonds can break.
-    """
+    """Check that derivatives at equilibrium are available for a scene."""
     if not has_equilibrium(scene):
         raise InputError(
             f"solver = {type(scene.solver).__name__}: expected Newton, whose tangent gives the derivatives; for others "

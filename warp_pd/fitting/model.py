@@ -58,11 +58,7 @@ class Experiment(Protocol):
 
 
 def require_arguments(made_by: Callable[..., Any], given: Collection[str]) -> None:
-    """Check that a scene or material gets all arguments without a default.
-
-    Raises:
-        InputError: for the first missing one.
-    """
+    """Check that a scene or material gets all arguments without a default."""
     for name, parameter in inspect.signature(made_by).parameters.items():
         optional = parameter.default is not parameter.empty or parameter.kind in (
             parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD,

@@ -74,11 +74,7 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
 
 
 def _add(parts: dict[str, np.ndarray], more: dict[str, np.ndarray]) -> None:
-    """Add named points.
-
-    Raises:
-        InputError: if a name is already used.
-    """
+    """Add named points. Raises InputError if a name is already used."""
     for name in more:
         if name in parts or name in RESERVED:
             taken = ", ".join(repr(one) for one in (*RESERVED, *parts))

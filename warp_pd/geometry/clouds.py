@@ -56,11 +56,7 @@ def _is_convex(points: np.ndarray, triangles: np.ndarray) -> bool:
 
 
 def _triangles_inside(points: np.ndarray, outline: Any, spacing: float | None) -> np.ndarray:
-    """Delaunay triangles inside an outline.
-
-    Raises:
-        InputError: if a point belongs to no triangle.
-    """
+    """Delaunay triangles inside an outline. Raises InputError if a point belongs to no triangle."""
     import shapely
 
     boundary, holes = (outline.boundary, outline.holes) if hasattr(outline, "holes") else (outline, ())

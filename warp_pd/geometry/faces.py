@@ -6,6 +6,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from .file_checks import listed
+from .triangulation import signed_areas
 
 
 def triangulate(
@@ -13,7 +14,8 @@ def triangulate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate faces, keeping their order.
 
-    A quadrilateral is divided along its shorter interior diagonal, a face with more corners by ear clipping.
+    A quadrilateral is divided along its shorter interior diagonal, a face with more corners by a constrained Delaunay
+    triangulation.
 
     Args:
         where: Prefix of error messages.
@@ -37,10 +39,10 @@ def triangulate(
         face_of.append(np.repeat(fours, 2))
     for face in np.flatnonzero(counts > 4):
         loop = corners[start[face] : start[face] + counts[face]]
-        ears = _ears(points[loop])
-        if ears is None:
+        pieces = _divided(points[loop])
+        if pieces is None:
             _refuse_crossed(where, np.array([face]))
-        triangles.append(loop[ears])
+        triangles.append(loop[pieces])
         face_of.append(np.full(len(loop) - 2, face))
     joined = np.concatenate(face_of)
     order = np.argsort(joined, kind="stable")
@@ -68,37 +70,21 @@ def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return quads[np.arange(len(quads))[:, None, None], divided[other.astype(int)]], ~(inside[0] | inside[1])
 
 
-def _ears(loop: np.ndarray) -> np.ndarray | None:
-    """Triangles of one polygon, shape (n - 2, 3); None if it intersects itself.
+def _divided(loop: np.ndarray) -> np.ndarray | None:
+    """Triangles of one polygon, (n, 3), projected onto its mean plane, shape (n - 2, 3); None if its sides cross."""
+    import shapely
 
-    Args:
-        loop: Its corners, shape (n, 3); they are projected onto their mean plane.
-    """
     centred = loop - loop.mean(axis=0)
     normal = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
     flat = np.delete(centred, axis, axis=1)
-    if (normal[axis] < 0.0) != (axis == 1):
-        flat = flat[:, ::-1]
-    left, triangles = list(range(len(loop))), []
-    while len(left) > 3:
-        ear = next((k for k in range(len(left)) if _is_ear(flat, left, k)), None)
-        if ear is None:
-            return None
-        triangles.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
-        del left[ear]
-    return np.array([*triangles, left])
-
-
-def _is_ear(flat: np.ndarray, left: list[int], k: int) -> bool:
-    """Whether the corner `left[k]` is convex and its triangle contains no other corner."""
-    i, j, l = left[k - 1], left[k], left[(k + 1) % len(left)]
-    if not _turn(flat[i], flat[j], flat[l]) > 0.0:
-        return False
-    others = flat[[m for m in left if m not in (i, j, l)]]
-    sides = [_turn(flat[a], flat[b], others) for a, b in ((i, j), (j, l), (l, i))]
-    return not np.all([side >= 0.0 for side in sides], axis=0).any()
-
-
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
+    polygon = shapely.Polygon(flat)
+    if not polygon.is_valid:
+        return None
+    corner = {place: k for k, place in enumerate(map(tuple, flat.tolist()))}
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    triangles = np.array([[corner[place] for place in piece.exterior.coords[:3]] for piece in pieces])
+    upward = normal[axis] * (-1.0 if axis == 1 else 1.0)
+    turned = signed_areas(flat, triangles) * upward < 0.0
+    triangles[turned] = triangles[turned][:, ::-1]
+    return triangles

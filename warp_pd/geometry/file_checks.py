@@ -33,11 +33,7 @@ def existing_file(path: Any) -> Path:
 
 
 def meters(unit: Any) -> float:
-    """Length of a unit [m], given by name or as a number of meters.
-
-    Raises:
-        InputError: for any other value.
-    """
+    """Length of a unit [m], given by name or as a number of meters. Raises InputError for any other value."""
     if unit is None:
         raise InputError(f"unit = None: {UNITS}; the file does not say its unit")
     if isinstance(unit, str):

@@ -150,11 +150,7 @@ class _Ending(io.BufferedReader):
     beyond = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read the next bytes.
-
-        Raises:
-            EOFError: at the hundredth read beyond the end of the file.
-        """
+        """Read the next bytes. Raises EOFError at the hundredth read beyond the end of the file."""
         found = super().read(size)
         self.beyond += not found
         if self.beyond > 100:

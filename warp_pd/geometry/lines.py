@@ -121,11 +121,7 @@ def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:
 
 
 def polygon(line: Line) -> Any:
-    """A closed line as a shapely polygon.
-
-    Raises:
-        InputError: if the line crosses or touches itself.
-    """
+    """A closed line as a shapely polygon. Raises InputError if the line crosses or touches itself."""
     import shapely
 
     found = shapely.Polygon(line.points)

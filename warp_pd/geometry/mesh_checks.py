@@ -64,11 +64,7 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
 
 
 def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:
-    """Check that no piece of a flat mesh is folded over itself; points have shape (V, 2 or more).
-
-    Raises:
-        InputError: if it is not.
-    """
+    """Check that no piece of a flat mesh is folded over itself; points have shape (V, 2 or more)."""
     sign = np.sign(signed_areas(points, triangles))
     piece = pieces(triangles)
     most = np.sign(np.bincount(piece, sign))[piece]
@@ -77,11 +73,7 @@ def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face
 
 
 def require_closed(where: str, triangles: np.ndarray) -> None:
-    """Check that a surface has no boundary.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """Check that a surface has no boundary. Raises InputError if it is not."""
     _refuse(where, "edge", boundary_edges(triangles), "with one triangle: expected a closed surface")
 
 

@@ -60,11 +60,7 @@ def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spaci
 
 
 def _require_size(sheet: Any, at: Spacing, least: float) -> None:
-    """Check that a sheet has a sensible number of points.
-
-    Raises:
-        InputError: if the spacing is larger than half the sheet, or too small.
-    """
+    """Check that a sheet has a sensible number of points."""
     low, high = np.reshape(sheet.bounds, (2, 2))
     longest, space = float((high - low).max()), least or float(at(np.array([[*sheet.centroid.coords[0]]]))[0])
     if longest < 2.0 * space:
@@ -174,11 +170,7 @@ def _grid_cells(points: np.ndarray, grid: np.ndarray, least: float) -> tuple[np.
 
 
 def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray) -> None:
-    """Check that curves and cracks are edges of triangles.
-
-    Raises:
-        InputError: if they are not.
-    """
+    """Check that curves and cracks are edges of triangles. Raises InputError if they are not."""
     on = np.zeros(len(points), bool)
     on[edges] = True
     sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])

@@ -56,11 +56,7 @@ def draw_shape(
 
 
 def target(path: Any) -> Path:
-    """Check the path of a picture.
-
-    Raises:
-        InputError: if it cannot be written.
-    """
+    """Check the path of a picture. Raises InputError if it cannot be written."""
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a picture or None")
     found = Path(path)

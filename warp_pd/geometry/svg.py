@@ -166,11 +166,7 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
 
 
 def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float) -> list[TracedCurve]:
-    """The closed curves of a path [m].
-
-    Raises:
-        InputError: if one is open.
-    """
+    """The closed curves of a path [m]. Raises InputError if one is open."""
     from svgelements import Move
 
     stretch = float(np.linalg.norm(matrix[:2, :2], 2))
@@ -248,11 +244,7 @@ def _bend(segment: Any) -> float:
 
 
 def _nested(where: str, curves: list[TracedCurve]) -> Rings:
-    """One boundary, and the holes in it.
-
-    Raises:
-        InputError: if rings cross or are nested differently.
-    """
+    """One boundary, and the holes in it. Raises InputError if rings cross or are nested differently."""
     import shapely
 
     polygons = [shapely.Polygon(curve.points) for curve in curves]

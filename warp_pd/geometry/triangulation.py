@@ -203,11 +203,7 @@ def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def triangles_of(points: np.ndarray) -> np.ndarray:
-    """Delaunay triangulation of the convex hull of points.
-
-    Raises:
-        InputError: if the points are collinear.
-    """
+    """Delaunay triangulation of the convex hull of points. Raises InputError if the points are collinear."""
     from scipy.spatial import Delaunay, QhullError
 
     try:

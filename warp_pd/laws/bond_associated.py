@@ -142,7 +142,7 @@ class BondAssociatedForce(FamilyLaw):
         self.layout = context.layout
         self.key: Key = (self.layout, law.material.functions, law.form)
         self.kernels = bond_associated(*self.key)
-        self.earlier_energy = self.kernels.earlier_energy
+        self.earlier_energy, self.partial_energy = self.kernels.earlier_energy, self.kernels.partial_energy
         self.path = force_path(self, inverse, weights)
 
     def _has_compact_families(self, context: Context) -> bool:

@@ -44,11 +44,7 @@ class BondAssociatedTangent:
     direct_points = 0
 
     def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
-        """Allocate the tangent.
-
-        Raises:
-            InputError: for a material without `response`.
-        """
+        """Allocate the tangent. Raises InputError for a material without `response`."""
         self.force, self.context, self.held = force, context, context.held
         t, shape, n = context.types, (force.families.members, force.points), force.points
         self.gradient = context.array("gradient", OWNER, t.mat32, shape=shape, per="bond")

@@ -27,11 +27,7 @@ from .point_fields import ShownFields, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
-    """Check that a sheet has uniform material and thickness, for features (`what`) that need it.
-
-    Raises:
-        InputError: if it has not.
-    """
+    """Check that a sheet has uniform material and thickness, for features (`what`) that need it."""
     if sheet.stiffness is not None:
         raise InputError(f"sheet.stiffness: expected a uniform sheet with {what}")
     if sheet.factors is not None:
@@ -39,11 +35,7 @@ def require_one_material(sheet: Sheet, what: str) -> None:
 
 
 def refuse_partition(law: Law) -> None:
-    """Raise the error for a law that does not support several processes.
-
-    Raises:
-        InputError: always.
-    """
+    """Raise the error for a law that does not support several processes."""
     raise InputError(
         f"force = {type(law).__name__}: not supported on several processes; expected BondAssociated or Visco"
     )
@@ -84,6 +76,7 @@ class FamilyLaw(BuiltLaw):
     correction: dict[str, float] | None = None
     earlier_energy: wp.Function | None = None
     driving_energy: wp.Function | None = None
+    partial_energy: wp.Function | None = None
     coarsens: bool = False
     slack_frequency: float | None = None
     depends_on_time: bool = False
@@ -238,11 +231,7 @@ class FamilyLaw(BuiltLaw):
         )
 
     def bond_force(self) -> Array:
-        """Force of each family on its pairs [N], (members, N) vec3.
-
-        Raises:
-            InputError: if the law does not store it.
-        """
+        """Force of each family on its pairs [N], (members, N) vec3. Raises InputError if the law does not store it."""
         raise InputError(
             f"damage = CriticalEnergy with {self.owner}: expected Visco, ViscoBondBased, or BondAssociated with "
             f"fast = False and weights that conserve energy"
@@ -261,11 +250,7 @@ class FamilyLaw(BuiltLaw):
         return None
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method.
-
-        Raises:
-            InputError: if the law has none.
-        """
+        """Create the tangent for Newton's method. Raises InputError if the law has none."""
         others = "Explicit" if self.depends_on_time else "Explicit or Relaxation"
         raise InputError(
             f"force = {self.owner}: expected BondAssociated or BondBased, which have a tangent, with the solver "

@@ -48,11 +48,7 @@ class Nodal:
         check_material(self.material, "functions")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
-
-        Raises:
-            InputError: if the sheet does not allow the horizon.
-        """
+        """Build the families and tables on the device. Raises InputError if the sheet does not allow the horizon."""
         return NodalForce(self, context)
 
 

@@ -231,6 +231,7 @@ class BranchedForce(ViscousForce):
         self.viscous = self.viscous_work
         self.earlier_energy = branched_energy(self.layout, self.network, False)
         self.driving_energy = branched_energy(self.layout, self.network, True)
+        self.partial_energy = None
 
     @property
     def energy_constants(self) -> Any:

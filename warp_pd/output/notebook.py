@@ -42,11 +42,7 @@ def html_table(title: str, rows: Rows) -> str:
 
 
 def data_frame(history: Sequence[Mapping[str, float]]) -> Any:
-    """The history as a `pandas.DataFrame`, one row per frame.
-
-    Raises:
-        InputError: if pandas is not installed.
-    """
+    """The history as a `pandas.DataFrame`, one row per frame. Raises InputError if pandas is not installed."""
     try:
         import pandas  # type: ignore[import-untyped, import-not-found, unused-ignore]
     except ImportError:

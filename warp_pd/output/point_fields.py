@@ -18,11 +18,7 @@ class FrameFields(dict[str, NDArray[Any]]):
     """Fields by name, with a one-line error for a missing name."""
 
     def __missing__(self, name: str) -> NDArray[Any]:
-        """Raise the error for a field that the frames do not have.
-
-        Raises:
-            InputError: always.
-        """
+        """Raise the error for a field that the frames do not have."""
         raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of them")
 
 

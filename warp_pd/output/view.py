@@ -52,11 +52,7 @@ class Limits:
             count("frames", self.frames, 2)
 
     def chosen_fields(self, known: Sequence[str]) -> list[str]:
-        """Names of the fields on the page.
-
-        Raises:
-            InputError: if the frames do not have a field of that name.
-        """
+        """Names of the fields on the page. Raises InputError if the frames do not have a field of that name."""
         for name in self.fields or ():
             one_of("fields", name, known)
         return [name for name in known if self.fields is None or name in ("displacement", *self.fields)]

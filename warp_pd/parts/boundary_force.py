@@ -54,11 +54,7 @@ class BoundaryForce(Load):
         one_of("BoundaryForce.form", self.form, FORMS)
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that there is only one BoundaryForce.
-
-        Raises:
-            InputError: if there is a second one.
-        """
+        """Check that there is only one BoundaryForce. Raises InputError if there is a second one."""
         if any(getattr(other, "mends_edges", False) for other in others):
             raise InputError("loads: more than one BoundaryForce; expected one, with the points of all")
 

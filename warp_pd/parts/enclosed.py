@@ -48,11 +48,7 @@ class Enclosed(Load):
     encloses: ClassVar[bool] = True
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that no other part encloses a volume.
-
-        Raises:
-            InputError: if another part does.
-        """
+        """Check that no other part encloses a volume. Raises InputError if another part does."""
         if any(getattr(other, "encloses", False) for other in others):
             raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes; expected one")
 
@@ -139,11 +135,7 @@ class EnclosedGas(Enclosed):
         return factor_schedule("EnclosedGas.amount", self.amount)
 
     def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
-        """The law of the gas.
-
-        Raises:
-            InputError: if the volume is not positive.
-        """
+        """The law of the gas. Raises InputError if the volume is not positive."""
         if volume <= 0.0:
             raise InputError(
                 f"EnclosedGas: the sheet encloses {volume:.4g} m^3 at the start; expected a positive volume: "
@@ -169,11 +161,7 @@ class EnclosedVolume(Enclosed):
     stiffness: float
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            InputError: if the stiffness is not positive, or there are no pairs.
-        """
+        """Check the numbers. Raises InputError if the stiffness is not positive, or there are no pairs."""
         positive("EnclosedVolume.stiffness", self.stiffness)
         if self.schedule() is None:
             raise InputError("EnclosedVolume.volume = None: expected pairs (time, volume)")

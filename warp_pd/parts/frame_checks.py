@@ -141,11 +141,7 @@ class Sums:
     """Sums of arrays over all points at frames: blocks are summed in order on the device, the rest on the host."""
 
     def __init__(self, context: Context, parts: Iterable[BuiltPart]) -> None:
-        """Collect the arrays that the parts want summed.
-
-        Raises:
-            ValueError: if two parts use the same name for a sum.
-        """
+        """Collect the arrays that the parts want summed. Raises ValueError if two parts use the same name for a sum."""
         self.context = context
         self.arrays: dict[str, Array] = {}
         for part in parts:

@@ -50,20 +50,12 @@ class Reaction(Part):
         return self.name
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that no other reaction has the same name.
-
-        Raises:
-            InputError: if one has.
-        """
+        """Check that no other reaction has the same name. Raises InputError if one has."""
         if any(getattr(other, "reaction", None) == self.name for other in others):
             raise InputError(f"Reaction.name = {self.name!r}: another Reaction has this name; expected different names")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The sum on a device.
-
-        Raises:
-            InputError: if a point does not exist.
-        """
+        """The sum on a device. Raises InputError if a point does not exist."""
         return BuiltReaction(self.name, np.asarray(point_indices("Reaction.points", self.points, context.sheet.size)),
                              context)  # fmt: skip
 

@@ -137,11 +137,7 @@ class CriticalEnergy(BondCriterion):
         return found, values
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """Build the criterion on a device.
-
-        Raises:
-            InputError: if the force law does not store bond forces.
-        """
+        """Build the criterion on a device. Raises InputError if the force law does not store bond forces."""
         return BreakingByEnergy("CriticalEnergy", self, context, law)
 
 

@@ -60,11 +60,7 @@ class Fixed(Support):
             raise InputError(f"Fixed.components = {said(names)}: expected distinct letters from 'xyz'")
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
-        """The held components.
-
-        Raises:
-            InputError: if a point does not exist.
-        """
+        """The held components. Raises InputError if a point does not exist."""
         bits = sum(1 << AXES.index(c) for c in set(self.components))
         return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]
 
@@ -163,11 +159,7 @@ def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarr
 
 
 def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
-    """Raise an error that names a point constrained by two parts.
-
-    Raises:
-        InputError: always.
-    """
+    """Raise an error that names a point constrained by two parts."""
     if name == "rigid inclusion":
         raise InputError("two rigid inclusions share a point; expected disjoint inclusions")
     place = ", ".join(f"{x:.4g}" for x in sheet.points[point])

@@ -17,7 +17,6 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, finite, one_of
-from ..families import unpack
 from ..geometry.sheet import Sheet
 from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
@@ -109,9 +108,9 @@ class Case:
         )
 
     def rupture(self) -> Rupture | None:
-        """The rupture criterion, if any; the sheet stays far below it."""
+        """The rupture criterion, if any; the sheet stays far below it, on every grid."""
         if DAMAGE_FIELD in self.features:
-            return TearingEnergy(100.0)
+            return TearingEnergy(1e5 / (self.points - 1))
         return CriticalStretch(1e3) if "rupture" in self.features else None
 
     def cuts(self, spacing: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
@@ -145,7 +144,6 @@ class Timing:
         array_bytes: Bytes of all arrays.
         setup: Time to build the simulation [s].
         compile: Time to compile or load its kernels [s].
-        multiply_adds: Number per step, see `multiply_adds`.
     """
 
     case: Case
@@ -156,7 +154,6 @@ class Timing:
     array_bytes: int
     setup: float
     compile: float
-    multiply_adds: float
 
     @property
     def point_steps(self) -> float:
@@ -170,11 +167,7 @@ class Timing:
 
 
 def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> Timing:
-    """Time the steps of a case for about `seconds`.
-
-    Raises:
-        InputError: for a case that cannot be built.
-    """
+    """Time the steps of a case for about `seconds`. Raises InputError for a case that cannot be built."""
     begin = perf_counter()
     built = case.simulation().build(device, case.precision)
     if case.damaged > 0.0 and "rupture" in case.features:
@@ -192,7 +185,6 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
         array_bytes=built.context.fields.nbytes,
         setup=setup,
         compile=compiling,
-        multiply_adds=multiply_adds(built),
     )
 
 
@@ -254,70 +246,12 @@ def break_some(built: Built, fraction: float, seed: int = 0) -> None:
     built.law.intact.assign(intact)
 
 
-def multiply_adds(built: Built) -> float:
-    """Multiply-adds of a step as counted from the formulas, on a sheet without edges.
-
-    The bond-associated law takes 12 per member of each intersection for its gradient, as many for its forces, and 100
-    per stress; the bond-based law takes 20 per bond. The fast kernels need fewer, so the computed fraction of the peak
-    rate is too high for them.
-    """
-    families = built.law.families
-    if families.common.size == 0:
-        return float(20.0 * families.bond_count)
-    members = int(
-        unpack(families.common, families.members).sum(axis=-1).reshape(-1, families.members).sum(axis=-1).max()
-    )
-    return float(float(built.simulation.sheet.size) * (24.0 * members + 100.0 * families.members))
-
-
-def arithmetic_rate(device: Any, bits: int) -> float:
-    """Multiply-adds per second of independent sums in registers [1/s], the upper limit for any kernel on a GPU.
-
-    On a CPU it is not a limit: the compiler vectorises some kernels, but not these sums.
-    """
-    from ..kernels.peak_flops import multiply_add
-
-    kernel, rounds = multiply_add(bits), 4096
-    threads = 2**18 if device.is_cuda else 256
-    out = wp.zeros(threads, dtype=wp.float32 if bits == 32 else wp.float64, device=device)
-    best = 0.0
-    for _ in range(4):
-        wp.synchronize_device(device)
-        begin = perf_counter()
-        wp.launch(kernel, dim=threads, inputs=[rounds, 0, out], device=device)
-        wp.synchronize_device(device)
-        best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
-    return best
-
-
-def copy_rate(device: Any, megabytes: int = 1024) -> float:
-    """Bytes read and written per second when an array is copied [B/s]."""
-    size = megabytes * 2**18
-    source = wp.zeros(size, dtype=wp.float32, device=device)
-    target = wp.empty_like(source)
-    best = 0.0
-    for _ in range(6):
-        wp.synchronize_device(device)
-        begin = perf_counter()
-        for _ in range(4):
-            wp.copy(target, source)
-        wp.synchronize_device(device)
-        best = max(best, 4 * 8.0 * size / (perf_counter() - begin))
-    return best
-
-
-def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | None = None) -> str:
-    """The measurements as a markdown table.
-
-    Args:
-        timings: The measurements.
-        copied: Result of `copy_rate`.
-        counted: Results of `arithmetic_rate`, by precision.
-    """
+def table(timings: Iterable[Timing]) -> str:
+    """The measurements as a markdown table."""
     lines = [
         "| points | law | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
-        "bytes a point | arrays a step / copy rate | multiply-adds / rate | set-up s | compile s |",
-        "|---" * 15 + "|",
+        "bytes a point | set-up s | compile s |",
+        "|---" * 13 + "|",
     ]
     for t in timings:
         c = t.case
@@ -326,24 +260,12 @@ def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | 
             features += f", {100.0 * c.damaged:g} % damaged"
         if not c.fast:
             features += ", reference kernels"
-        fraction = t.array_bytes / t.step / copied
         lines.append(
             f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
             f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
-            f"{100.0 * fraction:.0f} % | {_fraction(t, counted)} | {t.setup:.2f} | {t.compile:.2f} |"
+            f"{t.setup:.2f} | {t.compile:.2f} |"
         )
     return "\n".join(lines)
-
-
-def _fraction(timing: Timing, counted: dict[int, float] | None) -> str:
-    if counted is None:
-        return ""
-    return f"{100.0 * timing.multiply_adds / timing.step / counted[timing.case.precision]:.0f} %"
-
-
-def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[int]) -> list[Case]:
-    """Cases of increasing size (points along a side), without loads or supports."""
-    return [Case(points, m, bits) for bits in precisions for m in horizons for points in sizes]
 
 
 def _time(seconds: float) -> str:
@@ -364,13 +286,10 @@ def chosen_features(names: str) -> tuple[str, ...]:
 
 
 def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
-    """The device's copy rate and a table of the cost of cases of one precision, as text.
+    """The device and a table of the cost of cases, as text.
 
     Raises:
         InputError: for a device that does not exist, or a case that cannot be built.
     """
-    where, precision = find_device(device), cases[0].precision
-    copied = copy_rate(where, 1024 if where.is_cuda else 64)
-    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
-    rows = table([measure(case, str(where), seconds) for case in cases], copied, counted)
-    return f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written\n{rows}"
+    where = find_device(device)
+    return f"{where.name}\n{table([measure(case, str(where), seconds) for case in cases])}"

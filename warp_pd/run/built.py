@@ -133,21 +133,13 @@ def parts_of(scene: Scene) -> list[Part]:
 
 
 def _require_divisible(built: Built) -> None:
-    """Check that the solver supports several processes if the run has several.
-
-    Raises:
-        InputError: if it does not.
-    """
+    """Check that the solver supports several processes if the run has several. Raises InputError if it does not."""
     if built.context.partition is not None and not built.solver.divides:
         raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
 
 
 def _check_columns(scene: Scene, built: Built) -> None:
-    """Check that no measure has the name of another column of the history.
-
-    Raises:
-        InputError: for the first of them.
-    """
+    """Check that no measure has the name of another column of the history. Raises InputError for the first of them."""
     taken = {"time", "step", *(column for part in (built.energy, *built.parts) for column in part.column_names())}
     for name in [*(m.name for m in scene.measures), *(o.name for o in scene.outcomes)]:
         if name in taken:

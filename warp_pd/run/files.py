@@ -189,11 +189,7 @@ def _restart_bytes(built: Built) -> int:
 
 
 def _require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room for `needed` bytes and for a copy of the current animation.
-
-    Raises:
-        OutputError: if it has not.
-    """
+    """Check that the disk has room for `needed` bytes and for a copy of the current animation."""
     copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
     require_room(folder, needed + copied)
 

@@ -173,11 +173,7 @@ def clear_unfinished(folder: Path) -> None:
 
 
 def read_history(path: Path) -> History:
-    """Read the history that `write_history` wrote.
-
-    Raises:
-        InputError: if it is missing or damaged.
-    """
+    """Read the history that `write_history` wrote. Raises InputError if it is missing or damaged."""
     try:
         with path.open(newline="") as stream:
             rows = list(csv.DictReader(stream))

@@ -21,11 +21,7 @@ class FramePoints:
     """
 
     def __init__(self, built: Built, stride: int = 1) -> None:
-        """Select the points.
-
-        Raises:
-            InputError: for a stride greater than 1 on a sheet that is not a lattice.
-        """
+        """Select the points. Raises InputError for a stride greater than 1 on a sheet that is not a lattice."""
         self.built, self._coarse, lattice = built, None, built.context.whole.lattice
         if count("stride", stride, 1) == 1:
             return

@@ -17,11 +17,7 @@ from ..interfaces.frame import OWN_FIELDS, Frame
 
 
 def check_reference(kind: str, name: str, unit: str, reference: float | None) -> None:
-    """Check the unit and reference of a measure or an outcome.
-
-    Raises:
-        InputError: if the unit is not text or the reference is not a number.
-    """
+    """Check the unit and reference of a measure or an outcome."""
     if not isinstance(unit, str):
         raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
     if reference is not None:
@@ -29,11 +25,7 @@ def check_reference(kind: str, name: str, unit: str, reference: float | None) ->
 
 
 def check_writers(writers: Sequence[Any]) -> None:
-    """Check that all `writers` implement Writer.
-
-    Raises:
-        InputError: for the first one that does not.
-    """
+    """Check that all `writers` implement Writer. Raises InputError for the first one that does not."""
     for index, writer in enumerate(writers):
         if isinstance(writer, type) or not isinstance(writer, Writer):
             raise InputError(
@@ -163,11 +155,7 @@ class Scene:
         return found
 
     def check(self) -> None:
-        """Check the types of the parts and that they fit together.
-
-        Raises:
-            InputError: if a part has the wrong type, or two measures have the same name.
-        """
+        """Check the types of the parts and that they fit together."""
         expected: tuple[tuple[str, Any, Any, str], ...] = (
             ("sheet", self.sheet, Sheet, "a Sheet"),
             ("force", self.force, Law, "a force law, such as BondAssociated(material)"),

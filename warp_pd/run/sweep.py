@@ -129,11 +129,7 @@ def _require_same(
     build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, device: str | None,
     precision: int | None,
 ) -> None:  # fmt: skip
-    """Check that a run in the folder has the same settings and code as these values give now.
-
-    Raises:
-        InputError: for the first difference, or if the scene no longer accepts values that it accepted before.
-    """
+    """Check that a run in the folder has the same settings and code as these values give now."""
     earlier = run_summary(folder)
     if earlier is None:
         return

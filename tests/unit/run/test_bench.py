@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from warp_pd import InputError
 from warp_pd.__main__ import main
 from warp_pd.families import unpack
-from warp_pd.run.bench import FEATURES, Case, Timing, break_some, copy_rate, measure, table, time_step
+from warp_pd.run.bench import FEATURES, Case, Timing, break_some, measure, table, time_step
 
 
 @pytest.mark.parametrize("layout", ["lattice", "hole", "cloud"])
@@ -38,7 +38,7 @@ def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
     assert timing.bonds == built.law.families.bond_count
     assert timing.step > 0.0
     assert timing.bond_steps > 8 * timing.point_steps
-    lines = table([timing], copy_rate("cpu", 1)).splitlines()
+    lines = table([timing]).splitlines()
     assert len(lines) == 3
     assert lines[0].count("|") == lines[1].count("|") == lines[2].count("|")
     assert "supports, pressure, contact, rupture, energy, damping" in lines[2]
@@ -46,8 +46,7 @@ def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
 
 def test_rates_are_points_and_bonds_over_the_time_of_a_step():
     timing = Timing(
-        Case(15, 2.015), points=225, bonds=2500, step=0.5, spread=0.0, array_bytes=1, setup=0.0, compile=0.0,
-        multiply_adds=1.0,
+        Case(15, 2.015), points=225, bonds=2500, step=0.5, spread=0.0, array_bytes=1, setup=0.0, compile=0.0
     )  # fmt: skip
     assert (timing.point_steps, timing.bond_steps) == (450.0, 5000.0)
 

@@ -87,11 +87,7 @@ class Network:
         return np.column_stack([x[:, 0], features[:, 1] * x[:, 1]])
 
     def require_material(self, material: Material, name: str) -> None:
-        """Check that the network was trained for the material of a simulation.
-
-        Raises:
-            InputError: if it was trained for another material.
-        """
+        """Check that the network was trained for the material of a simulation."""
         ratios = capabilities(material).ratios or {}
         same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
         if not same or any(abs(ratios[k] / self.ratios[k] - 1.0) > SAME for k in ratios):
@@ -172,11 +168,7 @@ def default() -> Network:
 
 
 def require_sound(network: Network, said: str) -> None:
-    """Check that layers fit together and numbers are finite.
-
-    Raises:
-        InputError: if they do not.
-    """
+    """Check that layers fit together and numbers are finite. Raises InputError if they do not."""
     width = INPUTS
     if len(network.weights) < 2:
         raise InputError(f"{said}: it has {len(network.weights)} layers, expected 2 or more")

@@ -42,11 +42,7 @@ def bond_network(layers: Any) -> Any:
 
 
 def check_network(function: Callable[[Any], Any], torch_dtype: Any, device: Any) -> None:
-    """Check a user's callable on an undeformed and a stretched bond.
-
-    Raises:
-        InputError: unless it maps (2, 4) to (2, 2) finite numbers.
-    """
+    """Check a user's callable on an undeformed and a stretched bond."""
     name = getattr(function, "__name__", type(function).__name__)
     rows = [[1.0, 0.0, 1.0, 1.0], [1.1, 0.05, 0.8, 1.12]]
     trial = torch.tensor(rows, dtype=torch_dtype, device=device)
