@@ -73,7 +73,7 @@ def run(rate: float, material: str, grid: str, device: str | None, precision: in
     result = Simulation(
         sheet,
         Visco(rubber, 2.015, branches=(Maxwell(MU, 1e-3), Maxwell(MU, 5e-2))),
-        Explicit(times[-1], frames=400, safety=FAST_SAFETY if rate >= FAST else SAFETY),
+        Explicit(times[-1], frames=100, safety=FAST_SAFETY if rate >= FAST else SAFETY),
         loads=[
             Motion(top, times=times, x=0.0, y=up, z=0.0),
             Motion(bottom, times=times, x=0.0, y=[-y for y in up], z=0.0),
