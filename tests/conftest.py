@@ -39,15 +39,15 @@ def joined_stages():
 
 @pytest.fixture(autouse=True)
 def stages_apart(request, monkeypatch):
-    """Leave pointwise stages apart where no command runs and no GPU, unless a test asks for joined ones.
+    """Leave pointwise stages apart but for the commands of the documents and a GPU, unless a test asks for joined ones.
 
     Joined stages differ from scene to scene, and compiling them would take a fifth of the time of these tests.
     tests/unit/device looks at how they are joined, tests/gpu/test_bits.py and tests/scenes/test_scenes.py hold them to
-    the bits of the stages one by one, and commands run them.
+    the bits of the stages one by one, and the commands of the documents run them.
     """
     where = request.path.relative_to(Path(__file__).parent).parts
-    by_command = where[0] in ("tools", "browser") or "cuda" in request.node.name
-    looked_at = by_command or where[1] == "device" or "joined_stages" in request.fixturenames
+    as_users = where[-1] == "test_commands_of_docs.py" or "cuda" in request.node.name
+    looked_at = as_users or where[1] == "device" or "joined_stages" in request.fixturenames
     if not looked_at:
         monkeypatch.setattr(launches, "_joined", lambda first, second: None)
 

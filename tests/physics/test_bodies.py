@@ -176,7 +176,7 @@ def test_both_precisions_agree():
 def test_a_body_that_nothing_touches_flies_as_it_should():
     spin, inertia = np.array([1.0, 5.0, -3.0]), (2e-4, 3e-4, 1e-4)
     body = Free(0.1, (0.0, 0.0, 5.0), (1.0, 0.0, 2.0), tuple(spin), TURNED, inertia)
-    contact = RigidBody(Box((0.1, 0.1, 0.1)), body, friction=0.5)
+    contact = RigidBody(Sphere(0.1), body, friction=0.5)
     result = run(square(7), Explicit(0.2, frames=4), precision=64, contact=contact)
     row = result.history[-1]
     expected = np.array([0.2, 0.0, 5.0 + 0.4 - 0.5 * GRAVITY * 0.04])

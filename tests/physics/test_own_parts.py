@@ -48,7 +48,7 @@ SOLVERS = {
 
 def on_springs(parts, solver, stiffness=1e6, pressure=20.0):
     """A sheet that is free to move up and down, on springs."""
-    sheet = square(25)
+    sheet = square(19)
     loads = [
         Pressure(pressure, follower=False), parts["elastic_foundation"].ElasticFoundation(stiffness),
         Fixed(np.arange(sheet.size), components="xy"),

@@ -16,6 +16,8 @@ TOLERANCE = {32: 2e-6, 64: 1e-12}
 # An energy is of second order in a strain that float32 knows to 1e-6 of one.
 ENERGY_TOLERANCE = {32: 1e-5, 64: 1e-12}
 CUT = ((0.02, 0.031), (0.071, 0.08))
+# Families of 20: the least that take the path of a large family (kernels/stencil.py); those of 3.15 compile for longer.
+LARGE = 2.3
 
 
 class Woven(Gent):
@@ -52,7 +54,7 @@ def energy_of_families(built, displacement):
     return built.law.strain_energy.numpy()
 
 
-def compare(sheet, horizon, bits, cut=None, material=GENT, law=None):
+def compare(sheet, horizon, bits, cut=None, material=NEO, law=None):
     parts = {"damage": CriticalStretch(1e3)} if cut else {}
     forces, energies, launches = [], [], []
     for fast in (True, False):
@@ -75,7 +77,7 @@ def compare(sheet, horizon, bits, cut=None, material=GENT, law=None):
     return launches
 
 
-@pytest.mark.parametrize(("horizon", "bits", "material"), [(1.5, 64, GENT), (2.015, 32, GENT), (3.15, 32, NEO)])
+@pytest.mark.parametrize(("horizon", "bits", "material"), [(2.015, 32, GENT), (LARGE, 32, NEO)])
 def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, material):
     quick, reference = compare(square(15), horizon, bits, material=material)
     assert {"undamaged_family_force", "family_block_force"} <= set(quick)
@@ -83,7 +85,7 @@ def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, materi
 
 
 def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu):
-    quick, _ = compare(square((17, 15)), 3.15, 32, cut=CUT)
+    quick, _ = compare(square((17, 15)), LARGE, 32, cut=CUT)
     assert "undamaged_family_force" in quick
 
 
@@ -96,9 +98,9 @@ SLIT = square(13).cut((0.0, 0.052), (0.06, 0.052))
         (square(15), 1.5, 32, None),
         (square(15), 3.15, 64, CUT),
         (square(15), 4.15, 32, CUT),
-        (jittered(13), 1.5, 32, CUT),
+        (jittered(13), 1.5, 64, CUT),
         (SLIT, 3.15, 64, None),
-        (holed(19), 1.5, 32, CUT),
+        (holed(19), 1.5, 64, CUT),
     ],
 )
 def test_a_cpu_sums_rows(sheet, horizon, bits, cut):
@@ -117,7 +119,7 @@ def compare_curved(bits, tear=None):
     tube, forces, energies, launches = small_tube(), [], [], []
     for fast in (True, False):
         parts = {"damage": CriticalStretch(1e3)} if tear else {}
-        built = build(tube, horizon=2.5, material=GENT, precision=bits, law={"fast": fast}, **parts)
+        built = build(tube, horizon=2.5, precision=bits, law={"fast": fast}, **parts)
         if tear:
             tear(built)
         forces.append(internal_force(built, rough_motion(tube)))
@@ -140,17 +142,17 @@ def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
 
 
 @pytest.mark.parametrize(
-    ("sheet", "bits", "cut"),
+    ("sheet", "horizon", "bits", "cut", "material"),
     [
-        (square(13), 64, CUT),
-        (jittered(13), 64, None),
-        (SLIT, 32, CUT),
-        (holed(19), 64, CUT),
+        (square(13), 3.15, 64, CUT, NEO),
+        (jittered(13), 2.015, 64, None, NEO),
+        (SLIT, 2.015, 32, CUT, GENT),
+        (holed(19), 2.015, 64, CUT, NEO),
     ],
 )
-def test_one_thread_per_bond(gpu_paths, sheet, bits, cut):
+def test_one_thread_per_bond(gpu_paths, sheet, horizon, bits, cut, material):
     """A GPU takes small sheets so."""
-    quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
+    quick, _ = compare(sheet, horizon, bits, cut=cut, material=material)
     assert "family_block_force" in quick and "undamaged_family_force" not in quick
 
 
@@ -242,7 +244,7 @@ def test_softened_families():
 
 @pytest.mark.parametrize(("sheet", "bits"), [(square(13), 64), (jittered(13), 32)], ids=["lattice", "cloud"])
 def test_softened_families_with_one_thread_per_bond(gpu_paths, sheet, bits):
-    compare_softened(sheet, 3.15 if bits == 64 else 2.015, bits)
+    compare_softened(sheet, 2.015, bits)
 
 
 @pytest.mark.parametrize("sheet", [square(13), holed(25, 0.006)], ids=["lattice", "grid"])
@@ -276,7 +278,7 @@ def test_strips_have_the_bits_of_a_whole_sheet(large_on_gpu, tune):
     sheet, results = square(25), []
     for ring in (250, 10**9):
         tune(ring=ring)
-        built = build(sheet, material=GENT, damage=CriticalStretch(1.1))
+        built = build(sheet, damage=CriticalStretch(1.1))
         built.state.velocity.assign(np.column_stack([60.0 * sheet.points[:, 0], 0.0 * sheet.points]))
         internal_force(built, rough(sheet))
         built.state.step.fill_(2e-5)
@@ -312,7 +314,7 @@ def test_large_families_deep_inside_a_grid(large_on_gpu):
 
     Sums run over the members outside an intersection.
     """
-    quick, _ = compare(holed(41, 0.006), 3.15, 64)
+    quick, _ = compare(holed(33, 0.006), LARGE, 64)
     assert "undamaged_family_force" in quick and "family_block_force" in quick
 
 
