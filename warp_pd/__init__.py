@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .geometry.pieces import Place
     from .geometry.sheet import Sheet
     from .geometry.svg import read_outline
-    from .geometry.together import placed, together
+    from .geometry.together import glued, placed, together
     from .interfaces.frame import Frame, Surface
     from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
     from .materials import (
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         EnclosedVolume,
         Fixed,
         Free,
+        Joint,
         Motion,
         Plane,
         PointForce,
@@ -90,9 +91,9 @@ else:
             "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
-            "geometry.together": "placed together",
+            "geometry.together": "glued placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
-            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
+            "EnclosedVolume Fixed Free Joint Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
             "Sphere TearingEnergy TriangleMesh newton_bodies",
             "run.result": "Result",
             "run.scene": "Measure Outcome",
@@ -140,6 +141,7 @@ __all__ = [
     "HyperelasticBonds",
     "Incompressible",
     "InputError",
+    "Joint",
     "Material",
     "Maxwell",
     "Measure",
@@ -177,6 +179,7 @@ __all__ = [
     "ViscoBondBased",
     "Yeoh",
     "draw_sheet",
+    "glued",
     "newton_bodies",
     "placed",
     "read_frame",

@@ -20,7 +20,7 @@ def test_the_gallery_page_is_what_the_tool_makes_of_the_scenes():
     assert gallery.gallery_page() == TEXT
 
 
-@pytest.mark.parametrize("scene", scene_names())
+@pytest.mark.parametrize("scene", sorted(gallery.SCENES))
 def test_every_scene_has_a_picture_a_page_and_a_command(scene):
     page = gallery.GALLERY / f"{scene}.html"
     assert page.stat().st_size < 90_000
@@ -33,7 +33,7 @@ def test_every_scene_has_a_picture_a_page_and_a_command(scene):
     build_scene(scene, settings)
 
 
-@pytest.mark.parametrize("scene", scene_names())
+@pytest.mark.parametrize("scene", sorted(gallery.SCENES))
 def test_a_gallery_page_loads_scripts_from_the_package(scene):
     text = (gallery.GALLERY / f"{scene}.html").read_text(encoding="utf-8")
     addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
@@ -41,6 +41,12 @@ def test_a_gallery_page_loads_scripts_from_the_package(scene):
     assert {Path(address).name for address in addresses} == package
     assert all((gallery.GALLERY / address).is_file() for address in addresses)
     assert not re.search(r"<script>|<style>", text)
+
+
+def test_a_scene_without_a_page_of_its_own_is_on_the_page_that_the_gallery_names():
+    assert sorted([*gallery.SCENES, *gallery.ELSEWHERE]) == scene_names()
+    for scene, page in gallery.ELSEWHERE.items():
+        assert f"`{scene}`" in (ROOT / "docs" / f"{page}.md").read_text()
 
 
 def test_pages_of_the_site_load_scripts_from_the_site(tmp_path):

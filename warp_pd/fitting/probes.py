@@ -12,6 +12,7 @@ import numpy as np
 
 from ..device.checks import InputError, one_of, point_indices
 from ..geometry.sheet import Sheet
+from ..geometry.triangulation import barycentric
 from ..interfaces.frame import Frame
 from ..run.built import Built
 from .equilibrium import Equilibrium
@@ -127,7 +128,7 @@ class PointField:
         count = min(24, len(corners))
         _, near = cKDTree(corners.mean(axis=1)).query(where, k=count)
         near = near.reshape(len(where), count)
-        fractions = _barycentric(corners[near], where[:, None])
+        fractions = barycentric(corners[near], where[:, None])
         best = np.argmax(fractions.min(axis=-1), axis=1)
         rows = np.arange(len(where))
         fraction = fractions[rows, best]
@@ -143,17 +144,3 @@ class PointField:
     def values(self, frame: Frame) -> np.ndarray:
         """Displacements [m], shape (M, 3)."""
         return np.asarray(self.weights @ frame.displacement)
-
-
-def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates of places projected on triangles, shape (..., 3); corners have shape (..., 3, 3)."""
-    a, b, p = (
-        corners[..., 1, :] - corners[..., 0, :],
-        corners[..., 2, :] - corners[..., 0, :],
-        places - corners[..., 0, :],
-    )
-    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
-    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
-    determinant = np.maximum(aa * bb - ab**2, 1e-300)
-    second, third = (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
-    return np.stack([1.0 - second - third, second, third], axis=-1)

@@ -302,3 +302,43 @@ def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     for k in range(3):
         np.add.at(areas, triangles[:, k], cell[:, k])
     return areas
+
+
+def barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates of places projected on triangles, shape (..., 3); corners have shape (..., 3, 3)."""
+    a, b, p = (
+        corners[..., 1, :] - corners[..., 0, :],
+        corners[..., 2, :] - corners[..., 0, :],
+        places - corners[..., 0, :],
+    )
+    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
+    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
+    determinant = np.maximum(aa * bb - ab**2, 1e-300)
+    second, third = (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
+def places_on_triangles(corners: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The nearest triangle that each place lies above or below.
+
+    Args:
+        corners: Corners of the triangles [m], shape (F, 3, 3).
+        places: Places in space [m], shape (P, 3).
+
+    Returns:
+        Triangle, shape (P,), weights of its corners, shape (P, 3), of which one is negative for a place beside the
+        surface, and height above it along its normal [m], shape (P,).
+    """
+    from scipy.spatial import cKDTree
+
+    number = min(24, len(corners))
+    near = cKDTree(corners.mean(axis=1)).query(places, k=number)[1].reshape(len(places), number)
+    weights = barycentric(corners[near], places[:, None])
+    normals = np.cross(*np.moveaxis(np.diff(corners, axis=1), 1, 0))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    heights = ((places[:, None] - corners[near, 0]) * normals[near]).sum(axis=-1)
+    # Those beside a triangle count as infinitely far from it; of these, the least outside.
+    beside = np.maximum(-weights.min(axis=-1) - 1e-6, 0.0)
+    best = np.lexsort((np.abs(heights), beside), axis=1)[:, 0]
+    rows = np.arange(len(places))
+    return near[rows, best], weights[rows, best], heights[rows, best]

@@ -14,6 +14,7 @@ FIELDS = {
     "displacement": ("displacement", "m"),
     "velocity": ("velocity", "m/s"),
     "damage": ("damage", ""),
+    "joint_damage": ("damage of the joint", ""),
     "strain_energy_density": ("strain energy density", "J/m\u00b3"),
     "stretch_1": ("largest principal stretch", ""),
     "stretch_2": ("smallest principal stretch", ""),
@@ -36,6 +37,8 @@ COLUMNS = {
     "viscous": "lost to viscosity",
     "contact": "energy of the contact",
     "sheet_friction": "lost to friction of the sheet",
+    "joint": "energy of the joint",
+    "joint_released": "lost to breaking of the joint",
 }
 ENERGIES = tuple(COLUMNS)
 UNITS = {

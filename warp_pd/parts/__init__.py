@@ -7,6 +7,7 @@ from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
+from .joint import Joint
 from .loads import BodyForce, PointForce, Pressure
 from .newton_world import newton_bodies
 from .reaction import Reaction
@@ -31,6 +32,7 @@ __all__ = [
     "EnclosedVolume",
     "Fixed",
     "Free",
+    "Joint",
     "Motion",
     "Plane",
     "PointForce",

@@ -13,6 +13,7 @@ import warp as wp
 from ..device.checks import InputError, not_negative, positive
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
@@ -110,7 +111,7 @@ class BuiltSelfContact(BuiltContact):
         if part.friction > 0.0 and (context.held & RIGID).any():
             raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not support it")
         self.distance = DISTANCE * sheet.spacing if part.distance is None else part.distance
-        self.stiffness = self._default_stiffness() if part.stiffness is None else part.stiffness
+        self.stiffness = part.stiffness or membrane_stiffness("SelfContact.stiffness", STIFFNESS, law, sheet)
         self._skin = SKIN * sheet.spacing
         least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
         capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
@@ -158,22 +159,6 @@ class BuiltSelfContact(BuiltContact):
             self._impulse = context.array("friction_impulse", OWNER, context.types.vec3, shape=n)
             if context.features.tracked:
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
-
-    def _default_stiffness(self) -> float:
-        step = 1e-3
-        try:
-            below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
-        except InputError:
-            law = type(self.law).__name__.removesuffix("Force")
-            raise InputError(
-                f"SelfContact.stiffness = None: expected a number, because the law {law} has no default"
-            ) from None
-        modulus = float(below - 2.0 * none + above) / step**2
-        if not modulus > 0.0:
-            raise InputError("SelfContact.stiffness = None: expected a number, because the material has no stiffness")
-        sheet = self.context.sheet
-        softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
-        return STIFFNESS * softest * modulus * float(np.min(sheet.thickness))
 
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
@@ -274,3 +259,22 @@ class BuiltSelfContact(BuiltContact):
                 f"{self.distance + self._skin:.4g} m of one: expected a sheet that is not crushed; raise the stiffness "
                 f"({self.stiffness:.4g} N/m) or lower the distance"
             )
+
+
+def membrane_stiffness(name: str, factor: float, law: BuiltLaw, sheet: Sheet) -> float:
+    """`factor` times the least modulus in pure shear and the least thickness, the default of the argument `name`.
+
+    Raises:
+        InputError: if the law has none.
+    """
+    step = 1e-3
+    try:
+        below, none, above = law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
+    except InputError:
+        kind = type(law).__name__.removesuffix("Force")
+        raise InputError(f"{name} = None: expected a number, because the law {kind} has no default") from None
+    modulus = float(below - 2.0 * none + above) / step**2
+    if not modulus > 0.0:
+        raise InputError(f"{name} = None: expected a number, because the material has no stiffness")
+    softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
+    return factor * softest * modulus * float(np.min(sheet.thickness))

@@ -273,6 +273,8 @@ def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, floa
     error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
     if "contact" in row:
         error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
+    if "joint" in row:
+        error += row["joint"] - first["joint"] + row.get("joint_released", 0.0)
     if "viscous" in row:
         error -= first["viscous"]
     rows = [*history, row]

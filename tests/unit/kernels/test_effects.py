@@ -33,9 +33,11 @@ from warp_pd import (
     Explicit,
     Fixed,
     Free,
+    Joint,
     Motion,
     Newton,
     Nodal,
+    Place,
     PointForce,
     Pressure,
     Prony,
@@ -49,6 +51,7 @@ from warp_pd import (
     TearingEnergy,
     Visco,
     Yeoh,
+    placed,
     together,
 )
 from warp_pd.device import launches
@@ -118,6 +121,13 @@ def further():
         ),
         "two pieces": Simulation(
             both, law, Explicit(1.0), contact=SelfContact(friction=0.3), loads=[Fixed(both.edges("sheet 1"))]
+        ),
+        "joint": Simulation(
+            both,
+            law,
+            Explicit(1.0),
+            initial_displacement=placed(both, Place(), Place((5e-3, 5e-3, 1e-3))),
+            loads=[Joint(both.edges("sheet 2"), both.edges("sheet 1"), energy=1.0, reach=2e-3)],
         ),
         "bodies": Simulation(plane, law, Explicit(1.0), loads=loads(plane), contact=bodies(0.0)),
         "bodies torn": Simulation(

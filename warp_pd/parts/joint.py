@@ -1,0 +1,291 @@
+"""Joints between sheets, or between parts of one sheet: glue that holds, or that breaks by peel and shear."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, by_point, point_indices, positive
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..geometry.sheet import ByPoint
+from ..geometry.triangulation import doubled_normals, places_on_triangles
+from ..interfaces import BuiltLaw, BuiltPart, History, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.joint import joint
+from .self_contact import membrane_stiffness
+
+OWNER = "Joint"
+# Default stiffness over thickness times modulus in pure shear over squared spacing, largest initial gap in spacings,
+# and the default strength: energy over strength, in spacings.
+STIFFNESS, REACH, ENERGY_LENGTH = 1.0, 0.5, 6.0
+# Length of the zone that breaks in a peel, times strength over energy: 2 tension = energy at 180 degrees, and a
+# membrane under the strength bends from 0 to the separation 2 energy / strength. Spacings below which a note says so.
+ZONE, RESOLVED = math.sqrt(2.0), 5.5
+# Cosine of the angle of two sheets from which their mean normal tells peel from shear.
+ALIKE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(Part):
+    """Glue between points and the triangles that they lie on, with a traction that breaks, or holds.
+
+    Each point of `first` sticks to the nearest place on a triangle whose corners are in `second`; points that lie on
+    none are not joined. The grids need not match. The traction per area of the points grows linearly with the
+    separation to the strength, then decreases linearly to zero, and the joint has taken the energy; it never heals.
+    Between peel and shear strength and energy are those of Camanho and Davila (kernels/joint.py). Joined edges are
+    joined by the areas of their points. A broken joint resists no contact: add `SelfContact` for that.
+
+    Only with the solver Explicit, in one process. A scene has one Joint, which may have the points of many, and an
+    energy that varies.
+
+    Attributes:
+        first: Indices of the points that stick.
+        second: Indices of the corners of the triangles to which they stick; must not contain points of `first`.
+        energy: Energy per area to peel the joint [J/m^2]: a number, an array, shape (N,), or a function of the
+            coordinates as for `Sheet`. None for glue that holds.
+        strength: Largest traction in peel [Pa]; by default the energy over six spacings, for which eight spacings of a
+            peeled membrane are breaking. The steady force of a peel does not depend on it.
+        shear_energy: Energy in shear [J/m^2], like `energy`, the default.
+        shear_strength: Largest traction in shear [Pa]; by default the strength times the shear energy over the energy.
+            With this proportion both break at the same separation, and a joint takes an energy between both however it
+            opens. With others it takes less if it turns from one to the other while it breaks.
+        stiffness: Traction per separation of the intact joint [N/m^3]; by default the thickness times the modulus in
+            pure shear over the squared spacing. More shortens the step.
+        reach: Largest distance from a point to its triangle at the start [m]; by default half a spacing. The distance
+            stays, as the thickness of the glue.
+
+    Raises:
+        InputError: if a number is not positive, or one for breaking is given without an energy.
+    """
+
+    first: Any
+    second: Any
+    energy: ByPoint | None = None
+    strength: float | None = None
+    shear_energy: ByPoint | None = None
+    shear_strength: float | None = None
+    stiffness: float | None = None
+    reach: float | None = None
+
+    joins: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("strength", "shear_strength", "stiffness", "reach"):
+            if getattr(self, name) is not None:
+                positive(f"Joint.{name}", getattr(self, name))
+        for name in ("strength", "shear_energy", "shear_strength"):
+            if self.energy is None and getattr(self, name) is not None:
+                raise InputError(f"Joint.{name} without an energy: expected an energy, or glue that holds")
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Check that there is only one Joint.
+
+        Raises:
+            InputError: if there is a second one.
+        """
+        if any(getattr(other, "joins", False) for other in others):
+            raise InputError("loads: more than one Joint; expected one, with the points of all")
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """Build the joint on a device.
+
+        Raises:
+            InputError: for a static solver, points that are on both sides, or none that lie on a triangle.
+        """
+        return BuiltJoint(self, context, law)
+
+
+class BuiltJoint(BuiltPart):
+    """A joint on a device.
+
+    Attributes:
+        points: Points of `first` that are joined, shape (P,).
+        stiffness: Traction per separation of the intact joint [N/m^3].
+        damage: Damage of the joint at each point, 0 to 1, (N,); None if it holds.
+        energy: Energy stored in the joint at each point at the last frame [J], (N,) float64.
+        released: Energy that breaking took at each point [J], (N,) float64; None if it holds or is not tracked.
+    """
+
+    label = "loads: Joint"
+
+    def __init__(self, part: Joint, context: Context, law: BuiltLaw) -> None:
+        if not context.features.dynamic:
+            raise InputError(f"{self.label}: not supported by static solvers; expected Explicit")
+        self.part, self.context = part, context
+        sheet = context.sheet
+        unit = STIFFNESS / sheet.spacing**2
+        self.stiffness = part.stiffness or membrane_stiffness("Joint.stiffness", unit, law, sheet)
+        self._here = here = sheet.positions + context.initial_displacement
+        self.points, self._corners, self._weights, self._gap = self._places(here)
+        self._areas = sheet.areas[self.points]
+        self._allocate()
+
+    def _places(self, here: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Joined points, corners and weights of their places, and gaps [m]; `here` are the initial positions."""
+        sheet, part = self.context.sheet, self.part
+        first = point_indices("Joint.first", part.first, sheet.size)
+        second = point_indices("Joint.second", part.second, sheet.size)
+        if len(shared := np.intersect1d(first, second)):
+            raise InputError(f"Joint.first and Joint.second both contain point {shared[0]}; expected disjoint points")
+        faces = sheet.triangles[np.isin(sheet.triangles, second).all(axis=1)]
+        if len(faces) == 0:
+            raise InputError("Joint.second: no triangle has all its corners in it; expected those of a sheet")
+        reach = REACH * sheet.spacing if part.reach is None else part.reach
+        face, weights, gap = places_on_triangles(here[faces], here[first])
+        on = (np.abs(gap) <= reach) & (weights.min(axis=1) >= -1e-6)
+        if not on.any():
+            raise InputError(
+                f"Joint.first: none of its points lies on a triangle of Joint.second within {reach:.3g} m at the "
+                "start; expected sheets placed on each other, or a larger reach"
+            )
+        return first[on], faces[face[on]], weights[on], np.where(np.abs(gap) > 1e-6 * reach, gap, 0.0)[on]
+
+    def _allocate(self) -> None:
+        context, sheet, n = self.context, self.context.sheet, self.context.sheet.size
+        breaks = self.part.energy is not None
+        self._kernels = joint(context.bits, breaks)
+        own, alike = self._own_triangles()
+        pairs = self._kernels.Pairs()
+        values: dict[str, tuple[Any, Any]] = {
+            "points": (wp.int32, self.points),
+            "corners": (wp.vec3i, self._corners),
+            "weights": (wp.vec3d, self._weights),
+            "own": (wp.vec3i, own),
+            "alike": (wp.float64, alike),
+            "reference": (wp.vec3d, sheet.positions),
+            "gap": (wp.float64, self._gap),
+            "area": (wp.float64, self._areas),
+        }
+        if breaks:
+            values["limits"] = (wp.vec4d, self._limits())
+        for name, (dtype, value) in values.items():
+            setattr(pairs, name, context.array(f"joint_{name}", OWNER, dtype, value, per="table"))
+        pairs.stiffness = self.stiffness
+        self._pairs = pairs
+        self._pulls: dict[str, Any] = {
+            name: context.array(f"joint_{name}", OWNER, wp.vec3d, shape=len(self.points), per="table")
+            for name in ("pull", "turn_first", "turn_second")
+        }
+        members = np.column_stack([self.points, self._corners]).ravel()
+        order = np.argsort(members, kind="stable")
+        joined, begins = np.unique(members[order], return_index=True)
+        entries = np.column_stack([order // 4, order % 4 - 1])
+        self._touched: dict[str, Any] = {
+            "joined": context.array("joined_points", OWNER, wp.int32, joined, per="table"),
+            "begins": context.array("joined_begins", OWNER, wp.int32, np.append(begins, len(order)), per="table"),
+            "entries": context.array("joined_entries", OWNER, wp.vec2i, entries, per="table"),
+        }
+        self.energy = context.array("joint_energy", OWNER, wp.float64, shape=n)
+        self.damage: Array | None = None
+        self.released: Array | None = None
+        if breaks:
+            self.damage = context.array(
+                "joint_damage", OWNER, context.types.real, shape=n, restart=True, output="joint_damage"
+            )
+            if context.features.tracked:
+                self.released = context.array("joint_released", OWNER, wp.float64, shape=n, restart=True)
+
+    def _own_triangles(self) -> tuple[np.ndarray, np.ndarray]:
+        """A triangle of each joined point, shape (P, 3), and 1 or -1 for a normal along or against that of the place.
+
+        It is 0 for sheets at an angle, as in a T-joint, where the normal at the place alone tells peel from shear.
+        """
+        triangles, here = self.context.sheet.triangles, self._here
+        last = np.zeros(self.context.sheet.size, np.int64)
+        last[triangles] = np.arange(len(triangles))[:, None]
+        own = triangles[last[self.points]]
+        ours, theirs = (doubled_normals(here, corners) for corners in (own, self._corners))
+        cosine = (ours * theirs).sum(axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)
+        return own, np.where(np.abs(cosine) > ALIKE, np.sign(cosine), 0.0)
+
+    def _limits(self) -> np.ndarray:
+        """1 / strength^2 and 1 / energy of each pair, in peel and in shear, shape (P, 4).
+
+        Raises:
+            InputError: if the stiffness is too small for a strength: the joint would break at once.
+        """
+        part, context = self.part, self.context
+        found = []
+        for name in ("energy", "shear_energy"):
+            given = getattr(part, name) if getattr(part, name) is not None else part.energy
+            values = by_point(f"Joint.{name}", given, context.given.points)
+            found.append(np.broadcast_to(values, context.sheet.size)[self.points])
+        peel, shear = found
+        strength = peel / (ENERGY_LENGTH * context.sheet.spacing)
+        if part.strength is not None:
+            strength = np.full(len(peel), part.strength)
+        shear_strength = strength * shear / peel
+        if part.shear_strength is not None:
+            shear_strength = np.full(len(peel), part.shear_strength)
+        self._zone = float((ZONE * peel / strength).min())
+        for name, force, energy in (("strength", strength, peel), ("shear_strength", shear_strength, shear)):
+            least = float((force**2 / (2.0 * energy)).max())
+            if self.stiffness <= least:
+                raise InputError(
+                    f"Joint.{name} = {force.max():.4g} Pa: expected less than sqrt(2 stiffness energy), here "
+                    f"{float(np.sqrt(2.0 * self.stiffness * energy).min()):.4g} Pa, or a stiffness of more than "
+                    f"{least:.4g} N/m^3"
+                )
+        return np.column_stack([strength**-2.0, shear_strength**-2.0, 1.0 / peel, 1.0 / shear])
+
+    def added_frequency(self) -> float:
+        """Bound of the frequency of the intact joint [rad/s], by Gershgorin's theorem."""
+        sheet = self.context.sheet
+        # A corner also turns the normal, by one over its height in the triangle.
+        first, second = (self._here[self._corners[:, k]] - self._here[self._corners[:, 0]] for k in (1, 2))
+        sides = np.linalg.norm(np.stack([second - first, second, first], axis=1), axis=-1)
+        heights = np.linalg.norm(np.cross(first, second), axis=1)[:, None] / sides
+        arms = np.abs(self._weights) + np.abs(self._gap)[:, None] / heights
+        stiffness = self.stiffness * self._areas * (1.0 + arms.sum(axis=1))
+        rows = np.zeros(sheet.size)
+        rows[self.points] = stiffness
+        np.add.at(rows, self._corners, stiffness[:, None] * arms)
+        return float(np.sqrt((rows / (sheet.areas * sheet.thickness * sheet.density)).max()))
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the damage, the force and the energy."""
+        kernels, displacement, number = self._kernels, self.context.state.displacement, len(self.points)
+        given: dict[str, Any] = {"pairs": self._pairs, "displacement": displacement, "damage": self.damage}
+        if phase is Phase.INTERNAL_VARIABLES and self.damage is not None:
+            stage.launch(OWNER, kernels.damage, number, **given, released=self.released)
+        elif phase is Phase.INTERNAL_FORCE:
+            stage.launch(OWNER, kernels.pull, number, **given, **self._pulls)
+            stage.launch(
+                OWNER, kernels.add, self._touched["joined"].shape[0], pairs=self._pairs, **self._pulls, **self._touched,
+                force=self.context.state.force,
+            )  # fmt: skip
+        elif phase is Phase.FRAME:
+            stage.launch(OWNER, kernels.energy, number, **given, energy=self.energy)
+
+    def sums(self) -> Mapping[str, Array]:
+        """Energy stored in the joint, and energy lost to breaking it."""
+        return {"joint": self.energy} | ({} if self.released is None else {"joint_released": self.released})
+
+    def column_names(self) -> Sequence[str]:
+        """The mean damage."""
+        return () if self.damage is None else ("joint_damage",)
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean damage over the joined area [-]."""
+        if self.damage is None:
+            return {}
+        damage = self.damage.numpy()[self.points].astype(np.float64)
+        return {"joint_damage": float(damage @ self._areas / self._areas.sum())}
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Note if the spacing does not resolve the zone that breaks."""
+        spacing = self.context.sheet.spacing
+        if self.damage is None or self._zone >= RESOLVED * spacing:
+            return []
+        return [
+            f"joint: about {self._zone:.3g} m of it break at a time in a peel, {self._zone / spacing:.2g} spacings; "
+            f"expected {RESOLVED:g} or more, from a strength of at most {self._zone / spacing / RESOLVED:.2g} times "
+            "that given, or a finer sheet: forces otherwise oscillate, and the mean is too large"
+        ]
