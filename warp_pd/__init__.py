@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Gent,
         Incompressible,
         Material,
+        Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
@@ -94,8 +95,8 @@ else:
             "laws.nodal": "Nodal",
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
-            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
-            "PairwiseMaterial Prony TensionField Yeoh",
+            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material Maxwell MooneyRivlin NeoHookean "
+            "Ogden PairwiseMaterial Prony TensionField Yeoh",
             "output.frames": "Frames SavedFrame",
             "geometry.shape_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
@@ -151,6 +152,7 @@ __all__ = [
     "InputError",
     "Joint",
     "Material",
+    "Maxwell",
     "Measure",
     "MooneyRivlin",
     "Motion",

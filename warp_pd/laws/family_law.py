@@ -74,6 +74,7 @@ class FamilyLaw(BuiltLaw):
     owner: str
     correction: dict[str, float] | None = None
     earlier_energy: wp.Function | None = None
+    driving_energy: wp.Function | None = None
     partial_energy: wp.Function | None = None
     coarsens: bool = False
     slack_frequency: float | None = None
@@ -130,6 +131,11 @@ class FamilyLaw(BuiltLaw):
         self.constants = context.types.constants(len(constants))(*constants)
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
+
+    @property
+    def energy_constants(self) -> Any:
+        """What its `earlier_energy` takes as constants."""
+        return self.constants
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes of the material on its constants."""

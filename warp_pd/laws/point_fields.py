@@ -14,6 +14,7 @@ from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
 from ..kernels.effects import Kernel
+from ..kernels.factories import FunctionFactory
 from ..kernels.family_fields import point_fields
 from ..kernels.principal_fields import Wanted
 from ..materials import Capabilities, Material, capabilities
@@ -129,11 +130,11 @@ class ShownFields:
         functions = None if material is None else material.functions
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
-    def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
-        """Kernel for means over bonds, for a law with one gradient per bond."""
+    def of_bonds(self, key: Key, material: Material, response: FunctionFactory | None) -> Kernel:
+        """Kernel for means over bonds, for a law with one gradient per bond; arguments as for `bond_fields`."""
         known: Capabilities = capabilities(material)
         stiffened = self.law.context.sheet.stiffness is not None
-        return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted)
+        return bond_fields(*key, known.volume, known.wrinkle_width, stiffened, self.wanted, response)
 
 
 def factors(context: Context) -> Array | None:

@@ -209,7 +209,7 @@ class Damaged(BuiltRupture):
         law, state = self.law, self.context.state
         return {
             "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
-            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.constants,
+            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.energy_constants,
             "inverse_horizon": law.inverse_horizon, "unit_volume": law.unit_volume, "intact": law.intact,
             "released": self.released,
         }  # fmt: skip

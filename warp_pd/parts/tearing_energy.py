@@ -170,6 +170,7 @@ class DamageField(Damaged):
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
+            law.driving_energy or law.earlier_energy,
             law.partial_energy if self._lanes > 1 else None,
         )  # fmt: skip
         self._softening = self.field
