@@ -15,11 +15,9 @@ from .numeric import numeric
 
 @functools.cache
 def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
-    """Return the kernels `measure_motion` (sums blocks of points in a fixed order) and `set_damping` (a single thread).
+    """Kernels `measure_motion` (sums blocks of points in a fixed order) and `set_damping` (a single thread).
 
-    Args:
-        bits: 32 or 64.
-        following: Whether any load depends on the displacement; the external force is then part of the stiffness.
+    `following`: loads depend on the displacement; the external force is then part of the stiffness.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

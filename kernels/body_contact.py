@@ -24,40 +24,48 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .body_motion import vec6d
-from .body_search import body_search
+from .body_motion import vec6d, wrench
+from .body_search import BodySearch, body_search
 from .integrate import half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
+# Impulse that a point got [N s], its moment about the centre of the body, its work [J]; the same of the friction in it.
+Given = wp.types.vector(length=14, dtype=wp.float64)
+
 
 @dataclass(frozen=True)
-class BodyContactKernels:
-    """Pointwise stages of one configuration.
+class PointContact:
+    """Warp functions (i, a) of a point, with the struct `a`; most return what a free body loses.
 
     Attributes:
-        project: Moves points out of the body, after the drift.
-        separate: Removes the velocity into the body, after the second half kick.
-        find_inside: Velocity changes that points need, before a free body moves and before `project`.
-        find_touching: The same before `separate`.
-        mark: Marks points that may touch during the step or at its end, for the stages of large sheets.
-        mark_again: Marks them again after a free body has yielded.
-        take_in_step: Applies the impulses found by kernels/surface_contact.py after the drift.
-        take_at_end: Applies them after the second half kick.
+        search: The struct and the search.
+        find_inside: -> speed into the body that a point has to lose, before a free body moves; -1 for none.
+        find_touching: The same at the end of the step.
+        project: -> Given; moves a point out of the body, after the drift.
+        separate: -> Given; removes the velocity into the body, after the second half kick.
+        take_in_step: -> Given; applies the impulse found by kernels/surface_contact.py after the drift.
+        take_at_end: -> Given; applies it after the second half kick.
     """
 
-    project: Pointwise
-    separate: Pointwise
-    find_inside: Pointwise
-    find_touching: Pointwise
-    mark: Pointwise
-    mark_again: Pointwise
-    take_in_step: Pointwise
-    take_at_end: Pointwise
+    search: BodySearch
+    find_inside: wp.Function
+    find_touching: wp.Function
+    project: wp.Function
+    separate: wp.Function
+    take_in_step: wp.Function
+    take_at_end: wp.Function
+
+
+# Members of the struct that the functions of a `PointContact` write.
+FOUND = ("need", "rows", "arms", "slips", "seen")
+STRUCK = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed")
+MOVED = ("displacement", "seen", *STRUCK)
+TAKEN = ("displacement", "changes", *STRUCK)
 
 
 @functools.cache
-def body_contact(
+def point_contact(
     bits: int,
     distance: wp.Function,
     moves_freely: bool,
@@ -70,14 +78,13 @@ def body_contact(
     half_steps: bool,
     searched: bool,
     marked: bool,
-) -> BodyContactKernels:
-    """Stages of contact with a body.
+) -> PointContact:
+    """Contact of single points with a body.
 
     Args:
         bits: 32 or 64.
         distance: Its signed distance, see kernels/distances.py.
-        moves_freely: Whether the sheet moves the body; impulses are then stored for its motion, otherwise summed per
-            point.
+        moves_freely: Whether the sheet moves the body; impulses are then returned, otherwise summed per point.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
         held: Whether any component is held; held points ignore the body.
@@ -94,13 +101,7 @@ def body_contact(
     BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
     push_out = search.push_out
-    plane, may_touch_in_step, may_touch_now = search.plane, search.may_touch_in_step, search.may_touch_now
     half_kick, half_loss = half_step(bits, loaded, damped)
-
-    given = (
-        "velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work", "rub",
-        "rub_work",
-    )  # fmt: skip
 
     @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
@@ -143,14 +144,17 @@ def body_contact(
             if wp.static(damped and half_steps):
                 lost = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * wp.dot(got, slowed)
                 a.dissipated[i] = a.dissipated[i] + lost
+        given = Given()
         if wp.static(moves_freely):
-            a.push[i] = momentum
-            a.arms[i] = arm
-            if wp.static(tracked):
-                a.push_work[i] = gained
-                if wp.static(rubs):
-                    a.rub[i] = rub
-                    a.rub_work[i] = warmed
+            moment = wp.cross(arm, momentum)
+            twist = wp.cross(arm, rub)
+            for c in range(3):
+                given[c] = momentum[c]
+                given[3 + c] = moment[c]
+                given[7 + c] = rub[c]
+                given[10 + c] = twist[c]
+            given[6] = gained
+            given[13] = warmed
         else:
             a.impulse[i] = a.impulse[i] + narrow(momentum)
             a.turn[i] = a.turn[i] + narrow(wp.cross(arm, momentum))
@@ -159,6 +163,7 @@ def body_contact(
                 a.loss[i] = a.loss[i] + wp.dot(momentum, passing) - gained
                 if wp.static(rubs):
                     a.rubbed[i] = a.rubbed[i] + wp.dot(rub, passing) - warmed
+        return given
 
     @wp.func
     def strike_in_step(i: int, shift: wp.vec3d, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
@@ -166,10 +171,11 @@ def body_contact(
         kick = half_kick(i, a.step, a.mass, a.force, a.external)
         start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
         a.displacement[i] = a.displacement[i] + narrow(shift)
-        strike(i, change, arrested, start, start, real(1.0), arm, a)
+        given = strike(i, change, arrested, start, start, real(1.0), arm, a)
         if wp.static(tracked and loaded):
             # The work of the load in the drift included the distance by which the point is now moved back.
             a.work[i] = a.work[i] + wp.float64(0.5) * wp.float64(a.step[0]) * wp.dot(wide(a.external[i]), change)
+        return given
 
     @wp.func
     def end_strike(i: int, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
@@ -181,7 +187,7 @@ def body_contact(
             weight += half_loss(a.step, a.damping)
             slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
             start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
-        strike(i, change, arrested, start, slowed, weight, arm, a)
+        return strike(i, change, arrested, start, slowed, weight, arm, a)
 
     @wp.func
     def rubbed_of(i: int, a: BodyContact):
@@ -191,143 +197,129 @@ def body_contact(
             return wp.vec3d()
 
     @wp.func
-    def forget(i: int, a: BodyContact):
-        if wp.static(moves_freely):
-            a.push[i] = wp.vec3d()
-            if wp.static(tracked):
-                a.push_work[i] = wp.float64(0.0)
-                if wp.static(rubs):
-                    a.rub[i] = wp.vec3d()
-                    a.rub_work[i] = wp.float64(0.0)
-
-    @wp.func
     def slipping(v: wp.vec3d, arm: wp.vec3d, end: wp.vec3d, a: BodyContact):
         """Velocity relative to the body [m/s] of a point that moves from `arm` to `end` during the step."""
         return v - surface_velocity(wp.float64(0.5) * (arm + end), a)
 
-    @pointwise(BodyContact, writes=("need", "rows", "arms", "slips", "seen"))
-    def find_inside(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        for i in range(begin, end):
-            near = may_touch_in_step(i, a, here)
-            if wp.static(not marked):
-                a.need[i] = wp.float64(-1.0)
-            if near:
-                needed = wp.float64(-1.0)
-                touches, n, shift, _pressed, arm = touch_in_step(i, a)
-                if touches:
-                    needed = wp.length(shift) / wp.float64(a.step[0])
-                    t = wp.cross(arm, n)
-                    a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
-                    if wp.static(rubs):
-                        a.arms[i] = arm
-                        a.slips[i] = slipping(wide(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
-                a.need[i] = needed
-
-    @pointwise(BodyContact, writes=("need", "rows", "arms", "slips"))
-    def find_touching(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        for i in range(begin, end):
-            near = may_touch_now(i, a, here)
-            if wp.static(not marked):
-                a.need[i] = wp.float64(-1.0)
-            if near:
-                needed = wp.float64(-1.0)
-                x = position(i, a)
-                touches, n = touch_now(x, a)
-                if touches:
-                    arm = x - a.place[0]
-                    relative = slipping(wide(a.velocity[i]), arm, arm, a)
-                    approach = -wp.dot(relative, n)
-                    if approach > wp.float64(0.0):
-                        needed = approach
-                    t = wp.cross(arm, n)
-                    a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
-                    if wp.static(rubs):
-                        a.arms[i] = arm
-                        a.slips[i] = relative
-                a.need[i] = needed
-
-    @pointwise(BodyContact, writes=("displacement", "seen", *given))
-    def project_out(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        for i in range(begin, end):
-            near = may_touch_in_step(i, a, here)
-            if wp.static(not marked):
-                forget(i, a)
-            if near:
-                if wp.static(marked):
-                    forget(i, a)
-                touches, n, shift, pressed, arm = touch_in_step(i, a)
-                if touches:
-                    dt = wp.float64(a.step[0])
-                    lost = wp.vec3d()
-                    if wp.static(rubs):
-                        x = position(i, a) + shift
-                        relative = slipping(wide(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
-                        lost = arrest(relative, pressed / dt, n, a.friction)
-                        reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
-                        shift += dt * lost + push_out(x + dt * lost, n, reach, a)
-                    strike_in_step(i, shift, shift / dt, lost, arm, a)
+    @wp.func
+    def find_inside(i: int, a: BodyContact):
+        needed = wp.float64(-1.0)
+        touches, n, shift, _pressed, arm = touch_in_step(i, a)
+        if touches:
+            needed = wp.length(shift) / wp.float64(a.step[0])
+            a.rows[i] = wrench(n, arm)
+            if wp.static(rubs):
+                a.arms[i] = arm
+                a.slips[i] = slipping(wide(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
+        a.need[i] = needed
+        return needed
 
     @wp.func
-    def take_change(i: int, a: BodyContact):
-        """Return the velocity change of a point [m/s] and reset it, because it belongs to one half step."""
+    def find_touching(i: int, a: BodyContact):
+        needed = wp.float64(-1.0)
+        x = position(i, a)
+        touches, n = touch_now(x, a)
+        # A point that does not touch has no normal.
+        row = vec6d()
+        if touches:
+            arm = x - a.place[0]
+            relative = slipping(wide(a.velocity[i]), arm, arm, a)
+            approach = -wp.dot(relative, n)
+            if approach > wp.float64(0.0):
+                needed = approach
+            row = wrench(n, arm)
+            if wp.static(rubs):
+                a.arms[i] = arm
+                a.slips[i] = relative
+        a.rows[i] = row
+        a.need[i] = needed
+        return needed
+
+    @wp.func
+    def project(i: int, a: BodyContact):
+        given = Given()
+        touches, n, shift, pressed, arm = touch_in_step(i, a)
+        if touches:
+            dt = wp.float64(a.step[0])
+            lost = wp.vec3d()
+            if wp.static(rubs):
+                x = position(i, a) + shift
+                relative = slipping(wide(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
+                lost = arrest(relative, pressed / dt, n, a.friction)
+                reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
+                shift += dt * lost + push_out(x + dt * lost, n, reach, a)
+            given = strike_in_step(i, shift, shift / dt, lost, arm, a)
+        return given
+
+    @wp.func
+    def touching(i: int, x: wp.vec3d, a: BodyContact):
+        """Whether a point at x touches at the end of the step, and the normal, as `find_touching` has found them."""
+        if wp.static(moves_freely):
+            j = a.rows[i]
+            n = wp.vec3d(j[0], j[1], j[2])
+            return wp.length_sq(n) > wp.float64(0.0), n
+        else:
+            return touch_now(x, a)
+
+    @wp.func
+    def separate(i: int, a: BodyContact):
+        given = Given()
+        x = position(i, a)
+        touches, n = touching(i, x, a)
+        if touches:
+            arm = x - a.place[0]
+            relative = slipping(wide(a.velocity[i]), arm, arm, a)
+            approach = -wp.dot(relative, n)
+            if approach > wp.float64(0.0):
+                change = approach * n
+                lost = wp.vec3d()
+                if wp.static(rubs):
+                    lost = arrest(relative + change, approach, n, a.friction)
+                    change += lost
+                given = end_strike(i, change, lost, arm, a)
+        return given
+
+    @wp.func
+    def take_in_step(i: int, a: BodyContact):
+        given = Given()
         change = a.changes[i]
-        a.changes[i] = wp.vec3d()
-        forget(i, a)
-        if wp.static(moves_freely and marked):
-            if wp.length_sq(change) > wp.float64(0.0):
-                a.marks[i] = wp.uint8(1)
-        return change
+        if wp.length_sq(change) > wp.float64(0.0):
+            # It belongs to one half step.
+            a.changes[i] = wp.vec3d()
+            dt = wp.float64(a.step[0])
+            arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
+            given = strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
+        return given
 
-    @pointwise(BodyContact, writes=("displacement", "changes", "marks", *given))
-    def take_in_step(begin: int, end: int, a: BodyContact):
-        for i in range(begin, end):
-            change = take_change(i, a)
-            if wp.length_sq(change) > wp.float64(0.0):
-                dt = wp.float64(a.step[0])
-                arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
-                strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
+    @wp.func
+    def take_at_end(i: int, a: BodyContact):
+        given = Given()
+        change = a.changes[i]
+        if wp.length_sq(change) > wp.float64(0.0):
+            a.changes[i] = wp.vec3d()
+            given = end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
+        return given
 
-    @pointwise(BodyContact, writes=("changes", "marks", *given))
-    def take_at_end(begin: int, end: int, a: BodyContact):
-        for i in range(begin, end):
-            change = take_change(i, a)
-            if wp.length_sq(change) > wp.float64(0.0):
-                end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
+    return PointContact(search, find_inside, find_touching, project, separate, take_in_step, take_at_end)
 
-    @pointwise(BodyContact, writes=given)
-    def separate_from(begin: int, end: int, a: BodyContact):
+
+@functools.cache
+def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
+    """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end."""
+    BodyContact, plane = of.search.struct, of.search.plane
+    may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
+    act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
+
+    @pointwise(BodyContact, writes=STRUCK if at_end else MOVED)
+    def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
-            near = may_touch_now(i, a, here)
-            if wp.static(not marked):
-                forget(i, a)
-            if near:
-                if wp.static(marked):
-                    forget(i, a)
-                x = position(i, a)
-                touches, n = touch_now(x, a)
-                if touches:
-                    arm = x - a.place[0]
-                    relative = slipping(wide(a.velocity[i]), arm, arm, a)
-                    approach = -wp.dot(relative, n)
-                    if approach > wp.float64(0.0):
-                        change = approach * n
-                        lost = wp.vec3d()
-                        if wp.static(rubs):
-                            lost = arrest(relative + change, approach, n, a.friction)
-                            change += lost
-                        end_strike(i, change, lost, arm, a)
+            if may_touch(i, a, here):
+                act_on(i, a)
 
-    return BodyContactKernels(
-        project_out,
-        separate_from,
-        find_inside,
-        find_touching,
-        search.mark,
-        search.mark_again,
-        take_in_step,
-        take_at_end,
-    )
+    @pointwise(BodyContact, writes=TAKEN)
+    def take_impulses(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            take_on(i, a)
+
+    return strike_points, take_impulses

@@ -4,8 +4,9 @@ Where computing the distance takes a search (meshes), each point caches the plac
 body and the distance found there. The distance changes by at most the distance moved, so no query is needed while the
 point is certainly clear of the surface. The cache changes no result, so restarts begin without it.
 
-On large sheets, a cheap stage, merged with others into one launch, marks the points that may touch; separate launches
-project and separate the marked points. The registers of the search would slow down every stage that shares its launch.
+On large sheets, and for free bodies, a cheap stage, merged with others into one launch, marks the points that may
+touch; separate launches project and separate the marked points. The registers of the search would slow down every stage
+that shares its launch.
 """
 
 import functools
@@ -39,7 +40,7 @@ class BodySearch:
         push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (x, a) -> whether a point at x touches, and the normal.
         mark: Pointwise stage that marks points that may touch during the step or at its end, for large sheets.
-        mark_again: Pointwise stage that marks them again after a free body has yielded by more than `slack`.
+        yields_far: a -> whether a free body has yielded by more than `slack`, so that any point may touch it.
     """
 
     struct: Any
@@ -54,7 +55,7 @@ class BodySearch:
     push_out: wp.Function
     touch_now: wp.Function
     mark: Pointwise
-    mark_again: Pointwise
+    yields_far: wp.Function
 
 
 @functools.cache
@@ -127,12 +128,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         marks: wp.array(dtype=wp.uint8)
         need: wp.array(dtype=wp.float64)
         rows: wp.array(dtype=vec6d)
-        push: wp.array(dtype=wp.vec3d)
         arms: wp.array(dtype=wp.vec3d)
         slips: wp.array(dtype=wp.vec3d)
-        push_work: wp.array(dtype=wp.float64)
-        rub: wp.array(dtype=wp.vec3d)
-        rub_work: wp.array(dtype=wp.float64)
         yielded: wp.array(dtype=vec6d)
         changes: wp.array(dtype=wp.vec3d)
         rubbing: wp.array(dtype=wp.vec3d)
@@ -282,18 +279,16 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         for i in range(begin, end):
             a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
 
-    @pointwise(BodyContact, writes=("marks",))
-    def mark_again(begin: int, end: int, a: BodyContact):
+    @wp.func
+    def yields_far(a: BodyContact):
+        """Whether a free body has yielded so far in a step that points without a mark may touch it."""
         d = a.yielded[0]
         # Place and way of the body have changed, and it has turned about a centre that is two radii away at most.
         turned = wp.float64(2.0) * a.radius * wp.length(wp.vec3d(d[3], d[4], d[5]))
         moved = wp.float64(a.step[0]) * (wp.length(wp.vec3d(d[0], d[1], d[2])) + turned)
-        if wp.float64(2.0) * moved > a.slack:
-            here = plane(a)
-            for i in range(begin, end):
-                a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
+        return wp.float64(2.0) * moved > a.slack
 
     return BodySearch(
         BodyContact, wide, narrow, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
-        push_out, touch_now, mark, mark_again,
+        push_out, touch_now, mark, yields_far,
     )  # fmt: skip

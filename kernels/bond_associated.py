@@ -52,6 +52,8 @@ class FamilyMechanics:
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
             flat sheet.
+        visit_earlier: The same with the arguments (family, intact, displacement, velocity, back, inverse_horizon, i, j,
+            undamaged), for the displacement at a time `back` before now.
         green: (H1, H2, tilt) -> C - I.
         gradient: (H1, H2, tilt) -> columns of F.
         stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, on a curved sheet of W P R^-1
@@ -69,6 +71,7 @@ class FamilyMechanics:
     is_undamaged: wp.Function
     is_intact: wp.Function
     visit: wp.Function
+    visit_earlier: wp.Function
     green: wp.Function
     gradient: wp.Function
     stress_on_members: wp.Function
@@ -102,13 +105,7 @@ class BondAssociatedKernels:
 
 @functools.cache
 def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
-    """Kernels of the bond-associated law.
-
-    Args:
-        layout: Layout of the families.
-        material: Factory of (stress, energy), called with `bits`.
-        form: "variational" or "published".
-    """
+    """Kernels of the bond-associated law; `material` makes (stress, energy), `form` is "variational" or "published"."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)
@@ -389,6 +386,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
             is_undamaged,
             is_intact,
             visit,
+            visit_earlier,
             green,
             gradient,
             stress_on_members,

@@ -39,11 +39,13 @@ class TangentKernels:
         product: Fills bond_force [members, points] with its derivative along a direction; `gather` sums it.
         inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
             components.
+        assemble: Fills the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`.
     """
 
     linearise: Kernel
     product: Kernel
     inverse_blocks: Kernel
+    assemble: Kernel
 
 
 @functools.cache
@@ -104,14 +106,7 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 def bond_associated_tangent(
     layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
 ) -> TangentKernels:
-    """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
-
-    Args:
-        layout: Layout of the families.
-        material: Factory of (stress, energy).
-        response: Factory of the function that gives stress and moduli.
-        held: Whether any component is held.
-    """
+    """Kernels of the tangent; arguments as for `bond_associated`; `response` makes stress and moduli."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33
@@ -294,4 +289,111 @@ def bond_associated_tangent(
             mask = held_mask[i]
         out[i] = inverse_of(unit_stiffness * block, mask)
 
-    return TangentKernels(linearise, product, inverse_blocks)
+    @wp.func
+    def entry_of(columns: wp.array(dtype=wp.int32), begin: int, end: int, m: int):
+        """Entry of the column m among those of a row, which has it."""
+        low = int(begin)
+        high = int(end - 1)
+        while low < high:
+            middle = (low + high) // 2
+            if columns[middle] < m:
+                low = middle + 1
+            else:
+                high = middle
+        return low
+
+    @kernel(gathers=("displacement", "intact", "gradient", "stress", "moduli"))
+    def assemble(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        gradient: wp.array2d(dtype=mat32),
+        stress: wp.array2d(dtype=vec3),
+        moduli: wp.array2d(dtype=vec6),
+        starts: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        unit_stiffness: real,
+        first: int,
+        matrix: wp.array(dtype=mat33),
+    ):
+        i = wp.tid() + first
+        begin = starts[i]
+        end = starts[i + 1]
+        for entry in range(begin, end):
+            matrix[entry] = mat33()
+        # Families that contain i: its own, where it is the centre (member index `members`), and its neighbours'.
+        for s in range(family.members + 1):
+            q = i
+            mine = family.members
+            belongs = bool(True)
+            word = 0
+            bit = wp.uint32(0)
+            if s < family.members:
+                belongs = is_intact(family, intact, i, s)
+                if belongs:
+                    q = f.neighbour(family, i, s)
+                    mine = f.reverse(family, i, s)
+                    word = mine // word_size
+                    bit = wp.uint32(1) << wp.uint32(mine - word * word_size)
+            if belongs:
+                undamaged = is_undamaged(family, intact, q)
+                own = entry_of(columns, begin, end, q)
+                for j in range(family.members):
+                    inverse = vec3(real(0.0), real(0.0), real(0.0))
+                    tilt = vec2(real(0.0), real(0.0))
+                    if mine == family.members or (f.common(family, q, j, word) & bit) != wp.uint32(0):
+                        inverse, tilt = shape_of(family, intact, displacement, q, j, undamaged)
+                    if inverse[0] > real(0.0):
+                        # First the sum over the members; its negative is the coefficient of the centre.
+                        centre = vec2(real(0.0), real(0.0))
+                        for w in range(family.words):
+                            members = f.common(family, q, j, w) & intact_members(family, intact, q, w)
+                            while members != wp.uint32(0):
+                                k = w * word_size + lowest_bit(members)
+                                members = without_lowest_bit(members)
+                                c = f.influence(family, q, k) * f.area(family, f.neighbour(family, q, k))
+                                centre -= c * f.bond(family, q, k)
+                        raw = centre
+                        if mine < family.members:
+                            raw = (f.influence(family, q, mine) * f.area(family, i)) * f.bond(family, q, mine)
+                        # Columns of R^-1 K^-1, so that the loop over members only needs c xi.
+                        p = levelled(vec2(inverse[0], inverse[1]), tilt)
+                        r = levelled(vec2(inverse[1], inverse[2]), tilt)
+                        g = raw[0] * p + raw[1] * r
+                        F = gradient[j, q]
+                        S = stress[j, q]
+                        T = moduli[j, q]
+                        F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
+                        F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                        b1 = real(2.0) * g[0] * F1
+                        b2 = real(2.0) * g[1] * F2
+                        b3 = g[1] * F1 + g[0] * F2
+                        half = real(0.5) * unit_stiffness
+                        t1 = half * (T[0] * b1 + T[1] * b2 + T[2] * b3)
+                        t2 = half * (T[1] * b1 + T[3] * b2 + T[4] * b3)
+                        t3 = half * (T[2] * b1 + T[4] * b2 + T[5] * b3)
+                        one = wp.identity(n=3, dtype=real)
+                        R1 = (
+                            (unit_stiffness * (S[0] * g[0] + S[1] * g[1])) * one
+                            + real(2.0) * wp.outer(t1, F1)
+                            + wp.outer(t3, F2)
+                        )
+                        R2 = (
+                            (unit_stiffness * (S[1] * g[0] + S[2] * g[1])) * one
+                            + real(2.0) * wp.outer(t2, F2)
+                            + wp.outer(t3, F1)
+                        )
+                        Q1 = p[0] * R1 + p[1] * R2
+                        Q2 = r[0] * R1 + r[1] * R2
+                        matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
+                        for w in range(family.words):
+                            members = f.common(family, q, j, w) & intact_members(family, intact, q, w)
+                            while members != wp.uint32(0):
+                                k = w * word_size + lowest_bit(members)
+                                members = without_lowest_bit(members)
+                                m = f.neighbour(family, q, k)
+                                cxi = (f.influence(family, q, k) * f.area(family, m)) * f.bond(family, q, k)
+                                entry = entry_of(columns, begin, end, m)
+                                matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
+
+    return TangentKernels(linearise, product, inverse_blocks, assemble)

@@ -146,12 +146,7 @@ def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
 
 @functools.cache
 def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
-    """Kernels of the bond-based law.
-
-    Args:
-        layout: Layout of the families.
-        pairwise: Factory of the pairwise law, called with `bits`.
-    """
+    """Kernels of the bond-based law."""
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
@@ -258,14 +253,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
 def bond_based_tangent(
     layout: Layout, pairwise: PairwiseFactory, held: bool, geometric: bool
 ) -> BondBasedTangentKernels:
-    """Kernels of the tangent; arguments as for `bond_based`.
-
-    Args:
-        layout: Layout of the families.
-        pairwise: Factory of the pairwise law.
-        held: Whether any component is held.
-        geometric: Whether the stiffness includes the tension of the bonds (IM eq. 21) or not (IM eq. 16).
-    """
+    """Kernels of the tangent, with the tension of the bonds (`geometric`, IM eq. 21) or without (IM eq. 16)."""
     types, bits = layout.types, layout.bits
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
     f = family_functions(layout)

@@ -11,7 +11,6 @@ from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
 from .principal_fields import Wanted, image_of, showing, tensors
-from .visco import overstressed
 
 
 @functools.cache
@@ -21,9 +20,9 @@ def bond_fields(
     form: str,
     volume: FunctionFactory | None,
     width: FunctionFactory | None,
-    viscous: bool,
     stiffened: bool,
     wanted: Wanted,
+    response: FunctionFactory | None = None,
 ) -> Kernel:
     """Kernel that fills the point fields of a law with one deformation gradient per bond.
 
@@ -33,9 +32,9 @@ def bond_fields(
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
         width: For a material of tension field theory, factory of its width in uniaxial tension; otherwise None.
-        viscous: Whether the stress has Prony terms, see kernels/visco.py.
         stiffened: Whether the moduli vary from point to point by a factor.
         wanted: The fields to fill.
+        response: That of a viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -44,7 +43,7 @@ def bond_fields(
     law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    with_overstress = overstressed(bits) if viscous else None
+    advance = response(bits) if response is not None else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
@@ -58,9 +57,8 @@ def bond_fields(
         constants: Constants,
         inverse_horizon: real,
         factors: wp.array(dtype=real),
-        prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
+        terms: wp.array(dtype=parameters),
+        state: wp.array2d(dtype=parameters),
         first: int,
         stretch_1: wp.array(dtype=real),
         stretch_2: wp.array(dtype=real),
@@ -92,9 +90,11 @@ def bond_fields(
                     F1 += weight * A1
                     F2 += weight * A2
                 if wp.static(with_stress):
-                    S = stress(G, of_bond(family, i, j, constants))
-                    if wp.static(viscous):
-                        S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
+                    if wp.static(response is not None):
+                        # A step of zero leaves the state as it is.
+                        S, _work = advance(G, constants, i, j, family.members, real(0.0), terms, state)
+                    else:
+                        S = stress(G, of_bond(family, i, j, constants))
                     U = stretch_of(G)
                     biot += weight * (U * S)
                     if wp.static(wanted.cauchy):

@@ -68,11 +68,8 @@ def bond_state(layout: Layout) -> BondState:
 def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points] over both ends of the bonds to the internal force [N].
 
-    In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py.
-
-    Args:
-        layout: Layout of the families.
-        softens: Whether to apply this reduction here; False if `bond_force` already contains it.
+    In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py, if
+    `softens`; without it, `bond_force` already contains this.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)

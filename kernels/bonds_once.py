@@ -43,14 +43,7 @@ class BondsOnce:
 
 @functools.cache
 def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> BondsOnce:
-    """The kernels.
-
-    Args:
-        bits: 32 or 64.
-        members: Number of members of the stencil.
-        breakable: Whether bonds can break.
-        pull: Warp function (constants, weight, xi, U) -> force of a bond divided by the unit of force, vec3.
-    """
+    """The kernels; `pull` is (constants, weight, xi, U) -> force of a bond divided by the unit of force, vec3."""
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     half, word_size, block = members // 2, WORD, SCREENED

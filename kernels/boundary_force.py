@@ -24,10 +24,6 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
 
     If bonds cannot break, there is one thread per entry of `points`, and other points are left alone. If bonds can
     break, there is one thread per point, since a crack may reach any point; `points` is then None.
-
-    Args:
-        layout: Layout of the families.
-        form: "normal" or "printed".
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

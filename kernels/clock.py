@@ -69,9 +69,7 @@ def clock(bits: int) -> Kernel:
 def prescribed_motion(bits: int, placed: bool) -> Pointwise:
     """Pointwise stage `prescribe`: sets the velocity that takes points to their prescribed positions in one step.
 
-    Args:
-        bits: 32 or 64.
-        placed: Whether the sheet was stretched before it was clamped; motions then start from `origins` [m].
+    Motions of a sheet stretched before it was clamped (`placed`) start from `origins` [m].
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

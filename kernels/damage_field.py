@@ -94,7 +94,7 @@ class DamageFieldKernels:
 @functools.cache
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, partial_energy: wp.Function | None,
+    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -108,8 +108,9 @@ def damage_field(
         tracked: Whether to sum the released energy.
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family at an earlier time.
-        partial_energy: Warp function of what a thread adds to this energy now, if LANES threads share a family in
-            `drive`; None if a thread computes it alone.
+        driving_energy: The same for the part of it that drives damage.
+        partial_energy: Warp function of what a thread adds to the driving energy now, if LANES threads share a family
+            in `drive`; None if a thread computes it alone.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -275,7 +276,7 @@ def damage_field(
                 )
                 stored = wp.tile_sum(wp.tile(part, preserve_type=True))[0]
             else:
-                stored = earlier_energy(
+                stored = driving_energy(
                     family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
                 )
             if lane == 0:

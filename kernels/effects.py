@@ -41,12 +41,7 @@ class Effects:
 
 @dataclass(frozen=True)
 class Kernel:
-    """A Warp kernel with its effects.
-
-    Attributes:
-        kernel: The Warp kernel.
-        effects: The arrays that it accesses.
-    """
+    """A Warp kernel with the arrays that it accesses."""
 
     kernel: wp.Kernel
     effects: Effects
@@ -66,6 +61,7 @@ def unstaged(function: Callable[..., None]) -> wp.Kernel:
 def kernel(
     *,
     gathers: tuple[str, ...] = (),
+    writes: tuple[str, ...] = (),
     per: str = "point",
     launch_bounds: tuple[int, int] | None = None,
     name: str | None = None,
@@ -77,6 +73,7 @@ def kernel(
 
     Args:
         gathers: Arguments that are read at points other than the thread's own.
+        writes: Members of structs that are written, such as "a.velocity", besides the arguments after `first`.
         per: What a thread works on, see `Effects`.
         launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
         name: Name of the kernel; defaults to the name of the function.
@@ -92,7 +89,7 @@ def kernel(
             raise ValueError(
                 f"kernel {function.__name__}: expected an argument `first` between what it reads and writes"
             )
-        writes = frozenset(names[names.index("first") + 1 :])
+        written = frozenset([*names[names.index("first") + 1 :], *writes])
         made: Any = wp.kernel(
             function,
             module="unique",
@@ -100,6 +97,6 @@ def kernel(
             enable_backward=False,
             launch_bounds=launch_bounds,
         )
-        return Kernel(made, Effects(per, writes, frozenset(gathers)))
+        return Kernel(made, Effects(per, written, frozenset(gathers)))
 
     return declare

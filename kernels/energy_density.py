@@ -10,11 +10,7 @@ from .numeric import numeric
 
 @functools.cache
 def energy_density(functions: PairFactory) -> wp.Kernel:
-    """Kernel that fills `out` [n] with the energy density [J/m^3] of principal stretches [n], in float64.
-
-    Args:
-        functions: Factory of (stress, energy).
-    """
+    """Kernel that fills `out` [n] with the energy density [J/m^3] of principal stretches [n], in float64."""
     types = numeric(64)
     mat22 = types.mat22
     _, energy = functions(64)

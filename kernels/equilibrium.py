@@ -54,12 +54,7 @@ def free_components(bits: int, held: bool) -> wp.Function:
 
 @functools.cache
 def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
-    """Kernels of the static solvers.
-
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held.
-    """
+    """Kernels of the static solvers."""
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
 

@@ -11,8 +11,8 @@ The energy needs only the first pass. k belongs to D_ij if j belongs to D_ik, so
 intersection. If the intersection has more than half of the family, the sum over the other members is subtracted from
 the sum over all. The loops over rows are inlined by hand because a Warp function would copy the table at every call.
 
-Relaxing stresses (kernels/relaxing_stress.py) are updated to the end of a step where the force needs them, so a step of
-a viscous law computes each sum only once.
+The state of viscous laws (kernels/visco.py and kernels/maxwell.py) is updated to the end of a step where the force
+needs it, so a step of a viscous law computes each sum only once.
 """
 
 import functools
@@ -25,14 +25,17 @@ from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .relaxing_stress import relaxing_stress
+from .stiffness_left import stiffness_left
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
 ROW = 8
 
 
 @functools.cache
-def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str) -> Kernel:
+def family_rows(
+    layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str,
+    response: FunctionFactory | None = None,
+) -> Kernel:  # fmt: skip
     """Kernel that fills bond_force [members, points] with the forces of each family [N], in the variational form.
 
     `unit` is the thickness times the reference area; for forces it is also divided by the horizon. Unused arguments are
@@ -44,11 +47,12 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
         near: Factory of stress_near, called with `bits`, or None.
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
-            "viscous_force", with Prony terms; or "viscous_step", which also updates them to the end of a step and adds
-            the energy dissipated or stored to viscous_work [points], J.
+            "viscous", which also advances the state of a viscous law by a step, unless this is zero, and adds its work
+            or loss to viscous_work [points], J.
+        response: That of the viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
     law = bond_associated(layout, material, "variational").mechanics
@@ -60,8 +64,9 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
     stress_near = near(bits) if near is not None else stress
     Constants = constants_of(stress)
     damaged, curved, word_size = layout.breakable, layout.curved, WORD
-    energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
-    relaxing = relaxing_stress(bits, advances) if viscous else None
+    energetic, viscous = what == "energy", what == "viscous"
+    advance = response(bits) if response is not None else None
+    left_of = stiffness_left(bits)
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
     shape_row = ROW if curved else 4
     Row = wp.types.vector(length=ROW, dtype=real)
@@ -99,13 +104,13 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
         inverse_horizon: real,
         unit: real,
         step: wp.array(dtype=real),
-        prony: wp.array(dtype=parameters),
+        terms: wp.array(dtype=parameters),
+        damage: wp.array(dtype=real),
         first: int,
         bond_force: wp.array2d(dtype=vec3),
         energies: wp.array(dtype=wp.float64),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
         viscous_work: wp.array(dtype=wp.float64),
+        state: wp.array2d(dtype=parameters),
     ):
         i = wp.tid() + first
         undamaged = is_undamaged(family, intact, i)
@@ -207,15 +212,13 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
                     if wp.static(energetic):
                         stored += weight * energy(strain_now, f.of_bond(family, i, j, constants))
                     else:
-                        if wp.static(quick):
+                        if wp.static(viscous):
+                            S, more = advance(strain_now, constants, i, j, family.members, step[0], terms, state)
+                            work += wp.float64(weight * more)
+                        elif wp.static(quick):
                             S, guess = stress_near(strain_now, f.of_bond(family, i, j, constants), guess)
                         else:
                             S = stress(strain_now, f.of_bond(family, i, j, constants))
-                        if wp.static(viscous):
-                            H, power = relaxing(strain_now, i, j, family.members, step, prony, strain, overstress)
-                            S += mat22(H[0], H[2], H[2], H[1])
-                            if wp.static(advances):
-                                work += wp.float64(real(0.25) * weight * power)
                         A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
                         answer = Row()
                         for c in range(3):
@@ -224,8 +227,11 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
                         answers[j] = answer
                         all_answers += answer
 
-        if wp.static(advances):
-            viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
+        if wp.static(viscous):
+            if wp.static(layout.softened):
+                work *= wp.float64(left_of(damage[i]))
+            if step[0] > real(0.0):
+                viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
         if wp.static(energetic):
             energies[i] = wp.float64(unit * stored)
         else:

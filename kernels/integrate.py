@@ -216,12 +216,7 @@ def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Fu
 def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool) -> Kernel:
     """Kernel of the kinetic energy of each point [J]; held components do not count.
 
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-        half_steps: Whether it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
+    With `half_steps` it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

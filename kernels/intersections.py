@@ -18,9 +18,7 @@ from .kinematics import kinematics
 def common_members(dimension: int, graded: bool) -> wp.Kernel:
     """Kernel that sets the member bits of each intersection [rows, members, words], which are zero on entry.
 
-    Args:
-        dimension: 2, or 3 for bonds in space.
-        graded: Whether the horizon varies; each pair then uses the mean of both points, `horizons` [rows, members].
+    With `graded` each pair uses the mean of the `horizons` [rows, members] of both points.
     """
     vector = wp.types.vector(length=dimension, dtype=wp.float64)
     word_size = WORD

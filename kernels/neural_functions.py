@@ -49,12 +49,7 @@ class NeuralFunctions:
 
 @functools.cache
 def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function, wp.Function]:
-    """Warp functions `family_frame` and `bond_motion`.
-
-    Args:
-        layout: Layout of the families.
-        membrane: Factory of (volume_change, shear), see kernels/materials.py.
-    """
+    """Warp functions `family_frame` and `bond_motion`; `membrane` as in kernels/materials.py."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, mat32, parameters = (
         types.real, types.vec2, types.vec3, types.mat22, types.mat32, types.parameters,

@@ -61,13 +61,7 @@ def network_function(bits: int, layers: Layers) -> wp.Function:
 
 
 def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
-    """Kernel of the neural law that evaluates the network bond by bond.
-
-    Args:
-        bits: 32 or 64.
-        layers: See `network_function`.
-        law: Functions of the law.
-    """
+    """Kernel of the neural law that evaluates the network of `network_function` bond by bond."""
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     evaluate = network_function(bits, layers)

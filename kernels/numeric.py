@@ -12,8 +12,6 @@ class Numeric:
     """Warp types of one floating-point precision.
 
     Attributes:
-        bits: 32 or 64.
-        real: The scalar type.
         vec2: Vector on the reference sheet.
         vec3: Vector in space.
         mat22: Tensor on the reference sheet.

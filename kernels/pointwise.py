@@ -22,7 +22,6 @@ class Pointwise:
     Attributes:
         function: Warp function (begin, end, arguments) that works on the points begin to end - 1.
         arguments: Its Warp struct.
-        name: Its name in the plan.
         effects: The arrays that it accesses, by their names in the struct.
     """
 
@@ -37,10 +36,7 @@ def pointwise(
 ) -> Callable[[Callable[..., None]], Pointwise]:
     """Decorator that turns a function (begin, end, arguments) into a pointwise stage.
 
-    Args:
-        arguments: Warp struct of the arguments.
-        writes: Members of the struct that are written, only at the thread's own point.
-        gathers: Members of the struct that are read at other points.
+    `arguments` is their Warp struct; members `writes` are written at the thread's own point, `gathers` read at others.
     """
 
     def declare(function: Callable[..., None]) -> Pointwise:

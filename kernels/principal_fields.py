@@ -32,15 +32,7 @@ RELATIVE, ABSOLUTE = 1e-3, 1e-6
 
 @dataclass(frozen=True)
 class Wanted:
-    """The fields that a kernel fills; it computes nothing else.
-
-    Attributes:
-        stretch: Principal stretches.
-        direction: Direction of the largest stretch.
-        piola: Principal first Piola stresses.
-        cauchy: Principal Cauchy stresses.
-        state: Wrinkle state.
-    """
+    """The fields that a kernel fills; it computes nothing else. `direction` is that of the largest stretch."""
 
     stretch: bool = False
     direction: bool = False

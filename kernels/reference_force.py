@@ -6,25 +6,23 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import PairFactory, constants_of
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
-from .visco import overstressed
+from .stiffness_left import stiffness_left
 
 
 @functools.cache
-def reference_force(layout: Layout, material: PairFactory, form: str, viscous: bool = False) -> Kernel:
+def reference_force(layout: Layout, material: PairFactory, form: str) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
-    Arguments as for `bond_associated`. With `viscous` the stress has Prony terms, see kernels/visco.py; their kernel
-    arguments are otherwise None.
+    Arguments as for `bond_associated`.
     """
     types, bits = layout.types, layout.bits
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    with_overstress = overstressed(bits) if viscous else None
     law = bond_associated(layout, material, form).mechanics
     is_undamaged, is_intact, visit = law.is_undamaged, law.is_intact, law.visit
     green, family_scale = law.green, law.family_scale
@@ -51,9 +49,6 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
             constants: Constants,
             inverse_horizon: real,
             unit_force: real,
-            prony: wp.array(dtype=parameters),
-            strain: wp.array2d(dtype=vec3),
-            overstress: wp.array2d(dtype=vec3),
             first: int,
             bond_force: wp.array2d(dtype=vec3),
         ):
@@ -78,7 +73,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
 
         return published_force
 
-    @kernel(gathers=("displacement",), name="viscous_force" if viscous else "variational_force")
+    @kernel(gathers=("displacement",))
     def variational_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -86,9 +81,6 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
         constants: Constants,
         inverse_horizon: real,
         unit_force: real,
-        prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
@@ -100,13 +92,68 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
         for j in range(family.members):
             there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
             if there:
-                G = green(H1, H2, tilt)
-                S = stress(G, f.of_bond(family, i, j, constants))
-                if wp.static(viscous):
-                    S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
+                S = stress(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
                 add_to_members(family, intact, i, j, A1, A2, bond_force)
         finish_forces(family, intact, i, unit_force * family_scale(family, i, undamaged, total), bond_force)
 
     return variational_force
+
+
+@functools.cache
+def viscous_force(layout: Layout, material: PairFactory, response: FunctionFactory) -> Kernel:
+    """Reference kernel of a viscous law in the variational form; it advances the law's state by a step.
+
+    With a step of zero the state does not change.
+
+    Args:
+        layout: Layout of the families.
+        material: Factory of the elastic (stress, energy).
+        response: Factory of (G, constants, i, j, members, step, terms, state) -> S after a step, work or loss [J/m^3],
+            see kernels/visco.py and kernels/maxwell.py.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec3, vec4 = types.real, types.vec3, types.parameters
+    Family = family_functions(layout).struct
+    Constants = constants_of(material(bits)[0])
+    law = bond_associated(layout, material, "variational").mechanics
+    advance, left = response(bits), stiffness_left(bits)
+
+    @kernel(gathers=("displacement",))
+    def viscous_force(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        unit: real,
+        step: wp.array(dtype=real),
+        terms: wp.array(dtype=vec4),
+        damage: wp.array(dtype=real),
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+        viscous_work: wp.array(dtype=wp.float64),
+        state: wp.array2d(dtype=vec4),
+    ):
+        i = wp.tid() + first
+        for k in range(family.members):
+            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
+        undamaged = law.is_undamaged(family, intact, i)
+        work = wp.float64(0.0)
+        for j in range(family.members):
+            there, H1, H2, inverse, weight, tilt = law.visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                S, more = advance(law.green(H1, H2, tilt), constants, i, j, family.members, step[0], terms, state)
+                work += wp.float64(weight * more)
+                A1, A2 = law.stress_on_members(H1, H2, S, weight, inverse, tilt)
+                law.add_to_members(family, intact, i, j, A1, A2, bond_force)
+        law.finish_forces(family, intact, i, unit, bond_force)
+        if wp.static(layout.softened):
+            work *= wp.float64(left(damage[i]))
+        if step[0] > real(0.0):
+            viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
+
+    return viscous_force

@@ -17,11 +17,7 @@ from .numeric import numeric
 def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
     """Kernel that fills the unbalanced force [points], N, its square and the squared loads and reactions, N^2.
 
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held.
-        loaded: Whether external forces act.
-        apart: Whether dead loads are also summed separately, because displacement-dependent loads may balance them.
+    `apart`: dead loads are also summed separately, because displacement-dependent loads may balance them.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

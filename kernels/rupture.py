@@ -120,13 +120,7 @@ def critical_energy(layout: Layout) -> Criterion:
 
 @functools.cache
 def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Function:
-    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the remaining bonds.
-
-    Args:
-        layout: Layout of the families.
-        criterion: The criterion that they do not exceed.
-        spared: Whether the bonds of some points never break.
-    """
+    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> remaining bits."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
@@ -239,13 +233,8 @@ def breaking(
 ) -> Kernel:
     """Kernel `break_bonds`.
 
-    Args:
-        layout: Layout of the families.
-        criterion: The criterion by which a bond breaks.
-        spared: Whether the bonds of some points never break.
-        screened: Whether `screening` has flagged the blocks in which a bond exceeds the criterion.
-        earlier_energy: Warp function of the force law's energy of a family at an earlier time, to sum the released
-            energy per point; None if it is not tracked.
+    `screened`: `screening` has flagged the blocks in which a bond exceeds the criterion. `earlier_energy` is the law's
+    function of the energy of a family at an earlier time, to sum the released energy; None if it is not tracked.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

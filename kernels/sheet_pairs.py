@@ -17,7 +17,8 @@ from .body_search import wide_places
 from .distances import weights_of_nearest
 from .face_tree import FaceTree, rounded
 from .numeric import numeric
-from .surface_contact import NEAREST, between_segments
+from .narrow_phase import between_segments
+from .surface_contact import NEAREST
 
 # A distance below this fraction of the one to be kept is zero: the faces of a crack of an outline.
 ZERO = wp.constant(wp.float64(1e-3))

@@ -23,9 +23,7 @@ def stiffness_left(bits: int) -> wp.Function:
 def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Function]:
     """Functions (d, m) -> g, -dg/dd and the second derivative of g, with m = -dg/dd at d = 0.
 
-    Args:
-        bits: 32 or 64.
-        weak: Whether g is that of Lorentz, which initially falls faster; otherwise g = (1 - d)^2 and m = 2.
+    `weak`: g is that of Lorentz, which initially falls faster; otherwise g = (1 - d)^2 and m = 2.
     """
     real = numeric(bits).real
 

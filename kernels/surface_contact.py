@@ -25,10 +25,12 @@ from typing import Any
 
 import warp as wp
 
+from .block_lists import place_in_block, sum_of_blocks
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .body_search import wide_places
-from .distances import TINY, BodyShape, ways_out, weights_of_nearest
-from .effects import Kernel, kernel, unstaged
+from .distances import TINY, BodyShape
+from .effects import Kernel, kernel
+from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 from .numeric import numeric
 
 # Fraction of the initial depth that a step removes; removing more would turn depth into velocity.
@@ -38,143 +40,8 @@ SLOTS = 4
 # A segment is the nearest part of a body if the distance to the body is at least this fraction of that to the segment.
 NEAREST = wp.constant(wp.float64(0.999))
 
-
-@wp.struct
-class Segments:
-    """Segments of a body in its frame.
-
-    vertices: [m]. ends: indices of both vertices of a segment, and which of them it owns (1: first, 2: second,
-    3: both); each vertex has one owner. tree: bounding volume hierarchy of the segments, float32. core: radius of the
-    body around them [m]. radius: core plus the layer [m]. size: largest distance of a vertex from the origin [m].
-    """
-
-    vertices: wp.array(dtype=wp.vec3d)
-    ends: wp.array(dtype=wp.vec3i)
-    tree: wp.uint64
-    core: wp.float64
-    radius: wp.float64
-    size: wp.float64
-
-
-@wp.func
-def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
-    """Parameters (s, t) of the nearest points p + s d and q + t e, 0 <= s, t <= 1 (Ericson 2005, section 5.1.9)."""
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    r = p - q
-    dd = wp.dot(d, d)
-    ee = wp.dot(e, e)
-    de = wp.dot(d, e)
-    dr = wp.dot(d, r)
-    er = wp.dot(e, r)
-    s = zero
-    left = dd * ee - de * de
-    if left > wp.float64(1e-12) * dd * ee:
-        s = wp.clamp((de * er - dr * ee) / left, zero, one)
-    t = wp.clamp((de * s + er) / ee, zero, one)
-    s = wp.clamp((de * t - dr) / dd, zero, one)
-    return s, t
-
-
-@wp.func
-def nearest_pair(pair: int, x: wp.mat33d, entry: int, of: Segments):
-    """Nearest points of one pair of features of a segment and a triangle with corners x in the frame of the body.
-
-    Pairs 0 and 1 are an end of the segment and the triangle; pairs 2 to 4 are the segment and a side. Return the
-    weights of the corners, the point on the segment, and whether the pair counts. It does not count if another segment
-    owns the end, or if the side is nearest to an end, which is a pair of its own.
-    """
-    ends = of.ends[entry]
-    begin = of.vertices[ends[0]]
-    along = of.vertices[ends[1]] - begin
-    spot = begin
-    w = wp.vec3d()
-    counts = bool(True)
-    if pair < 2 or ends[0] == ends[1]:
-        counts = (ends[2] & (pair + 1)) != 0 and pair < 2
-        if pair == 1:
-            spot = begin + along
-        w = weights_of_nearest(spot, x[0], x[1], x[2])
-    else:
-        k = pair - 2
-        side = x[(k + 1) % 3] - x[k]
-        s, t = between_segments(begin, along, x[k], side)
-        spot = begin + s * along
-        w[k] = wp.float64(1.0) - t
-        w[(k + 1) % 3] = t
-        counts = s > wp.float64(0.0) and s < wp.float64(1.0)
-    return w, spot, counts
-
-
-@wp.func
-def passes_through(x: wp.mat33d, entry: int, of: Segments):
-    """Whether a segment passes through a triangle."""
-    ends = of.ends[entry]
-    begin = of.vertices[ends[0]] - x[0]
-    end = of.vertices[ends[1]] - x[0]
-    normal = wp.cross(x[1] - x[0], x[2] - x[0])
-    below = wp.dot(normal, begin)
-    above = wp.dot(normal, end)
-    passes = bool(False)
-    if below * above < wp.float64(0.0):
-        met = x[0] + (above * begin - below * end) / (above - below)
-        w = weights_of_nearest(met, x[0], x[1], x[2])
-        # All weights are positive for a point inside the triangle.
-        passes = wp.min(w) > wp.float64(0.0)
-    return passes
-
-
-@wp.func
-def box_around(x: wp.mat33d, reach: wp.float64, of: Segments):
-    """Lower and upper corner of the bounding box of a triangle, enlarged by `reach`, in float32."""
-    wider = reach + wp.float64(1e-6) * (of.size + wp.length(x[0]))
-    lower = wp.min(x[0], wp.min(x[1], x[2]))
-    upper = wp.max(x[0], wp.max(x[1], x[2]))
-    return (
-        wp.vec3(wp.float32(lower[0] - wider), wp.float32(lower[1] - wider), wp.float32(lower[2] - wider)),
-        wp.vec3(wp.float32(upper[0] + wider), wp.float32(upper[1] + wider), wp.float32(upper[2] + wider)),
-    )
-
-
-@functools.cache
-def clearances(distance: wp.Function) -> wp.Kernel:
-    """Kernel of the distances of triangles from the segments of a body [m], at most `reach`.
-
-    Corners are in the frame of the body [m], (F, 3) vec3d. The distance is -1 if a segment passes through the triangle,
-    or a side of the triangle through the body.
-    """
-    way_out = ways_out(distance).way_out
-
-    @unstaged
-    def find_clearances(
-        corners: wp.array2d(dtype=wp.vec3d), reach: wp.float64, of: Segments, body: BodyShape, first: int,
-        out: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        f = wp.tid() + first
-        least = reach
-        x = wp.matrix_from_rows(corners[f, 0], corners[f, 1], corners[f, 2])
-        lower, upper = box_around(x, reach, of)
-        query = wp.bvh_query_aabb(of.tree, lower, upper)
-        entry = int(0)  # noqa: RUF046
-        while wp.bvh_query_next(query, entry):
-            for pair in range(5):
-                w, spot, _counts = nearest_pair(pair, x, entry, of)
-                least = wp.min(least, wp.length(wp.transpose(x) * w - spot))
-            if passes_through(x, entry, of):
-                least = wp.float64(-1.0)
-        for k in range(3):
-            begin = x[k]
-            end = x[(k + 1) % 3]
-            far = wp.length(begin) + wp.length(end) + of.size
-            unturned = wp.quat_identity(wp.float64)
-            touches, _n, _shift, _pressed, _of = way_out(
-                begin, end, distance(end, far, body), unturned, far, body, wp.float64(1e-6) * of.size
-            )
-            if touches:
-                least = wp.float64(-1.0)
-        out[f] = least
-
-    return find_clearances
+# Force and torque of impulses on a body, and number of constraints that press on it.
+Reaction = wp.types.vector(length=7, dtype=wp.float64)
 
 
 @dataclass(frozen=True)
@@ -184,21 +51,21 @@ class SurfaceContact:
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
         constraints: Arrays of the constraints of triangles, SLOTS for each.
-        find: Finds the constraints of nearby triangles at the beginning of a half step.
+        mark: Marks triangles that may come near the segments in a half step.
+        find: Finds the constraints of these triangles at the beginning of the half step.
         press: Computes the impulses of the next iteration.
-        react: Sums the impulses on a free body, per block of triangles.
-        give_way: Computes the change of velocity and spin of a free body from these sums.
+        react: Computes the change of velocity and spin of a free body by the impulses.
         move: Applies this change to the motion of the body and, during the step, to its position.
-        spread: Computes the velocity changes of the points.
+        spread: Computes the velocity changes of the corners of these triangles.
         clear: Resets the flag that any triangle is near, after the last launch that needs it.
     """
 
     struct: Any
     constraints: Any
+    mark: Kernel
     find: Kernel
     press: Kernel
     react: Kernel
-    give_way: Kernel
     move: Kernel
     spread: Kernel
     clear: Kernel
@@ -224,6 +91,7 @@ def surface_contact(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     wide, placed = wide_places(bits, curved)
+    sum_reaction = sum_of_blocks(Reaction)
 
     @wp.struct
     class Surface:
@@ -279,70 +147,86 @@ def surface_contact(
                 return wp.float64(0.0)
         return wp.float64(1.0) / wp.float64(a.mass[i])
 
+    @wp.func
+    def in_reach(f: int, at_end: int, a: Surface):
+        """Whether a triangle may come near the segments in a half step; its corners in the frame of the body when the
+        half step begins, the rotation of the body then, and the distance within which a pair counts.
+        """
+        corners = a.triangles[f]
+        # The half step began before the drift, or at the end of the step now.
+        back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
+        when = wp.where(at_end != 0, 0, 1)
+        centre = a.place[when]
+        q = a.rotation[when]
+        x = wp.mat33d()
+        most = wp.float64(0.0)
+        fast = wp.float64(0.0)
+        for k in range(3):
+            x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
+            most = wp.max(most, wp.length(x[k] - x[0]))
+            fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
+        turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
+        reach = a.segments.radius + a.skin + back * (fast + turning)
+        return wp.length(x[0]) < reach + a.segments.size + most, x, q, reach
+
     @kernel(per="face")
-    def find_pressing(
-        a: Surface, at_end: int, first: int,
-        near: wp.array(dtype=wp.uint8), any_near: wp.array(dtype=wp.int32), weights: wp.array(dtype=wp.vec4d),
-        normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d), pushes: wp.array(dtype=wp.vec4d),
-        pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64), gaps: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
+    def mark_near(a: Surface, at_end: int, first: int, near: wp.array(dtype=wp.uint8)):
         f = wp.tid() + first
-        count = wp.int32(0)
         whole = bool(True)
         if wp.static(torn):
             whole = a.intact_faces[f] != wp.uint8(0)
         if whole:
-            corners = a.triangles[f]
-            # The half step began before the drift, or at the end of the step now.
-            back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
-            when = wp.where(at_end != 0, 0, 1)
-            centre = a.place[when]
-            q = a.rotation[when]
-            x = wp.mat33d()
-            most = wp.float64(0.0)
-            fast = wp.float64(0.0)
-            for k in range(3):
-                x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
-                most = wp.max(most, wp.length(x[k] - x[0]))
-                fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
-            turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
-            reach = a.segments.radius + a.skin + back * (fast + turning)
-            if wp.length(x[0]) < reach + a.segments.size + most:
-                lower, upper = box_around(x, reach, a.segments)
-                query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
-                entry = int(0)  # noqa: RUF046
-                while wp.bvh_query_next(query, entry):
-                    passes = passes_through(x, entry, a.segments)
-                    for pair in range(5):
-                        w, spot, counts = nearest_pair(pair, x, entry, a.segments)
-                        away = wp.transpose(x) * w - spot
-                        gap = wp.length(away)
-                        counts = counts and gap > TINY and gap < reach and not passes
-                        if counts:
-                            beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
-                            counts = beside[3] + a.segments.core >= NEAREST * gap
-                        slot = count
-                        if counts and count == wp.static(SLOTS):
-                            slot = 0
-                            for k in range(1, wp.static(SLOTS)):
-                                if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
-                                    slot = k
-                            counts = gap < gaps[wp.static(SLOTS) * f + slot]
-                        if counts:
-                            s = wp.static(SLOTS) * f + slot
-                            left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
-                            weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
-                            normals[s] = wp.quat_rotate(q, away / gap)
-                            spots[s] = spot
-                            pushes[s] = wp.vec4d()
-                            pressed[s] = wp.uint8(0)
-                            earlier[s] = wp.float64(0.0)
-                            gaps[s] = gap
-                            count = wp.max(count, slot + 1)
-        near[f] = wp.uint8(count)
-        if count > 0:
-            any_near[0] = 1
+            whole, _x, _q, _reach = in_reach(f, at_end, a)
+        near[f] = wp.where(whole, wp.uint8(1), wp.uint8(0))
+
+    @kernel(per="block")
+    def find_pressing(
+        a: Surface, at_end: int, entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int,
+        first: int, near: wp.array(dtype=wp.uint8), any_near: wp.array(dtype=wp.int32),
+        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d), spots: wp.array(dtype=wp.vec3d),
+        pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
+        gaps: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
+        part, lane = place_in_block(wp.tid() + first)
+        for number in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + number]
+            count = wp.int32(0)
+            _near, x, q, reach = in_reach(f, at_end, a)
+            lower, upper = box_around(x, reach, a.segments)
+            query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
+            entry = int(0)  # noqa: RUF046
+            while wp.bvh_query_next(query, entry):
+                passes = passes_through(x, entry, a.segments)
+                for pair in range(5):
+                    w, spot, counts = nearest_pair(pair, x, entry, a.segments)
+                    away = wp.transpose(x) * w - spot
+                    gap = wp.length(away)
+                    counts = counts and gap > TINY and gap < reach and not passes
+                    if counts:
+                        beside = distance(spot + away, wp.float64(2.0) * reach, a.body)
+                        counts = beside[3] + a.segments.core >= NEAREST * gap
+                    slot = count
+                    if counts and count == wp.static(SLOTS):
+                        slot = 0
+                        for k in range(1, wp.static(SLOTS)):
+                            if gaps[wp.static(SLOTS) * f + k] > gaps[wp.static(SLOTS) * f + slot]:
+                                slot = k
+                        counts = gap < gaps[wp.static(SLOTS) * f + slot]
+                    if counts:
+                        s = wp.static(SLOTS) * f + slot
+                        left = (wp.float64(1.0) - MENDED) * (gap - a.segments.radius)
+                        weights[s] = wp.vec4d(w[0], w[1], w[2], wp.min(left, wp.float64(0.0)))
+                        normals[s] = wp.quat_rotate(q, away / gap)
+                        spots[s] = spot
+                        pushes[s] = wp.vec4d()
+                        pressed[s] = wp.uint8(0)
+                        earlier[s] = wp.float64(0.0)
+                        gaps[s] = gap
+                        count = wp.max(count, slot + 1)
+            near[f] = wp.uint8(count)
+            if count > 0:
+                any_near[0] = 1
 
     @wp.func
     def given_to(i: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8)):
@@ -365,119 +249,118 @@ def surface_contact(
                         count += 1
         return pushed, dragged, count
 
-    @kernel(per="face")
+    @kernel(per="block")
     def press(
         a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
-        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64), momentum: wp.float64, first: int,
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64), momentum: wp.float64,
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
         pushes_after: wp.array(dtype=wp.vec4d), pressed_after: wp.array(dtype=wp.uint8),
         earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
         """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
-        f = wp.tid() + first
-        if c.near[f] != wp.uint8(0):
-            zero = wp.float64(0.0)
-            dt = wp.float64(a.step[0])
-            drift = wp.where(at_end != 0, zero, dt)
-            corners = a.triangles[f]
-            x = wp.mat33d()
-            v = wp.mat33d()
-            counts = wp.vec3i()
-            for k in range(3):
-                i = corners[k]
-                pushed, dragged, count = given_to(i, c, pushes, pressed)
-                change = mobility(i, a) * (pushed + dragged)
-                x[k] = position(i, a) - a.place[0] + drift * change
-                v[k] = wide(a.velocity[i]) + change
-                counts[k] = count
-            for slot in range(wp.int32(c.near[f])):
-                s = wp.static(SLOTS) * f + slot
-                w = c.weights[s]
-                n = c.normals[s]
-                spot = wp.vec3d()
-                moving = wp.vec3d()
-                full = zero
-                sure = bool(True)
+        part, lane = place_in_block(wp.tid() + first)
+        for number in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + number]
+            if c.near[f] != wp.uint8(0):
+                zero = wp.float64(0.0)
+                dt = wp.float64(a.step[0])
+                drift = wp.where(at_end != 0, zero, dt)
+                corners = a.triangles[f]
+                x = wp.mat33d()
+                v = wp.mat33d()
+                counts = wp.vec3i()
                 for k in range(3):
-                    b = w[k]
-                    spot += b * x[k]
-                    moving += b * v[k]
-                    full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
-                    sure = sure and (b == zero or counts[k] > 0)
-                on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
-                relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
-                full_slip = full
-                if wp.static(moves_freely):
-                    d = changes[0]
-                    yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)
-                    relative -= yielded
-                    on_body += drift * yielded
-                    split = wp.max(splits[0], wp.float64(1.0))
-                    lever = wp.cross(on_body, n)
-                    turned = wp.dot(lever, spin_of(a.rotation[0], a.inverse_inertia, lever))
-                    full += split * (a.inverse_mass + turned)
-                    full_slip += split * (a.inverse_mass + a.easiest_turn * wp.length_sq(on_body))
-                rate = (wp.dot(n, spot - on_body) - a.segments.radius - w[3]) / dt
-                if at_end != 0:
-                    rate = wp.dot(relative, n)
-                    if wp.length(spot - on_body) > a.segments.radius + a.skin:
-                        rate = wp.max(rate, zero)
-                push = pushes[s]
-                much = push[3]
-                rub = wp.vec3d(push[0], push[1], push[2])
-                if sure and full > zero:
-                    much = wp.max(much - rate / full, zero)
-                    if wp.static(rubs):
-                        rub -= (relative - wp.dot(relative, n) * n) / full_slip
-                        size = wp.length(rub)
-                        if size > a.friction * much:
-                            rub = (a.friction * much / size) * rub
-                ahead = wp.max(much + momentum * (much - earlier[s]), zero)
-                earlier[s] = much
-                pushes_after[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
-                pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
+                    i = corners[k]
+                    pushed, dragged, count = given_to(i, c, pushes, pressed)
+                    change = mobility(i, a) * (pushed + dragged)
+                    x[k] = position(i, a) - a.place[0] + drift * change
+                    v[k] = wide(a.velocity[i]) + change
+                    counts[k] = count
+                for slot in range(wp.int32(c.near[f])):
+                    s = wp.static(SLOTS) * f + slot
+                    w = c.weights[s]
+                    n = c.normals[s]
+                    spot = wp.vec3d()
+                    moving = wp.vec3d()
+                    full = zero
+                    sure = bool(True)
+                    for k in range(3):
+                        b = w[k]
+                        spot += b * x[k]
+                        moving += b * v[k]
+                        full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
+                        sure = sure and (b == zero or counts[k] > 0)
+                    on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
+                    relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
+                    full_slip = full
+                    if wp.static(moves_freely):
+                        d = changes[0]
+                        yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)
+                        relative -= yielded
+                        on_body += drift * yielded
+                        split = wp.max(splits[0], wp.float64(1.0))
+                        lever = wp.cross(on_body, n)
+                        turned = wp.dot(lever, spin_of(a.rotation[0], a.inverse_inertia, lever))
+                        full += split * (a.inverse_mass + turned)
+                        full_slip += split * (a.inverse_mass + a.easiest_turn * wp.length_sq(on_body))
+                    rate = (wp.dot(n, spot - on_body) - a.segments.radius - w[3]) / dt
+                    if at_end != 0:
+                        rate = wp.dot(relative, n)
+                        if wp.length(spot - on_body) > a.segments.radius + a.skin:
+                            rate = wp.max(rate, zero)
+                    push = pushes[s]
+                    much = push[3]
+                    rub = wp.vec3d(push[0], push[1], push[2])
+                    if sure and full > zero:
+                        much = wp.max(much - rate / full, zero)
+                        if wp.static(rubs):
+                            rub -= (relative - wp.dot(relative, n) * n) / full_slip
+                            size = wp.length(rub)
+                            if size > a.friction * much:
+                                rub = (a.friction * much / size) * rub
+                    ahead = wp.max(much + momentum * (much - earlier[s]), zero)
+                    earlier[s] = much
+                    pushes_after[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
+                    pressed_after[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
 
     @kernel(per="block")
     def react(
         a: Surface, at_end: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
-        block: int, first: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64),
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
+        sums: wp.array(dtype=Reaction), counts: wp.array(dtype=wp.int32), arrived: wp.array(dtype=wp.int32),
+        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        part = wp.tid() + first
-        total = vec6d()
-        number = wp.float64(0.0)
+        part, lane = place_in_block(wp.tid() + first)
+        number = wp.int32(0)
+        total = Reaction()
         back = wp.where(at_end != 0, wp.float64(0.0), wp.float64(a.step[0]))
         centre = a.place[wp.where(at_end != 0, 0, 1)]
-        for f in range(part * block, wp.min((part + 1) * block, c.near.shape[0])):
+        for k in range(lane, listed[part], wp.block_dim()):
+            f = entries[part * block + k]
             for slot in range(wp.int32(c.near[f])):
                 s = wp.static(SLOTS) * f + slot
                 if pressed[s] != wp.uint8(0):
                     push = pushes[s]
                     impulse = push[3] * c.normals[s] + wp.vec3d(push[0], push[1], push[2])
-                    for k in range(3):
-                        i = a.triangles[f][k]
+                    for corner in range(3):
+                        i = a.triangles[f][corner]
                         if mobility(i, a) > wp.float64(0.0):
-                            total += wrench(c.weights[s][k] * impulse, began(i, back, a) - centre)
-                    number += wp.float64(1.0)
-        sums[part] = total
-        numbers[part] = number
-
-    @kernel(per="once")
-    def give_way(
-        a: Surface, at_end: int, sums: wp.array(dtype=vec6d), numbers: wp.array(dtype=wp.float64), first: int,
-        changes: wp.array(dtype=vec6d), splits: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        total = vec6d()
-        number = wp.float64(0.0)
-        for part in range(sums.shape[0]):
-            total += sums[part]
-            number += numbers[part]
-        if wp.static(damped):
-            if at_end != 0:
-                # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
-                total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
-        turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
-        m = a.inverse_mass
-        changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
-        splits[0] = number
+                            got = wrench(c.weights[s][corner] * impulse, began(i, back, a) - centre)
+                            for r in range(6):
+                                total[r] += got[r]
+                    total[6] += wp.float64(1.0)
+                    number += 1
+        ends, total = sum_reaction(total, number, part, lane, sums, counts, arrived)
+        if ends and lane == 0:
+            number_pressing = total[6]
+            m = a.inverse_mass
+            if wp.static(damped):
+                if at_end != 0:
+                    # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
+                    total *= wp.float64(1.0) + wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
+            turn = spin_of(a.rotation[0], a.inverse_inertia, wp.vec3d(total[3], total[4], total[5]))
+            changes[0] = -vec6d(m * total[0], m * total[1], m * total[2], turn[0], turn[1], turn[2])
+            splits[0] = number_pressing
 
     @kernel(per="once")
     def move_body(
@@ -486,17 +369,23 @@ def surface_contact(
     ):  # fmt: skip
         change_motion(changes[0], at_end, wp.float64(step[0]), place, rotation, motion)
 
-    @kernel(per="list")
+    @kernel(per="block")
     def spread(
-        a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), first: int,
+        a: Surface, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8),
+        entries: wp.array(dtype=wp.int32), listed: wp.array(dtype=wp.int32), block: int, first: int,
         changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d),
     ):  # fmt: skip
-        i = wp.tid() + first
-        pushed, dragged, _count = given_to(i, c, pushes, pressed)
-        ease = mobility(i, a)
-        changes[i] = ease * (pushed + dragged)
-        if wp.static(rubs):
-            rubbed[i] = ease * dragged
+        """Triangles that share a point write the same to it."""
+        part, lane = place_in_block(wp.tid() + first)
+        for k in range(lane, listed[part], wp.block_dim()):
+            corners = a.triangles[entries[part * block + k]]
+            for corner in range(3):
+                i = corners[corner]
+                pushed, dragged, _count = given_to(i, c, pushes, pressed)
+                ease = mobility(i, a)
+                changes[i] = ease * (pushed + dragged)
+                if wp.static(rubs):
+                    rubbed[i] = ease * dragged
 
     @kernel(per="once")
     def clear(first: int, any_near: wp.array(dtype=wp.int32), changes: wp.array(dtype=vec6d)):
@@ -504,4 +393,4 @@ def surface_contact(
         if wp.static(moves_freely):
             changes[0] = vec6d()
 
-    return SurfaceContact(Surface, Constraints, find_pressing, press, react, give_way, move_body, spread, clear)
+    return SurfaceContact(Surface, Constraints, mark_near, find_pressing, press, react, move_body, spread, clear)

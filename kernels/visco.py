@@ -14,8 +14,7 @@ is the stress at some strain C_q, and the stored energy and the dissipation are
 
 for any motion, both by convexity. Energies, which need a search for C_q, are computed in float64 and only at frames. At
 a trial displacement, as in the estimate of the stable step, the force responds with the instantaneous stiffness.
-`strain` [members, points] stores C - I of the last step (11, 22, 12), `overstress` [terms * members, points] stores
-H_p.
+`state` [(terms + 1) * members, points] stores (11, 22, 12) of H_p, and then C - I of the last step.
 """
 
 import functools
@@ -24,9 +23,10 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import PairFactory, constants_of
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
-from .incompressible import incompressible, yeoh
+from .incompressible import incompressible, named, yeoh
+from .materials import invariants
 from .numeric import numeric
 
 # Steps of the search for C_q, and its tolerance; the search is convex and takes a few steps.
@@ -57,122 +57,92 @@ def relaxation_factors(bits: int) -> wp.Function:
 def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> symmetric tensor."""
     types = numeric(bits)
-    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    real, vec4, mat22, parameters = types.real, types.parameters, types.mat22, types.parameters
 
     @wp.func
     def term_constants(term: parameters):
         return parameters(term[0], term[1], real(0.0), real(0.0))
 
     @wp.func
-    def tensor(v: vec3):
+    def tensor(v: vec4):
         return mat22(v[0], v[2], v[2], v[1])
 
     return term_constants, tensor
 
 
 @functools.cache
-def overstressed(bits: int) -> wp.Function:
-    """Function (S, G, i, j, members, prony, strain, overstress) -> S plus the stresses of all Prony terms [Pa]."""
-    types = numeric(bits)
-    vec3, mat22, parameters = types.vec3, types.mat22, types.parameters
-    prony_stress = incompressible(yeoh).functions(bits)[0]
-    term_constants, tensor = conversions(bits)
+def prony_response(material: PairFactory) -> FunctionFactory:
+    """Factory of (G, constants, i, j, members, step, prony, state) -> S at the end of a step, viscous work [J/m^3].
 
-    @wp.func
-    def with_overstress(
-        S: mat22,
-        G: mat22,
-        i: int,
-        j: int,
-        members: int,
-        prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
-    ):
-        total = S
-        old = tensor(strain[j, i])
-        for p in range(prony.shape[0]):
-            own = term_constants(prony[p])
-            total += tensor(overstress[p * members + j, i])
-            total += prony_stress(G, own) - prony_stress(old, own)
-        return total
-
-    return with_overstress
-
-
-@functools.cache
-def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
-    """Reference kernel `update`: advances strain and overstress to the end of a step and adds the viscous work [J].
-
-    kernels/family_rows.py combines the update with the force. Arguments as for `bond_associated`.
+    It advances `state`; a step of zero leaves it as it is, and the terms respond elastically. All terms have Yeoh's
+    stress, S_p = 2 (c10 + 2 c20 (I1 - 3)) (I - C33 C^-1), so they share the tensor I - C33 C^-1.
     """
-    types, bits = layout.types, layout.bits
-    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout)
-    Family = f.struct
-    prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, material, "variational").mechanics
-    is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
-    retained = relaxation_factors(bits)
-    term_constants, tensor = conversions(bits)
 
-    @wp.func
-    def rate_of(G: mat22, old: mat22, step: real):
-        """Rate |dC/dt| of the three-dimensional C, with C33 = 1 / det C (VE eqs. 31 and 32)."""
-        change = G - old
-        area = real(1.0) + G[0, 0] + G[1, 1] + wp.determinant(G)
-        old_area = real(1.0) + old[0, 0] + old[1, 1] + wp.determinant(old)
-        thinning = (change[0, 0] + change[1, 1] + wp.determinant(G) - wp.determinant(old)) / (area * old_area)
-        return wp.sqrt(wp.ddot(change, change) + thinning * thinning) / step
+    def response_of(bits):
+        types = numeric(bits)
+        real, vec4, mat22 = types.real, types.parameters, types.mat22
+        stress, _ = material(bits)
+        Constants = constants_of(stress)
+        area_change, _, plane_stress = invariants(bits)
+        retained = relaxation_factors(bits)
+        _, tensor = conversions(bits)
 
-    @kernel(gathers=("displacement",))
-    def update(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
-        step: wp.array(dtype=real),
-        prony: wp.array(dtype=parameters),
-        unit_volume: real,
-        first: int,
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
-        viscous_work: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        undamaged = is_undamaged(family, intact, i)
-        dt = step[0]
-        total = real(0.0)
-        work = wp.float64(0.0)
-        for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
-            if there:
-                G = green(H1, H2, tilt)
-                old = tensor(strain[j, i])
-                total += weight
-                rate = rate_of(G, old, dt)
-                for p in range(prony.shape[0]):
-                    term = prony[p]
-                    c = term_constants(term)
-                    x = dt / term[2]
-                    if term[3] != real(0.0):
-                        x *= wp.pow(rate, term[3])
-                    k = retained(x)
-                    row = p * family.members + j
-                    before = overstress[row, i]
-                    jump = prony_stress(G, c) - prony_stress(old, c)
-                    after = before - (x * k) * before + k * vec3(jump[0, 0], jump[1, 1], jump[0, 1])
-                    overstress[row, i] = after
-                    mean = before + after
-                    power = mean[0] * (G[0, 0] - old[0, 0]) + mean[1] * (G[1, 1] - old[1, 1])
-                    power += real(2.0) * mean[2] * (G[0, 1] - old[0, 1])
-                    work += wp.float64(real(0.25) * weight * power)
-                strain[j, i] = vec3(G[0, 0], G[1, 1], G[0, 1])
-        viscous_work[i] = viscous_work[i] + wp.float64(unit_volume * family_scale(family, i, undamaged, total)) * work
+        @wp.func
+        def unit_stress(G: mat22, slope: real, d: real):
+            """I1 - 3, and 2 (I - C33 C^-1) as 11, 22, 12; slope = 1 / det C, d = det C - 1."""
+            t = G[0, 0] + G[1, 1]
+            M = plane_stress(G, slope, -slope * d, real(2.0))
+            return slope * (t * d - wp.determinant(G)), vec4(M[0, 0], M[1, 1], M[0, 1], real(0.0))
 
-    return update
+        @wp.func
+        def advance(
+            G: mat22,
+            constants: Constants,
+            i: int,
+            j: int,
+            members: int,
+            step: real,
+            prony: wp.array(dtype=vec4),
+            state: wp.array2d(dtype=vec4),
+        ):
+            last = prony.shape[0] * members + j
+            before = state[last, i]
+            old = tensor(before)
+            d = area_change(G)
+            d_old = area_change(old)
+            slope = real(1.0) / (real(1.0) + d)
+            slope_old = real(1.0) / (real(1.0) + d_old)
+            x, M = unit_stress(G, slope, d)
+            x_old, M_old = unit_stress(old, slope_old, d_old)
+            total = vec4()
+            mean = vec4()
+            now = vec4(G[0, 0], G[1, 1], G[0, 1], real(0.0))
+            change = now - before
+            for p in range(prony.shape[0]):
+                term = prony[p]
+                row = p * members + j
+                H = state[row, i]
+                more = real(2.0) * term[1]
+                y = step / term[2]
+                if term[3] != real(0.0) and step > real(0.0):
+                    # Rate |dC/dt| of the three-dimensional C, with C33 = 1 / det C (VE eqs. 31 and 32).
+                    thinning = (d - d_old) * slope * slope_old
+                    squared = change[0] * change[0] + change[1] * change[1] + real(2.0) * change[2] * change[2]
+                    y *= wp.pow(wp.sqrt(squared + thinning * thinning) / step, term[3])
+                k = retained(y)
+                after = H - (y * k) * H + k * ((term[0] + more * x) * M - (term[0] + more * x_old) * M_old)
+                if step > real(0.0):
+                    state[row, i] = after
+                mean += H + after
+                total += after
+            if step > real(0.0):
+                state[last, i] = now
+            work = mean[0] * change[0] + mean[1] * change[1] + real(2.0) * mean[2] * change[2]
+            return stress(G, constants) + tensor(total), real(0.25) * work
+
+        return advance
+
+    return named(response_of, material, "prony")
 
 
 @functools.cache
@@ -198,8 +168,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
         inverse_horizon: real,
         unit_volume: real,
         prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
+        state: wp.array2d(dtype=parameters),
         viscous_work: wp.array(dtype=wp.float64),
         first: int,
         out: wp.array(dtype=wp.float64),
@@ -226,8 +195,9 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
                     term = prony[p]
                     # H belongs to the strain of the last step; add the same difference as the force does.
                     now = term_constants(term)
-                    H = overstress[p * family.members + j, i]
-                    ahead = prony_stress(G, now) - prony_stress(tensor(strain[j, i]), now)
+                    H = state[p * family.members + j, i]
+                    old = tensor(state[prony.shape[0] * family.members + j, i])
+                    ahead = prony_stress(G, now) - prony_stress(old, now)
                     viscous += wp.float64(weight) * conjugate(
                         wide,
                         wp.vec3d(

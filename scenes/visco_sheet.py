@@ -84,7 +84,7 @@ def build(
         """The relaxing part of the nominal stress at the point, from the internal variables of its bonds [Pa]."""
         now = 1.0 + rate * frame.time
         if not published:
-            return now * built.to_numpy(built.law.internal["overstress"])[:, middle, 0].mean()
+            return now * built.to_numpy(built.law.state)[: built.law.families.members, middle, 0].mean()
         gamma = built.to_numpy(built.law.internal["viscous_stretch"])[:, middle].mean()
         return 2.0 * (TERM.c10 + 4.0 * TERM.c20 * (now**2 - 1.0)) * gamma
 

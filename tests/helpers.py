@@ -9,7 +9,7 @@ from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulatio
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.geometry.triangulation import crosses
-from warp_pd.laws import force_paths
+from warp_pd.laws import bond_associated_tangent, force_paths
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)
@@ -180,10 +180,11 @@ def tune_paths(patch, **changes):
 
 
 def play_gpu(patch):
-    """Let a CPU take the force paths of a GPU; no public option does, as they are slow there.
+    """Let a CPU take the force paths of a GPU, and store no tangent; no public option does, as they are slow there.
 
     It runs blocks of threads one after the other, and launches whole: their threads share memory.
     """
     patch.setattr(force_paths, "has_shared_memory", lambda device: True)
+    patch.setattr(bond_associated_tangent, "stored_on", lambda device: False)
     patch.setattr(graph, "SPLIT_FROM", float("inf"))
     patch.setattr(wp.config, "enable_cpu_blocks", True)

@@ -2,6 +2,7 @@
 
     python tools/solver_times.py                         # the tables of docs/solvers.md
     python tools/solver_times.py --device cuda:0 --points 1001 --solvers newton --scenes pressure
+    python tools/solver_times.py --points 501 --solvers newton --scenes pressure --cloud
 
 Every row is one run, after a small one that compiled the kernels. "Solve s" are the seconds of the solve, "other s"
 those before the first step (families, corrected weights).
@@ -10,8 +11,11 @@ those before the first step (families, corrected weights).
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 from study import build_scene, device_title, provenance, run_tool, study_parser, table, table_row
+
+from warp_pd import Result, Simulation
 
 HEAD = [
     "scene", "points a side", "solver", "status", "iterations", "products", "residual", "solve s", "other s",
@@ -19,12 +23,12 @@ HEAD = [
 ]  # fmt: skip
 
 
-def row(scene: str, points: int, solver: str, device: str, tolerance: float) -> list[str]:
+def row(scene: str, points: int, solver: str, device: str, tolerance: float, cloud: bool) -> list[str]:
     """Cells of one line of the table."""
     settings = {"points": points, "horizon": 2.015, "solver": solver, "tolerance": tolerance}
-    build_scene(scene, {**settings, "points": 21}).run(device=device)
+    run(build_scene(scene, {**settings, "points": 47 if cloud else 21}), device, cloud)
     begin = time.perf_counter()
-    result = build_scene(scene, settings).run(device=device)
+    result = run(build_scene(scene, settings), device, cloud)
     wall = time.perf_counter() - begin
     summary = result.summary
     solve = summary["solve"]
@@ -36,6 +40,11 @@ def row(scene: str, points: int, solver: str, device: str, tolerance: float) -> 
     ]  # fmt: skip
 
 
+def run(scene: Simulation, device: str, cloud: bool) -> Result:
+    """Run a scene, with its lattice or as a cloud."""
+    return (replace(scene, sheet=scene.sheet.as_cloud()) if cloud else scene).run(device=device)
+
+
 def main() -> None:
     """Print the table."""
     parser = study_parser(__doc__, device="cpu", commit=None)
@@ -43,6 +52,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=["pressure", "tension"])
     parser.add_argument("--solvers", nargs="+", default=["relaxation", "newton"])
     parser.add_argument("--tolerance", type=float, default=1e-8, help="relative residual")
+    parser.add_argument("--cloud", action="store_true", help="the points of the lattice as a cloud")
     options = parser.parse_args()
     measured = provenance(device_title(options.device), options.commit)
     print(f"Measured on {measured}, horizon 2.015, tolerance {options.tolerance:g}.\n")
@@ -50,7 +60,7 @@ def main() -> None:
     for scene in options.scenes:
         for points in options.points:
             for solver in options.solvers:
-                cells = row(scene, points, solver, options.device, options.tolerance)
+                cells = row(scene, points, solver, options.device, options.tolerance, options.cloud)
                 print(table_row(cells), flush=True)
 
 

@@ -14,11 +14,18 @@ if TYPE_CHECKING:
     from .geometry.curves import Circle, Polygon, Spline
     from .geometry.files import read_mesh
     from .geometry.pieces import Place
+    from .geometry.shape_plot import draw_sheet
     from .geometry.sheet import Sheet
     from .geometry.svg import read_outline
     from .geometry.together import glued, placed, together
     from .interfaces.frame import Frame, Surface
-    from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
+    from .laws.bond_associated import BondAssociated
+    from .laws.bond_based import BondBased
+    from .laws.hyperelastic_bonds import HyperelasticBonds
+    from .laws.neural.law import Neural
+    from .laws.nodal import Nodal
+    from .laws.visco import Visco
+    from .laws.visco_bonds import ViscoBondBased
     from .materials import (
         ArrudaBoyce,
         Bimodular,
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
         Gent,
         Incompressible,
         Material,
+        Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
@@ -36,7 +44,6 @@ if TYPE_CHECKING:
     )
     from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
-    from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
     from .parts import (
         BodyForce,
@@ -69,7 +76,10 @@ if TYPE_CHECKING:
     from .run.result import Result
     from .run.scene import Measure, Outcome
     from .run.simulation import Simulation
-    from .solvers import ArcLength, Explicit, Newton, Relaxation
+    from .solvers.arc_length import ArcLength
+    from .solvers.explicit import Explicit
+    from .solvers.newton import Newton
+    from .solvers.relaxation import Relaxation
 else:
     __getattr__ = lazy(
         __name__,
@@ -85,10 +95,10 @@ else:
             "laws.nodal": "Nodal",
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
-            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
-            "PairwiseMaterial Prony TensionField Yeoh",
+            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material Maxwell MooneyRivlin NeoHookean "
+            "Ogden PairwiseMaterial Prony TensionField Yeoh",
             "output.frames": "Frames SavedFrame",
-            "output.sheet_plot": "draw_sheet",
+            "geometry.shape_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
             "geometry.together": "glued placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
@@ -142,6 +152,7 @@ __all__ = [
     "InputError",
     "Joint",
     "Material",
+    "Maxwell",
     "Measure",
     "MooneyRivlin",
     "Motion",

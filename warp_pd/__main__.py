@@ -411,10 +411,13 @@ def fit(
     A curve has a column for the controlled quantity ("time [s]", "load_factor [1]", or an argument of the scene such as
     "pressure [kPa]") and one for the measured quantity. Columns x, y, u, v (w) are measured displacements at positions.
     """
-    from .fitting.command import FitOptions, fit_scene
+    from .fitting.command import fit_scene
 
-    options = FitOptions(vary, measure, bounds, loss, device, precision, out)
-    for line in fit_scene(scene, data, _settings(assignments, {"points": points}), options):
+    given = _settings(assignments, {"points": points})
+    for line in fit_scene(
+        scene, data, given, vary=vary, measure=measure, bounds=bounds, loss=loss, device=device, precision=precision,
+        out=out,
+    ):  # fmt: skip
         click.echo(line)
 
 

@@ -130,7 +130,7 @@ def pulled(solver, points=33):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("preconditioner", ["multigrid", "jacobi"])
+@pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "jacobi"])
 def test_preconditioners_lead_to_one_state(device, preconditioner):
     found, reference = (
         pulled(Newton(tolerance=1e-10, preconditioner=name)).run(device=device) for name in (preconditioner, "direct")

@@ -136,6 +136,12 @@ def test_a_path_that_is_not_over_says_so():
         assert any(words in note for note in result.summary["notes"])
 
 
+def test_a_path_that_ends_early_says_why():
+    result = snapping(ArcLength(most_iterations=1, most_cuts=0, tolerance=1e-12))
+    assert result.status == "not converged"
+    assert any("even the shortest step failed, as Newton's method ended" in note for note in result.summary["notes"])
+
+
 def test_a_path_may_begin_where_the_start_is_no_equilibrium():
     """A prestretched sheet with two free edges contracts first; that is not the direction of the path."""
     sheet = square(9).prestretched(1.2)

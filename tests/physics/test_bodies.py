@@ -349,7 +349,7 @@ def test_what_is_not_used_leaves_nothing():
     assert "body" not in plan
     plan = simulate(square(7), contact=RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)))).plan("cpu", 64)
     assert "body_impulse" in plan
-    for name in ("body_rubbed", "gather_touching", "body_push", "body_seen", "body_marks"):
+    for name in ("body_rubbed", "find_contact", "body_rows", "body_seen", "body_marks"):
         assert name not in plan
 
 

@@ -12,6 +12,7 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
+    InputError,
     MooneyRivlin,
     NeoHookean,
     Newton,
@@ -226,6 +227,40 @@ def test_a_tube_in_equilibrium_has_the_exact_pressure():
     middle = np.abs(sheet.points[:, 2] - 0.75) < 0.1
     radius = np.hypot(*place[middle, :2].T).mean()
     assert pressure == pytest.approx(tube_pressure(radius, 1.1), rel=1e-3)
+
+
+def test_a_rigid_patch_of_a_tube_keeps_its_shape_and_the_momenta():
+    """A free tube that bulges, spins and drifts, with a curved rigid patch on one side."""
+    sheet = small_tube(24, 2.0).inclusion((1.0, 0.0, 1.0), 0.6)
+    (members,) = sheet.inclusions
+    assert len(members) > 10 and sheet.points[members, 0].min() > 0.7
+    place = sheet.points - (0.0, 0.0, 1.0)
+    velocity = np.cross([0.3, 0.5, 0.2], place) + [0.1, 0.2, -0.1]
+    outward = sheet.points * (0.5, 0.5, 0.0)
+    outward[members] = outward[members].mean(axis=0)
+    simulation = Simulation(
+        sheet, force=BondAssociated(NeoHookean(MU, 100 * MU)), solver=Explicit(0.2, frames=3, safety=0.3, precision=64),
+        initial_velocity=velocity + outward,
+    )  # fmt: skip
+    result = simulation.run(device="cpu")
+    moved = sheet.points + result.frame.displacement
+    apart = [np.linalg.norm(p[members][:, None] - p[members], axis=-1) for p in (sheet.points, moved)]
+    assert apart[1] == pytest.approx(apart[0], abs=1e-10)
+    mass = result.built.to_numpy(result.built.state.mass)[:, None]
+    for arm in (lambda x, v: v, np.cross):
+        before, after = ((mass * arm(x, v)).sum(axis=0) for x, v in (
+            (sheet.points, velocity + outward), (moved, result.frame.velocity)))  # fmt: skip
+        assert after == pytest.approx(before, abs=1e-10 * np.abs(before).max())
+
+
+def test_an_inclusion_is_one_patch_of_a_sheet():
+    sheet = small_tube(24, 2.0)
+    assert len(sheet.inclusion((0.0, 0.0, 0.0), 1.02).inclusions[0]) == 24
+    with pytest.raises(InputError, match=r"^inclusion at .* contains the whole sheet: expected a smaller one$"):
+        sheet.inclusion((0.0, 0.0, 1.0), 9.0)
+    in_two = sheet.slit(lambda x, y, z: z - 1.0)
+    with pytest.raises(InputError, match=r"^inclusion at .* contains 2 patches that do not hang together"):
+        in_two.inclusion((1.0, 0.0, 1.0), 0.6)
 
 
 @pytest.mark.parametrize("precision", [32, 64])

@@ -111,6 +111,8 @@ def patched(kind):
     """A sheet with a patch of another material; at its corners points have a quarter of their area in the patch."""
     if kind == "tube":
         sheet = Sheet.tube(0.05, 0.15, thickness=1e-3, density=1e3, points=18)
+        # The slit crosses the interface, the hole ends at it.
+        sheet = sheet.slit((0.05, 0.0, 0.04), (0.05, 0.0, 0.1)).hole((-0.05, 0.0, 0.09), 0.02)
         return sheet, ByRegion(NEO, [(sheet.where(lambda x, y, z: z > 0.07), STIFF)])
     if kind == "together":
         sheet = together(square(9), square(7)).as_cloud()
@@ -148,6 +150,14 @@ def test_each_region_has_its_own_material():
     alone = [internal_force(build(sheet, material=m, weights="corrected"), u) for m in (NEO, STIFF)]
     expected = np.where((sheet.pieces == 1)[:, None], *alone)
     assert np.abs(both - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+def test_visco_without_terms_takes_regions():
+    sheet, material = patched("patch")
+    u = rough(sheet, size=0.02)
+    elastic, viscous = (internal_force(built_on(Simulation(sheet, law(material, fast=False), Explicit(1.0))), u)
+                        for law in (BondAssociated, Visco))  # fmt: skip
+    np.testing.assert_array_equal(viscous, elastic)
 
 
 def test_energy_balance_and_restart(tmp_path):

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 import warp as wp
+from curved_sheets import small_tube
 from helpers import GENT, square
 from small_runs import run, simulate
 
 from warp_pd import BodyForce, Fixed, Motion, Newton, Pressure, Relaxation
 
 
-@pytest.mark.parametrize("preconditioner", ["multigrid", "direct", "jacobi"])
+@pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "direct", "jacobi"])
 def test_newton_converges_quadratically(preconditioner):
     """Near the solution r(n+1) <= c r(n)^2, with exact linear solves."""
     sheet = square(21)
@@ -23,6 +24,29 @@ def test_newton_converges_quadratically(preconditioner):
     assert len(near) >= 1
     assert (r[near + 1] < 50.0 * r[near] ** 2 + 1e-6 * r[near]).all()
     assert len(r) <= 16
+
+
+@pytest.mark.parametrize("sheet", [square(21).as_cloud(), small_tube(36)], ids=["cloud", "tube"])
+def test_aggregates_find_the_equilibrium_of_a_factorisation(sheet):
+    loads = [Fixed(sheet.edges("all")), Pressure(2.0)]
+    found, expected = (
+        run(sheet, Newton(tolerance=1e-9, preconditioner=name), loads=loads) for name in ("algebraic", "direct")
+    )
+    assert found.status == expected.status == "finished"
+    assert found.summary["solve"]["preconditioner"] == "algebraic"
+    size = np.abs(expected.frame.displacement).max()
+    assert found.frame.displacement == pytest.approx(expected.frame.displacement, abs=1e-6 * size)
+
+
+def test_aggregates_solve_a_large_cloud_in_as_many_steps_as_a_small_one():
+    products = []
+    for points in (21, 47):
+        sheet = square(points).as_cloud()
+        loads = [Fixed(sheet.edges("all")), Pressure(2.0)]
+        result = run(sheet, Newton(preconditioner="auto" if points > 45 else "algebraic"), loads=loads)
+        assert result.summary["solve"]["preconditioner"] == "algebraic"
+        products.append(result.summary["solve"]["products"] / result.summary["solve"]["iterations"])
+    assert products[1] < 1.3 * products[0]
 
 
 def test_load_steps_are_frames_and_end_where_one_step_does():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import square
+from helpers import BULK, MU, square
 from small_runs import run
 
 from warp_pd import Explicit, Fixed, InputError, Motion
@@ -24,11 +24,21 @@ def test_a_rigid_inclusion_moves_as_a_body():
     assert abs(result.history[-1]["balance_error"]) < 0.01
 
 
-@pytest.mark.parametrize("damping", [0.0, 2.0])
-def test_a_free_sheet_with_an_inclusion_keeps_its_momenta_but_for_damping(damping):
+INCLUSION = square(9).inclusion((0.05, 0.05), 0.02)
+
+
+def framed(points, mass=0.1):
+    """A sheet with a rigid frame two points wide at its right edge."""
+    sheet = square(points)
+    return sheet.rigid(sheet.where(lambda x, y: x > 0.1 - 1.5 * sheet.spacing), mass)
+
+
+@pytest.mark.parametrize(
+    ("sheet", "damping"), [(INCLUSION, 0.0), (INCLUSION, 2.0), (framed(9), 0.0)], ids=["0", "2", "heavy frame"]
+)
+def test_a_free_sheet_with_an_inclusion_keeps_its_momenta_but_for_damping(sheet, damping):
     """It drifts, spins and tumbles; damping takes both momenta, those of the inclusion too, at one rate."""
-    sheet = square(9).inclusion((0.05, 0.05), 0.02)
-    place = sheet.positions - sheet.positions.mean(axis=0)
+    place = sheet.positions - np.average(sheet.positions, axis=0, weights=sheet.areas * sheet.density)
     velocity = np.cross([2.0, 1.0, 3.0], place) + [0.02, 0.01, 0.03]
     velocity[sheet.inclusions[0]] = 0.0
     result = run(sheet, initial_velocity=velocity, solver=Explicit(0.3, frames=3, safety=0.3, damping=damping))
@@ -82,3 +92,24 @@ def test_an_inclusion_starts_where_its_points_are():
     )  # fmt: skip
     moved, turned = (result.frame.displacement + sheet.positions for result in (here, there))
     assert turned == pytest.approx(moved @ turn.T + [0.1, 0.2, 0.3], abs=1e-9)
+
+
+@pytest.mark.parametrize(("points", "bound"), [(9, 0.007), (17, 0.0038)])
+def test_a_heavy_frame_swings_at_the_frequency_of_its_mass_on_a_spring(points, bound):
+    """A strip that may not contract along its width has the stiffness E / (1 - nu^2) t w / L; its own mass counts for a
+    third (Rayleigh). The frame is thrown along the strip, and is back after half a period."""
+    mass, sheet = 0.1, framed(points)
+    frame, length = sheet.inclusions[0], 0.1 - sheet.spacing
+    free = np.setdiff1d(np.arange(sheet.size), [*frame, *sheet.edges("left")])
+    strip = 1e-3 * 0.1 * length * 1e3
+    ratio = (3.0 * BULK - 2.0 * MU) / (6.0 * BULK + 2.0 * MU)
+    stiffness = 2.0 * MU / (1.0 - ratio) * 1e-3 * 0.1 / length
+    frequency = np.sqrt(stiffness / (mass + strip / 3.0))
+    velocity = np.zeros((sheet.size, 3))
+    velocity[frame, 0] = speed = 1e-3 * length * frequency
+    result = run(
+        sheet, initial_velocity=velocity, solver=Explicit(np.pi / frequency, frames=1, safety=0.5),
+        loads=[Fixed(sheet.edges("left")), Fixed(free, "y")],
+    )  # fmt: skip
+    late = result.frame.displacement[frame, 0].mean() * frequency / (np.pi * speed)
+    assert abs(late) < bound

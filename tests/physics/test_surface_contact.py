@@ -28,7 +28,7 @@ from warp_pd import (
     TensionField,
     TriangleMesh,
 )
-from warp_pd.kernels.surface_contact import clearances
+from warp_pd.kernels.narrow_phase import clearances
 from warp_pd.parts.body_shapes import in_frame, on_device
 from warp_pd.parts.body_surface import segments_on_device
 
@@ -258,7 +258,7 @@ def test_bodies_without_a_surface_leave_nothing_of_it():
         pin = RigidBody(Capsule(0.03, 0.03), BodyPath.still((0.0, 0.0, 5.0)), surface=surface)
         return simulate(square(7), contact=pin).plan("cpu", 64)
 
-    for name in ("find_pressing", "spread", "take_in_step", "body_pushes_after"):
+    for name in ("find_pressing", "spread", "take_impulses", "body_pushes_after"):
         assert name in plan(True) and name not in plan(False)
 
 

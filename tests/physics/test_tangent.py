@@ -11,7 +11,7 @@ from small_runs import simulate
 
 from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, TearingEnergy
 from warp_pd.device.fields import assign
-from warp_pd.laws.bond_associated_tangent import BondAssociatedTangent
+from warp_pd.laws import bond_associated_tangent
 from warp_pd.solvers.level import Level
 
 
@@ -44,10 +44,11 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if built.context.features.softened:
         soften(built)
     context, state = built.context, built.state
-    with patch.object(BondAssociatedTangent, "_stores_matrix", lambda tangent: assembled):
+    with patch.object(bond_associated_tangent, "stored_on", lambda device: assembled):
         level = Level(context, built.law, built.law.tangent(context, True), built.external.following)
     names = {launch.name for launch in context.stages["linearise"]}
     assert ("assemble" in names) == assembled
+    level.tangent.sparse()
     stage = context.stage("evaluate", "in this test")
     built.law.add_force(stage, state.displacement, state.force)
     if state.external is not None:

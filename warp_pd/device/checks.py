@@ -142,15 +142,9 @@ def one_each(name: str, value: Any, points: int) -> np.ndarray:
 
 
 def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
-    """`value`, a number, an array or a function of position, as a float or a float64 array, shape (N,).
+    """`value`, a number, array or function of coordinates, as a float or a float64 array, shape (N,); all positive.
 
-    Args:
-        name: Name for messages.
-        value: The number; an array, shape (N,); or a function of the coordinates, each of shape (N,), to such an array.
-        places: The points [m], shape (N, 2) or (N, 3).
-
-    Raises:
-        InputError: unless all numbers are positive; the message names the first that is not.
+    `places` are the points [m], shape (N, 2) or (N, 3). InputError names the first number that is not positive.
     """
     if callable(value):
         name = f"{name}({', '.join('xyz'[: places.shape[1]])})"

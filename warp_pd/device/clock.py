@@ -75,14 +75,7 @@ class Clock:
         )  # fmt: skip
 
     def set(self, evaluate: LaunchSequence, advance: float, end: float, now: float | None = None) -> None:
-        """Set the advance of the time per step, its end, and optionally its value; does nothing without schedules.
-
-        Args:
-            evaluate: The launches of the phase SCHEDULES.
-            advance: Time per step [s].
-            end: Last time [s].
-            now: Current time [s], or None to keep it.
-        """
+        """Set time per step, end and, unless None, time now [s]; `evaluate` are the launches of SCHEDULES."""
         if self.advance is None or self.time is None:
             return
         self.advance.assign(np.array([advance, end]))

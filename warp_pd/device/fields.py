@@ -25,8 +25,6 @@ class Field:
     """The declaration of an array.
 
     Attributes:
-        name: Name of the field.
-        owner: The part that declared it.
         per: What an entry belongs to, one of PER; "bond" means [members, points].
         restart: Whether restart files store it; such names are unique in a simulation.
         halo: Whether ghost points need it if several processes divide the points.
@@ -74,12 +72,7 @@ class Stored:
 
 @dataclass(eq=False)
 class FieldRegister:
-    """All fields of a simulation on one device, in the order of their allocation.
-
-    Attributes:
-        device: The Warp device.
-        stored: The fields.
-    """
+    """All fields of a simulation on one device, in the order of their allocation."""
 
     device: wp.Device
     stored: list[Stored] = field(default_factory=list)
@@ -146,12 +139,7 @@ def on_cpu(array: Array) -> bool:
 
 
 def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
-    """A copy on the host, in the precision of the device.
-
-    Args:
-        array: The array.
-        points: Entries to copy of a one-dimensional array, gathered on the device; None for all.
-    """
+    """A copy on the host, in the precision of the device; `points` chooses entries of a one-dimensional array."""
     if points is not None:
         chosen: Array = wp.array(points, dtype=wp.int32, device=array.device)
         return np.asarray(wp.indexedarray(array, [chosen]).contiguous().numpy())

@@ -109,7 +109,6 @@ class Launch:
 
     Attributes:
         name: The kernel's name, or the names of the joined pointwise stages.
-        owner: The part that added it.
         source: The kernel, which must have an argument `first`, or a pointwise stage.
         threads: Number of threads; for a pointwise stage, number of points.
         arguments: Value of every argument except `first` and `stop`, by name.
@@ -185,15 +184,10 @@ class Call:
     """An item that is not a Warp kernel, such as a Torch network on arrays shared with Warp.
 
     Attributes:
-        name: Its name.
-        owner: The part that added it.
         threads: Rows that it works on.
         function: The function to call, on Warp's stream of the device.
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
-        touched: Arrays that it touches.
-        side_stream: As for a launch.
         divided: Whether launches were split around it.
-        every: As for a launch.
     """
 
     name: str
@@ -222,9 +216,6 @@ class Stage:
     Attributes:
         name: Name, unique in a simulation.
         when: How often it runs, for `plan`.
-        device: The Warp device.
-        block_dim: Threads per block on CUDA.
-        items: The launches.
         wraparound: For a repeated stage, a launch that replaces the last launch and the first of the next repetition,
             or None.
     """

@@ -9,12 +9,7 @@ from typing import Any
 
 
 def lazy(package: str, offered: Mapping[str, str]) -> Callable[[str], Any]:
-    """Create the `__getattr__` of a package.
-
-    Args:
-        package: Name of the package.
-        offered: Space-separated public names of each of its modules.
-    """
+    """Create the `__getattr__` of a package; `offered` lists the public names of each of its modules."""
     places = {name: module for module, names in offered.items() for name in names.split()}
 
     def find(name: str) -> Any:

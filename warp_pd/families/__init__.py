@@ -9,7 +9,6 @@ from .tables import (
     InfluenceFunction,
     influence_function,
     inverse_shape,
-    remaining_inverse,
     tilts_of,
 )
 
@@ -21,7 +20,6 @@ __all__ = [
     "influence_function",
     "inverse_shape",
     "pack",
-    "remaining_inverse",
     "require_diagonals",
     "tilts_of",
     "unpack",

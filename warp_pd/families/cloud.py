@@ -7,8 +7,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
 from .horizon import Horizon
-from .intersections import common_by_row
-from .neighbours import near_by_row
+from .rows import common_by_row, near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
 from .visibility import cut_through, nothing_severed, severed
 

@@ -93,13 +93,7 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First points and classes if some points lost members; points with equal losses share a class.
-
-    Args:
-        family_class: Class of each point, int32; changed.
-        touched: The points that lost members, ascending.
-        lost: Mask of the lost members.
-    """
+    """First points and classes if the points `touched` lost members; those with equal losses share a class."""
     patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
     number, wide = int(family_class.max()) + 1, len(patterns) + 1
     found, of_touched = np.unique(

@@ -15,9 +15,9 @@ import numpy as np
 from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
 from ..kernels.families import WORD
-from ..kernels.kinematics import DEGENERATE, SAMPLE
-from .intersections import shapes_by_row
+from ..kernels.kinematics import DEGENERATE
 from .masks import unpack
+from .rows import shapes_by_row
 
 # Relative tolerance of lengths that are compared with the horizon.
 TOLERANCE = 1e-9
@@ -53,7 +53,6 @@ class WholeFamilies:
     """Properties of the whole sheet's families, kept by the families of a part.
 
     Attributes:
-        bonds: Number of bonds.
         commonest_row: Row of the largest number of points, see `Families`.
         has_common: Whether any point has this row.
     """
@@ -220,14 +219,7 @@ class Families:
         return reach
 
     def members_of(self, points: np.ndarray) -> np.ndarray:
-        """Point indices of the members of the given points' undamaged families.
-
-        Args:
-            points: Point indices, shape (P,).
-
-        Returns:
-            shape (P, members); -1 where a member does not exist.
-        """
+        """Members of the given points' undamaged families, shape (P, members); -1 where there is none."""
         points = np.asarray(points, dtype=np.int64)
         exists = self.exists[self._rows(points)]
         heads = self.heads(points[:, None], np.arange(self.members)[None])
@@ -238,12 +230,7 @@ class Families:
         return weights if self.factors is None else self.factors[:, None] * weights
 
     def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Inverse shape tensors and sizes of the intersections of every row.
-
-        Returns:
-            K_ij^-1 (components 11, 12, 22; zero where degenerate), shape (R, n, 3), and |D_ij| divided by the
-            reference area (zero where degenerate or where the bond does not exist), shape (R, n).
-        """
+        """K_ij^-1 (11, 12, 22), (R, n, 3), and |D_ij| over the reference area, (R, n); zero where degenerate."""
         rows, n = self.exists.shape
         if self.bonds.ndim == 3:
             return shapes_by_row(self.bonds, self.influence, self.member_areas, self.exists, self.common)
@@ -262,14 +249,7 @@ class Families:
         return np.asarray(np.einsum("nka,na->nk", self.chords, self.frames[..., 2]))
 
     def tilts(self, inverse: np.ndarray) -> np.ndarray:
-        """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
-
-        Args:
-            inverse: K_ij^-1, shape (N, n, 3).
-
-        Returns:
-            shape (N, n, 2).
-        """
+        """Tilts of the intersections of a curved sheet against tangent planes (kernels/kinematics.py), (N, n, 2)."""
         rises, tilts = self.rises, np.empty((*inverse.shape[:2], 2))
 
         def fill(part: slice) -> None:
@@ -310,21 +290,6 @@ def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Inverse of shape tensors (11, 12, 22), shape (..., 3), zero where degenerate; mask of the others, shape (...)."""
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
     usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
-    inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
-    inverse /= np.where(usable, determinant, 1.0)[..., None]
-    return np.where(usable[..., None], inverse, 0.0), usable
-
-
-def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse shape tensors of damaged intersections, shape (..., 3), zero where unusable; mask of usable ones.
-
-    Args:
-        shape: Shape tensors (11, 12, 22) of the intact members, shape (..., 3).
-        undamaged: Inverse shape tensors of the undamaged intersections, zero where degenerate, shape (..., 3).
-    """
-    determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-    ratio = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
-    usable = ratio >= SAMPLE
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
     inverse /= np.where(usable, determinant, 1.0)[..., None]
     return np.where(usable[..., None], inverse, 0.0), usable

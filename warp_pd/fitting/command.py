@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,58 +18,31 @@ from .model import SceneTests
 from .report import Fit
 
 
-@dataclass(frozen=True)
-class FitOptions:
-    """Options of the command.
+def fit_scene(
+    scene: str, data: Sequence[Path], given: Mapping[str, Any], *, vary: str, measure: str | None,
+    bounds: Sequence[str], loss: str, device: str | None, precision: int | None, out: str | None,
+) -> Iterator[str]:  # fmt: skip
+    """Fit constants of a scene (name or file) to CSV files, save the result, and return the lines to print.
 
-    Attributes:
-        vary: Comma-separated names of the constants.
-        measure: The measure of the scene to compare with the data; None for the column's name.
-        bounds: Texts of the form NAME=LOW:HIGH.
-        loss: One of LOSSES.
-        device: "cpu", "cuda:0", ...; None for CUDA if available.
-        precision: 32 or 64; None for the solver's.
-        out: Folder for the results; None for runs/SCENE-fit, or the first free of runs/SCENE-fit-2, ...
+    `given` holds arguments of the scene and initial values of constants, as text or numbers; the others are options of
+    the command, as text.
     """
-
-    vary: str
-    measure: str | None = None
-    bounds: Sequence[str] = ()
-    loss: str = "linear"
-    device: str | None = None
-    precision: int | None = None
-    out: str | None = None
-
-
-def fit_scene(scene: str, data: Sequence[Path], given: Mapping[str, Any], options: FitOptions) -> Iterator[str]:
-    """Fit constants of a scene to tests, save the result, and return the lines to print.
-
-    Args:
-        scene: Name or file.
-        data: CSV files of the tests.
-        given: Arguments of the scene and initial values of constants, as text or numbers.
-        options: Options of the command.
-
-    Raises:
-        InputError: if files, names or values are invalid.
-    """
-    one_of("--loss", options.loss, LOSSES)
-    bounds = _bounds(options.bounds)
+    one_of("--loss", loss, LOSSES)
+    limits = _bounds(bounds)
     build = load_scene(scene).build
     parameters = inspect.signature(build).parameters
     settings = {key: converted(key, value, parameters) for key, value in given.items()}
     tests: list[Test] = []
     for path in data:
-        found, notes = read_tests(path, build, options.measure, settings)
+        found, notes = read_tests(path, build, measure, settings)
         tests += found
         yield from notes
-    names = [name.strip().replace("-", "_") for name in options.vary.split(",") if name.strip()]
+    names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
     result = fit(
-        SceneTests(build, tests, settings), names, bounds=bounds, loss=options.loss, device=options.device,
-        precision=options.precision,
-    )  # fmt: skip
+        SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
+    )
     run = run_line(scene, given, result)
-    folder = free_folder(Path("runs") / f"{Path(scene).stem}-fit") if options.out is None else Path(options.out)
+    folder = free_folder(Path("runs") / f"{Path(scene).stem}-fit") if out is None else Path(out)
     result.save(folder, run)
     yield result.table()
     yield f"results in {folder}"

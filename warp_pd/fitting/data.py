@@ -144,7 +144,6 @@ class Table:
     """A file of numbers in SI units.
 
     Attributes:
-        path: The file.
         columns: Values by name, NaN where a cell is empty, each of shape (n,).
         dimensions: Dimension by name.
         rows: Line number in the file of each row, shape (n,).

@@ -113,11 +113,7 @@ class Equilibrium:
         return np.where(self.free, 0.0, self.search.target(0, factor))
 
     def reach(self, factor: float, guess: np.ndarray | None = None) -> None:
-        """Bring the sheet to equilibrium at a load factor.
-
-        Args:
-            factor: The load factor.
-            guess: Initial displacement [m], shape (N, 3), or None for the current state.
+        """Bring the sheet to equilibrium at a load factor, starting from `guess` [m] or the current state.
 
         Raises:
             NoEquilibriumError: if the solver finds none.

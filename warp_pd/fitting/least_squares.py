@@ -141,7 +141,6 @@ class Problem:
     """Residuals and derivatives of all tests, as functions of the constants over their sizes.
 
     Attributes:
-        tests: All tests.
         evaluations: Number of evaluations of the models so far.
         refused: Why trials had no result, one line each.
     """

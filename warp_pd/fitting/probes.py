@@ -107,15 +107,9 @@ class PointField:
 
     @staticmethod
     def at(sheet: Sheet, places: np.ndarray, tolerance: float = 0.02) -> PointField:
-        """Create the probe for places [m], shape (M, 2) or (M, 3).
+        """Create the probe for places [m], shape (M, 2) or (M, 3), on the clamped, undeformed sheet.
 
-        Args:
-            sheet: The sheet; places refer to its clamped, undeformed position.
-            places: Positions; those more than `tolerance` spacings outside the sheet are dropped.
-            tolerance: Distance in spacings [-].
-
-        Raises:
-            InputError: if the sheet has no triangles, or no place is on it.
+        Places more than `tolerance` spacings outside the sheet are dropped. Raises InputError if none is on it.
         """
         from scipy import sparse
         from scipy.spatial import cKDTree

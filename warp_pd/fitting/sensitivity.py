@@ -107,12 +107,7 @@ class Pair:
 
 
 class Derivatives:
-    """Derivatives of a scene by some of its arguments, at any of its states.
-
-    Attributes:
-        state: The scene.
-        pairs: One pair per argument.
-    """
+    """Derivatives of a scene by some of its arguments, at any of its states."""
 
     def __init__(
         self, build: Build, settings: Mapping[str, Any], vary: Sequence[str], sizes: Sequence[float] | None = None,

@@ -23,7 +23,6 @@ class Part:
     """Points of a curve or crack, in order.
 
     Attributes:
-        name: Its name.
         side: Number of the side of a polygon that begins at or contains each point, shape (M,).
         points: Point indices, shape (M,).
     """
@@ -36,20 +35,16 @@ class Part:
 def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks: Sequence[Part]) -> Shape:
     """The shape with areas, barriers and names.
 
-    Args:
-        base: Points, triangles without cracks, grid; its areas are ignored.
-        rings: The outline and the holes, counter-clockwise.
-        rigid: Rigid inclusions, counter-clockwise.
-        cracks: Lines of points along edges of triangles.
+    Rings (the outline and holes) and rigid inclusions are counter-clockwise; cracks run along edges of the triangles of
+    `base`, whose areas are ignored.
     """
     parts: dict[str, np.ndarray] = {}
     for ring in rings:
         _add(parts, _ring_parts(ring))
     parts["all"] = np.unique(np.concatenate([ring.points for ring in rings]))
     opened = base
-    edge = np.unique(boundary_edges(base.triangles))
     for crack in cracks:
-        opened, sides = _opened(opened, crack, edge)
+        opened, sides = _opened(opened, crack)
         _add(parts, sides)
     middle = opened.points[opened.triangles].mean(axis=1)
     body, of_triangle = np.zeros(opened.size, np.int32), np.zeros(len(opened.triangles), np.int32)
@@ -93,10 +88,9 @@ def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
     return parts
 
 
-def _opened(shape: Shape, crack: Part, edge: np.ndarray) -> tuple[Shape, dict[str, np.ndarray]]:
+def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray]]:
     """The shape with a crack opened, and its named faces; tips belong to both faces."""
-    mouths = (bool(np.isin(crack.points[0], edge)), bool(np.isin(crack.points[-1], edge)))
-    split = split_along(shape.points, shape.triangles, crack.points, mouths)
+    split = split_along(shape.size, shape.triangles, crack.points)
     copies = shape.size + np.arange(len(split.doubled))
     grid = None
     if shape.grid is not None:

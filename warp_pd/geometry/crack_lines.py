@@ -24,17 +24,9 @@ TAKEN = 0.3
 def crack_lines(
     given: Sequence[tuple[str, Any]], sheet: Any, rings: Sequence[Line], rigid: Sequence[Line], at: Spacing
 ) -> tuple[list[Line], list[Line]]:
-    """Compute the points of cracks.
+    """The points of cracks, given by name and corners; and the rings with points where cracks end on them.
 
-    Args:
-        given: Names and corners of the cracks, as given by the user.
-        sheet: The sheet, a shapely polygon close to the true curves.
-        rings: The outline and the holes.
-        rigid: The inclusions.
-        at: Spacing [m].
-
-    Returns:
-        The cracks; the rings, with points where cracks end on them.
+    `sheet` is a shapely polygon close to the true curves, `rings` the outline and holes, `rigid` the inclusions.
 
     Raises:
         InputError: if a crack is outside the sheet, crosses another line, or is too short.

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .topology import components, directed_edges, undirected
+
 
 @dataclass(frozen=True, eq=False)
 class SplitPoints:
@@ -20,47 +22,34 @@ class SplitPoints:
     doubled: np.ndarray
 
 
-def split_along(
-    points: np.ndarray,
-    triangles: np.ndarray,
-    crack: np.ndarray,
-    mouths: tuple[bool, bool],
-    frames: np.ndarray | None = None,
-) -> SplitPoints:
+def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> SplitPoints:
     """Open a triangulation along a crack.
 
+    The corners at a point are divided into groups that are connected through triangles without crossing the crack. At a
+    tip there is one group; an end on the edge of the sheet has two.
+
     Args:
-        points: Positions [m], shape (N, 2), or (N, 3) on a curved sheet.
+        points: Number of points.
         triangles: Counter-clockwise, shape (F, 3); the crack runs along their edges.
-        crack: Points along the crack, shape (L,).
-        mouths: Whether the crack starts and ends at the edge of the sheet, where its end point is doubled, too.
-        frames: Tangent vectors at the points of a curved sheet, shape (N, 3, 2).
+        crack: Points along the crack, shape (L,); those of a closed one end with the first.
     """
-    first, last = (0 if mouths[0] else 1), (len(crack) if mouths[1] else len(crack) - 1)
-    doubled = crack[first:last]
-    copy = np.full(len(points), -1)
-    copy[doubled] = len(points) + np.arange(len(doubled))
-    place = np.full(len(points), -1)
-    place[crack] = np.arange(len(crack))
-    triangles = triangles.copy()
-    face, corner = np.nonzero(copy[triangles] >= 0)
-    vertex = triangles[face, corner]
-    at = place[vertex]
-    middle = points[triangles[face]].mean(axis=1) - points[vertex]
-    ahead = points[crack[np.minimum(at + 1, len(crack) - 1)]] - points[vertex]
-    behind = points[crack[np.maximum(at - 1, 0)]] - points[vertex]
-    if frames is not None:
-        middle, ahead, behind = (np.einsum("pc,pca->pa", v, frames[vertex]) for v in (middle, ahead, behind))
-    # At a mouth the crack has one direction there; the other is its continuation.
-    ahead = np.where((at == len(crack) - 1)[:, None], -behind, ahead)
-    behind = np.where((at == 0)[:, None], -ahead, behind)
-    right = _turn(ahead, middle) > _turn(ahead, behind)
-    triangles[face[right], corner[right]] = copy[vertex[right]]
-    return SplitPoints(triangles, doubled)
-
-
-def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Counter-clockwise angle from one direction to the other, 0 to 2 pi, shape (P,)."""
-    cross = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
-    angle = np.arctan2(cross, (start * end).sum(axis=1))
-    return np.asarray(np.where(angle < 0.0, angle + 2.0 * np.pi, angle))
+    edges, steps = directed_edges(triangles).astype(np.int64), np.column_stack([crack[:-1], crack[1:]])
+    number = undirected(np.concatenate([edges, steps]))
+    whole, on_crack = number[: len(edges)], np.isin(number[: len(edges)], number[len(edges) :])
+    order = np.argsort(whole, kind="stable")
+    shared = np.flatnonzero((whole[order[1:]] == whole[order[:-1]]) & ~on_crack[order[1:]])
+    one, other = order[shared], order[shared + 1]
+    # Edge e starts at corner e and ends at the next corner of its triangle.
+    after = np.roll(np.arange(len(edges)), -len(triangles))
+    group = components(len(edges), np.column_stack([np.append(one, after[one]), np.append(after[other], other)]))
+    keys = edges @ [points, 1]
+    left, right = (np.flatnonzero(np.isin(keys, steps[:, way] @ [points, 1])) for way in ([0, 1], [1, 0]))
+    left, right = (group[np.append(side, after[side])] for side in (left, right))
+    corner = np.isin(group, np.setdiff1d(right, left))
+    doubled = np.unique(crack, return_index=True)[1]
+    doubled = crack[np.sort(doubled)]
+    doubled = doubled[np.isin(doubled, edges[corner, 0])]
+    copy = np.arange(points)
+    copy[doubled] = points + np.arange(len(doubled))
+    found = np.where(corner, copy[edges[:, 0]], edges[:, 0])
+    return SplitPoints(found.reshape(3, -1).T.astype(triangles.dtype), doubled)

@@ -12,22 +12,11 @@ from .triangulation import signed_areas
 def triangulate(
     where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate faces, keeping their order.
+    """Triangulate faces, keeping their order: triangles, shape (F, 3), and the face of each, shape (F,).
 
     A quadrilateral is divided along its shorter interior diagonal, a face with more corners by a constrained Delaunay
-    triangulation.
-
-    Args:
-        where: Prefix of error messages.
-        points: Positions, shape (V, 3).
-        counts: Corners of each face, 3 or more, shape (P,).
-        corners: Point indices of all faces, one after the other.
-
-    Returns:
-        Triangles, shape (F, 3), and the face of each, shape (F,).
-
-    Raises:
-        InputError: if a face intersects itself.
+    triangulation. `counts` are the numbers of corners, 3 or more, `corners` the points of all faces in turn.
+    Raises InputError, which begins with `where`, if a face intersects itself.
     """
     start = np.concatenate([[0], np.cumsum(counts)[:-1]])
     threes, fours = np.flatnonzero(counts == 3), np.flatnonzero(counts == 4)

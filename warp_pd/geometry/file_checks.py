@@ -42,12 +42,7 @@ def meters(unit: Any) -> float:
 
 
 def listed(indices: np.ndarray, noun: str) -> str:
-    """Text like "faces 3, 7, 9" or "edges (3, 4), (7, 9), ... (12 in all)".
-
-    Args:
-        indices: Shape (K,), or (K, 2) for pairs.
-        noun: Noun in the singular.
-    """
+    """Text like "faces 3, 7, 9" or "edges (3, 4), (7, 9), ... (12 in all)", for indices (K,) or pairs (K, 2)."""
     rows = [f"({', '.join(map(str, row))})" if np.ndim(row) else str(row) for row in indices[:MAX_SHOWN].tolist()]
     more = f", ... ({len(indices)} in all)" if len(indices) > MAX_SHOWN else ""
     return f"{noun if len(indices) == 1 else noun + 's'} {', '.join(rows)}{more}"

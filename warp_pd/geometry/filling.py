@@ -39,14 +39,7 @@ class Filling:
 
 
 def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> Filling:
-    """Fill a region with a square grid, and with relaxed points where it does not fit the curves.
-
-    Args:
-        region: The sheet, a shapely polygon.
-        fixed: Points on curves [m], shape (B, 2).
-        curves: The curves, a shapely geometry.
-        spacing: Spacing [m].
-    """
+    """Fill a region with a square grid, and with relaxed points where it does not fit the curves through `fixed`."""
     import shapely
     from scipy.spatial import cKDTree
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .shape import Shape
-from .triangulation import Lattice, cell_areas, cell_triangles, point_areas, whole_cells
+from .triangulation import Lattice, cell_areas, cell_triangles, point_areas, voronoi_areas, whole_cells
 
 
 def square_grid(lattice: Lattice) -> np.ndarray | None:
@@ -29,9 +29,10 @@ def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray
         if np.allclose(areas, shape.areas, rtol=1e-9, atol=0.0):
             return _cells_without(removed, shape.grid, shape.spacing)
     kept = shape.triangles[~removed[shape.triangles].any(axis=1)]
-    areas = point_areas(shape.points, kept)
+    if shape.frames is None:
+        return kept, point_areas(shape.points, kept)
     # The areas of a tube or sphere are those of the smooth surface.
-    return kept, areas if shape.frames is None else areas / point_areas(shape.points, shape.triangles) * shape.areas
+    return kept, voronoi_areas(shape.points, kept) / voronoi_areas(shape.points, shape.triangles) * shape.areas
 
 
 def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, point_indices, said
 from .picture_files import new_figure, save
 from .shape import Shape
+from .sheet import Sheet
 from .topology import boundary_edges, boundary_rings, pieces
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
@@ -25,27 +27,47 @@ APART = 0.2
 # Elevation and azimuth of the eye [degrees].
 VIEW = (28.0, -60.0)
 # Labels and points of parts.
-Parts: TypeAlias = list[tuple[str, np.ndarray]]
+Parts: TypeAlias = Sequence[tuple[str, np.ndarray]]
 
 
-def draw_shape(
-    sheet: Shape,
+def draw_sheet(
+    sheet: Sheet,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     view: tuple[float, float] = VIEW,
-    thickness: float | np.ndarray,
-    stiffness: np.ndarray | None,
+    regions: Sequence[tuple[Any, Any]] = (),
 ) -> Any:
-    """Draw a shape with thickness and stiffness; the public function is `warp_pd.draw_sheet`.
+    """Draw an undeformed sheet, flat or curved.
+
+    The picture shows triangles, points (on and off a square grid in different colours), the boundary, cuts, rigid
+    inclusions, stiffened points, regions of materials, named parts, and a varying thickness in colour. If there are too
+    many points or triangles, it shows some of them and states how many. The two faces of a crack are drawn slightly
+    apart.
+
+    Args:
+        sheet: The sheet.
+        path: File of the picture (.png, .pdf or .svg); None writes no file.
+        title: Title of the picture.
+        view: Elevation and azimuth of the viewpoint [degrees], for a curved sheet.
+        regions: Pairs of points and a material, as for `ByRegion`; `Simulation.draw` passes those of its material.
+
+    Returns:
+        The `matplotlib.figure.Figure`.
 
     Raises:
-        InputError: if the path cannot be written.
+        InputError: if `sheet` is not a Sheet, or the path cannot be written.
     """
+    if not isinstance(sheet, Sheet):
+        raise InputError(f"sheet = {said(sheet)}: expected a Sheet")
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
-    varying = np.asarray(thickness) if np.ndim(thickness) else None
-    parts = _parts(sheet, stiffness)
+    varying = np.asarray(sheet.thickness) if np.ndim(sheet.thickness) else None
+    named = [
+        (f"region {k}: {type(material).__name__}", point_indices(f"regions[{k - 1}]", points, sheet.size))
+        for k, (points, material) in enumerate(regions, start=1)
+    ]
+    parts = _parts(sheet, sheet.stiffness, named)
     figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
     lines = [*([title] if title else []), _described(sheet, varying)]
     axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)
@@ -196,11 +218,11 @@ def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _parts(sheet: Shape, stiffness: np.ndarray | None) -> Parts:
-    """Labels and points of stiffened and named parts, largest first, so that smaller ones are drawn on top."""
+def _parts(sheet: Shape, stiffness: np.ndarray | None, regions: Parts) -> list[tuple[str, np.ndarray]]:
+    """Labels and points of regions, stiffened and named parts, largest first, so that smaller ones are on top."""
     stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
-    order = sorted([*sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
+    order = sorted([*regions, *sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
     rest = [points for _, points in order[MAX_PARTS:]]
     return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]

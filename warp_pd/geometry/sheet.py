@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, by_point, finite, point_indices, positive, vector
+from ..device.checks import InputError, by_point, finite, numbers, point_indices, positive, truth_values, vector
 from .clouds import cloud
 from .edits import punched, slit, turned
 from .files import flat_shape, read_mesh
@@ -19,8 +19,9 @@ from .rectangles import filled, line, rectangle
 from .selection import SelectableShape
 from .shape import Shape
 from .stretching import before_stretch
-from .surface_edits import slit_surface
+from .surface_edits import opened, slit_along, slits_at
 from .surfaces import sphere, surface, tube
+from .topology import joined
 from .triangulation import Segment
 
 # A number, one for each point, shape (N,), or a function of the coordinates of the points, each of shape (N,).
@@ -334,31 +335,45 @@ class Sheet(SelectableShape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the sheet; a notebook displays the picture. See `warp_pd.draw_sheet`."""
-        from .shape_plot import draw_shape
+        from .shape_plot import draw_sheet
 
-        return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
+        return draw_sheet(self, path)
 
-    def slit(self, *path: tuple[float, float, float]) -> Sheet:
-        """A copy of a curved sheet, such as a tube, sphere or mesh, with a slit along edges of its triangles.
+    def slit(self, *path: Any, where: Callable[..., np.ndarray] | None = None) -> Sheet:
+        """A copy of a curved sheet, such as a tube, sphere or mesh, with a slit along its surface.
 
-        Each point on the slit is doubled, one copy per face, and no bond crosses the slit; its tips are not doubled. An
-        end on an open edge of the sheet opens that edge. The points are the parts "slit 1", "slit 1 left" and "slit 1
-        right", as seen along the path from outside.
+        Points near the slit are moved onto it, by up to half an edge of a triangle. Each point on the slit is then
+        doubled, one copy per face, and no bond crosses the slit; its tips are not doubled. An end on an open edge of
+        the sheet opens that edge. The points are the parts "slit 1", "slit 1 left" and "slit 1 right", as seen along
+        the path from outside.
 
         Args:
-            path: Two or more positions [m]; the slit follows the shortest path through the points nearest to them.
+            path: Two or more positions [m], straight between them: there the slit lies in the plane that contains them
+                and the mean of their normals. A path that returns to its first position cuts out a piece. Or one
+                function level(x, y, z): the slit is where it is zero, such as a plane or a ball, with its positive side
+                on the left.
+            where: Condition(x, y, z) that limits the slit of a level, as for `where`.
 
         Raises:
-            InputError: for a flat sheet, fewer than two positions, one off the sheet, or a slit that meets itself, or
-                an edge except at its ends.
+            InputError: for a flat sheet, fewer than two positions, one off the sheet, a level without zeros, or a slit
+                that meets itself, or an edge except at its ends.
         """
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
-        if len(path) < 2:
-            raise InputError(f"slit: expected two or more positions, got {len(path)}")
-        places = np.array([vector(f"slit: path[{k}]", place, 3) for k, place in enumerate(path)])
-        changed, source = slit_surface(self, places, f"slit from {path[0]!r} to {path[-1]!r}")
-        return replace(self, **changed, **self.at_points(lambda values: values[source]))
+        if len(path) == 1 and callable(path[0]):
+            level = numbers("slit: level(x, y, z)", path[0](*self.points.T))
+            if level.shape != (self.size,):
+                raise InputError(f"slit: level(x, y, z): expected {self.size} numbers, got shape {level.shape}")
+            inside = None if where is None else truth_values("slit: where", where, *self.points.T)
+            slits, name = slits_at(self, level, inside), "slit where level(x, y, z) = 0"
+        else:
+            if len(path) < 2 or where is not None:
+                expected = "two or more positions" if where is None else "one function before where"
+                raise InputError(f"slit: expected {expected}, got {len(path)}")
+            places = np.array([vector(f"slit: path[{k}]", place, 3) for k, place in enumerate(path)])
+            slits, name = [slit_along(self, places)], f"slit from {path[0]!r} to {path[-1]!r}"
+        changed, values = opened(self, slits, name)
+        return replace(self, **changed, **self.at_points(values))
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
@@ -397,14 +412,40 @@ class Sheet(SelectableShape):
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
-            InputError: if it contains fewer than three points, or only collinear points.
+            InputError: if it contains fewer than three points, only collinear points or all of them, or, on a curved
+                sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
+        if self.frames is not None and (patches := len(np.unique(joined(self.triangles, members)))) > 1:
+            raise InputError(
+                f"inclusion at {centre!r} of radius {radius!r} contains {patches} patches that do not hang together: "
+                "expected a smaller one"
+            )
+        return self.rigid(members)
+
+    def rigid(self, points: np.ndarray, mass: float | None = None) -> Sheet:
+        """A copy in which `points` move as one rigid body, such as a frame at an edge.
+
+        Args:
+            points: Point indices.
+            mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
+
+        Raises:
+            InputError: if there are fewer than three points, only collinear points or all points of the sheet, or the
+                mass is not positive.
+        """
+        members = point_indices("rigid: points", points, self.size)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            inclusion = f"inclusion at {centre!r} of radius {radius!r} contains {len(members)} points"
-            raise InputError(f"{inclusion}: expected three or more points that are not collinear")
-        return replace(self, inclusions=(*self.inclusions, members))
+            raise InputError(f"rigid: points = {len(members)} points: expected three or more that are not collinear")
+        if len(members) == self.size:
+            raise InputError("rigid: points contain the whole sheet: expected fewer")
+        density = self.density
+        if mass is not None:
+            volume = (self.areas * self.thickness)[members].sum()
+            density = np.broadcast_to(np.asarray(self.density, float), self.size).copy()
+            density[members] = positive("rigid: mass", mass) / volume
+        return replace(self, inclusions=(*self.inclusions, members), density=density)
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
         """A copy in which all moduli of the material are multiplied by `factor` at `points`.

@@ -59,7 +59,7 @@ def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def pieces(triangles: np.ndarray) -> np.ndarray:
     """Index of the connected piece of each triangle, shape (F,); pieces share no edge."""
     pairs, _ = neighbours(triangles)
-    return _components(len(triangles), pairs)
+    return components(len(triangles), pairs)
 
 
 def flipped(triangles: np.ndarray) -> np.ndarray | None:
@@ -77,7 +77,7 @@ def flipped(triangles: np.ndarray) -> np.ndarray | None:
             np.column_stack([pairs[:, 0] + count, pairs[:, 1] + count - turned]),
         ]
     )
-    label = _components(2 * count, copies)
+    label = components(2 * count, copies)
     upright, reverse = label[:count], label[count:]
     if (upright == reverse).any():
         return None
@@ -110,11 +110,7 @@ def boundary_rings(edges: np.ndarray) -> list[np.ndarray]:
 def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
     """Points of the boundary rings of a flat sheet by name: "outline", "hole 1", "hole 2", ..., largest first.
 
-    Several pieces have "outline 1", "outline 2", ...
-
-    Args:
-        points: Positions [m], shape (N, 2).
-        edges: Boundary edges with the sheet on the left, shape (B, 2).
+    Several pieces have "outline 1", "outline 2", ... The edges have the sheet on their left.
     """
     rings = boundary_rings(edges)
     x, y = (([points[ring, c] for ring in rings]) for c in (0, 1))
@@ -126,9 +122,17 @@ def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.unique(rings[k]).astype(np.int32) for name, k in zip(names, outer + holes, strict=True)}
 
 
-def _components(count: int, pairs: np.ndarray) -> np.ndarray:
+def components(count: int, pairs: np.ndarray) -> np.ndarray:
+    """Index of the connected component of each of `count` nodes, shape (count,); `pairs`, shape (K, 2), join them."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def joined(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Index of the connected patch of each of some points, shape (P,); edges of triangles between them connect them."""
+    edges = directed_edges(triangles)
+    inside = edges[np.isin(edges, points).all(axis=1)]
+    return np.asarray(components(int(max(triangles.max(), points.max())) + 1, inside)[points])

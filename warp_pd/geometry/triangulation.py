@@ -36,12 +36,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class CoarseLattice:
-    """Every n-th column and row of a lattice, n = `stride`, and the last ones.
-
-    Attributes:
-        fine: The lattice.
-        stride: Stride of columns and rows.
-    """
+    """Every n-th column and row of a lattice, n = `stride`, and the last ones."""
 
     fine: Lattice
     stride: int
@@ -62,19 +57,11 @@ class CoarseLattice:
         return np.asarray(kept[slice(*np.searchsorted(kept, [begin, self.fine.points if end is None else end]))])
 
     def torn(self, triangles: np.ndarray) -> np.ndarray:
-        """Mask of coarse triangles (`lattice_triangles`) whose cell contains any of the given fine triangles.
-
-        Args:
-            triangles: Triangles of the fine lattice, shape (F, 3).
-        """
+        """Mask of coarse triangles (`lattice_triangles`) whose cell contains any of the given fine triangles."""
         return self._triangles_at(*self._cells(triangles))
 
     def cut(self, triangles: np.ndarray) -> np.ndarray:
-        """Mask of coarse triangles whose cell lacks any fine triangle.
-
-        Args:
-            triangles: Existing triangles of the fine lattice, shape (F, 3).
-        """
+        """Mask of coarse triangles whose cell lacks any fine triangle; given are those that exist, shape (F, 3)."""
         columns, number = self.fine.columns - 1, (self.fine.columns - 1) * (self.fine.rows - 1)
         row, column = self._cells(triangles)
         there = np.bincount(row * columns + column, minlength=number)
@@ -114,14 +101,7 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
 
 
 def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: float) -> np.ndarray:
-    """Points of a lattice in the box around a segment, and `reach` spacings around it, by index.
-
-    Args:
-        corner: The first point [m], shape (2,).
-        lattice: The lattice.
-        segment: Ends of the segment [m].
-        reach: Margin in spacings.
-    """
+    """Points of a lattice, by index, in the box around a segment and `reach` spacings around it."""
     step, number = np.array([lattice.dx, lattice.dy]), np.array([lattice.columns, lattice.rows])
     ends = (np.array(segment) - corner) / step
     low = np.clip(np.floor(ends.min(axis=0) - reach), 0, number).astype(np.int64)
@@ -188,15 +168,16 @@ def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return triangles
 
 
+def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas of triangles [m^2], shape (F,); points have shape (N, 2) or (N, 3)."""
+    if points.shape[1] == 2:
+        return np.asarray(np.abs(signed_areas(points, triangles)))
+    return np.asarray(0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1))
+
+
 def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """A third of each adjacent triangle for every point [m^2], shape (N,)."""
-    areas = np.zeros(len(points))
-    flat = points.shape[1] == 2
-    third = (
-        np.abs(signed_areas(points, triangles)) / 3.0
-        if flat
-        else np.linalg.norm(doubled_normals(points, triangles), axis=1) / 6.0
-    )
+    areas, third = np.zeros(len(points)), triangle_areas(points, triangles) / 3.0
     for k in range(3):
         np.add.at(areas, triangles[:, k], third)
     return areas
@@ -242,13 +223,9 @@ def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
 
 
 def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:
-    """Points of a rotated grid about the origin [m], shape (N, 2).
+    """Points of a grid rotated by `turn` [degrees] about the origin, at least to `extent` [m], shape (N, 2).
 
-    Args:
-        spacing: Spacings along its two directions [m].
-        half: Position of the origin in a cell along both directions, 0 (at a point) or 0.5.
-        extent: Minimum extent from the origin [m].
-        turn: Angle [degrees].
+    `half` is the place of the origin in a cell along both directions, 0 (at a point) or 0.5.
     """
     reach = int(np.ceil(extent / min(spacing))) + 1
     step = np.arange(-reach, reach + 1)
@@ -288,7 +265,7 @@ def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = points[triangles]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
     squares = (sides**2).sum(axis=-1)
-    area = np.abs(signed_areas(points, triangles))
+    area = triangle_areas(points, triangles)
     # Twice the cotangent of each corner times twice the area.
     dot = 0.5 * (squares.sum(axis=1, keepdims=True) - 2.0 * squares)
     cell = np.empty(dot.shape)

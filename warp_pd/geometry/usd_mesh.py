@@ -34,14 +34,8 @@ class Faces:
 def read_usd(path: Path, part: str | None) -> Faces:
     """Read the faces of a UsdGeom.Mesh at its first time sample, in world coordinates.
 
-    For a mesh with a subdivision scheme these are the control points. Holes (`holeIndices`) are left out.
-
-    Args:
-        path: The file.
-        part: Name or path of the prim; None if the file has only one mesh.
-
-    Raises:
-        InputError: if the file has no mesh, or `part` is not one of its meshes.
+    For a mesh with a subdivision scheme these are the control points. Holes (`holeIndices`) are left out. `part` is the
+    name or path of the prim; None if the file has only one mesh. Raises InputError if there is no such mesh.
     """
     from pxr import Tf, Usd, UsdGeom
 

@@ -100,6 +100,8 @@ class BuiltLaw(BuiltPart, Protocol):
         unit_volume: Thickness times reference area [m^3].
         correction: Report on the correction of the weights for the summary, or None.
         earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        driving_energy: The same for the part that drives a damage field; None if it is the whole.
+        energy_constants: The constants that these take.
         partial_energy: Warp function of what every n-th member adds to this energy now, if the law has one.
         coarsens: Whether the law can be built on coarser sheets.
         goes_slack: Whether the material carries nothing in compression.
@@ -118,6 +120,8 @@ class BuiltLaw(BuiltPart, Protocol):
     unit_volume: float
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None
+    driving_energy: wp.Function | None
+    energy_constants: Any
     partial_energy: wp.Function | None
     coarsens: bool
     goes_slack: bool

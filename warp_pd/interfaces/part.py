@@ -93,16 +93,24 @@ class ContactAtRest(Protocol):
     blocks: Array
     memory: Sequence[Array]
 
-    def stiffen(self, modulus: float) -> None:
-        """Take the mean modulus of the sheet [Pa]; called before the first load step."""
+    def stiffen(self, stiffness: float) -> None:
+        """Take about the stiffness of the sheet at a point over its area [Pa/m]; called before the first load step."""
+        ...
+
+    def add_settling(self) -> None:
+        """Add the stage that `settle` runs; called once."""
         ...
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `blocks` at a displacement [m], and what `settle` runs; called once."""
+        """Add the launch that fills `blocks` at a displacement [m]; called once."""
         ...
 
     def settle(self) -> bool:
         """Settle what is left in equilibrium; whether that asks for a new one."""
+        ...
+
+    def passed(self) -> bool:
+        """Whether equilibrium is on the wrong side, so that the load step must be refused."""
         ...
 
 

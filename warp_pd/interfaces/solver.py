@@ -107,7 +107,9 @@ class System:
         """
         for load in self.external.following:
             if load.at_rest is not None:
-                raise InputError(f"{load.label}: the solver {solver} has no contact; expected Newton or Explicit")
+                raise InputError(
+                    f"{load.label}: the solver {solver} has no contact; expected Newton, Relaxation or Explicit"
+                )
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
         """Set the time per step, the end time and optionally the current time [s]; evaluate the schedules."""

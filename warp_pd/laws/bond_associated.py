@@ -16,6 +16,7 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..kernels.bond_associated import bond_associated
+from ..kernels.factories import FunctionFactory
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
@@ -27,7 +28,6 @@ from .variational import Key
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
-NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)
@@ -68,12 +68,7 @@ class BondAssociated:
         check_material(self.material, "functions")
 
     def resolved_weights(self, at_once: bool, graded: bool = False) -> str:
-        """The weights with "auto" resolved.
-
-        Args:
-            at_once: Whether bonds break without prior softening by a damage field.
-            graded: Whether the spacing of the sheet varies.
-        """
+        """The weights with "auto" resolved; `at_once`: bonds break without prior softening by a damage field."""
         if self.weights != "auto":
             return self.weights
         return "plain" if (at_once and not graded) or self.horizon > MAX_CORRECTED else "corrected"
@@ -101,6 +96,9 @@ class BondAssociatedForce(FamilyLaw):
         key: What determines its kernels: layout, material functions, form.
         paths: Types of its force paths, in the order in which they are tried.
         path: The force path in use.
+        response: Response of a viscous law (kernels/reference_force.py), or None.
+        terms: Its constants.
+        state: Its internal variables.
     """
 
     has_energy = True
@@ -111,6 +109,9 @@ class BondAssociatedForce(FamilyLaw):
     takes_regions = True
     divides = True
     paths: ClassVar[Sequence[type[ForcePath]]] = PATHS
+    response: FunctionFactory | None = None
+    terms: Array | None = None
+    state: Array | None = None
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         features, sheet = context.features, context.sheet
@@ -177,14 +178,9 @@ class BondAssociatedForce(FamilyLaw):
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the fields of frames, means over the bonds of a point."""
-        kernel = shown.of_bonds(self.key, self.material, bool(self.shown_internal))
-        shown.add_principal(stage, kernel, factors=factors(self.context), **{**NO_PRONY, **self.shown_internal})
+        kernel = shown.of_bonds(self.key, self.material, self.response)
+        shown.add_principal(stage, kernel, factors=factors(self.context), terms=self.terms, state=self.state)
         shown.add_counts(stage)
-
-    @property
-    def shown_internal(self) -> dict[str, Any]:
-        """Internal variables that the stress depends on, for the fields of frames."""
-        return {}
 
     def soften(self, damage: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,).

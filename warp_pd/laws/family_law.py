@@ -58,7 +58,6 @@ class FamilyLaw(BuiltLaw):
     Attributes:
         owner: Name of the law in the plan.
         context: Context with the arrays and stages.
-        points: Number of points.
         depends_on_time: Whether the force depends on more than the current displacement.
         thickness: Mean thickness of the sheet [m]; a varying thickness is included in the weights.
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
@@ -75,6 +74,7 @@ class FamilyLaw(BuiltLaw):
     owner: str
     correction: dict[str, float] | None = None
     earlier_energy: wp.Function | None = None
+    driving_energy: wp.Function | None = None
     partial_energy: wp.Function | None = None
     coarsens: bool = False
     slack_frequency: float | None = None
@@ -97,14 +97,7 @@ class FamilyLaw(BuiltLaw):
         inverse: np.ndarray | None,
         weights: np.ndarray,
     ) -> None:
-        """Copy the families to the device.
-
-        Args:
-            law: The law as given by the user.
-            context: Context in which arrays are allocated.
-            families: The families.
-            inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
-            weights: Weights by row, shape (R, n).
+        """Copy the families, K^-1 (R, n, 3) unless None, and weights (R, n) by row to the device.
 
         Raises:
             InputError: for a curved or graded sheet that the law does not support.
@@ -138,6 +131,11 @@ class FamilyLaw(BuiltLaw):
         self.constants = context.types.constants(len(constants))(*constants)
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
+
+    @property
+    def energy_constants(self) -> Any:
+        """What its `earlier_energy` takes as constants."""
+        return self.constants
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes of the material on its constants."""

@@ -38,13 +38,8 @@ def family_struct(
 ) -> Any:
     """Copy the tables to the device, as the struct of `kernels.families`.
 
-    Args:
-        families: The families with their rows.
-        context: Context in which arrays are allocated.
-        owner: The part that declares the arrays.
-        inverse: K^-1 by row, shape (R, n, 3); None for laws without intersections, for which neither K^-1 nor the masks
-            of intersections are stored.
-        weights: W divided by the reference area by row, shape (R, n).
+    K^-1, shape (R, n, 3), is None for laws without intersections, for which no masks are stored either. Weights, shape
+    (R, n), are divided by the reference area.
     """
     types = context.types
     s: Any = family_functions(context.layout).struct()

@@ -125,8 +125,7 @@ class Reference:
         law = self.law
         stage.launch(
             law.owner, reference_force(*law.key), law.points, **law.family_arguments(displacement),
-            constants=law.constants, unit_force=law.unit_volume * law.inverse_horizon, prony=None, strain=None,
-            overstress=None, bond_force=law.pairs,
+            constants=law.constants, unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.pairs,
         )  # fmt: skip
         law.add_gather(stage, law.kernels.gather, law.pairs, force)
 
@@ -140,7 +139,7 @@ class Reference:
 
 
 # What only viscous laws give to the kernel of a CPU.
-NO_PRONY: dict[str, Any] = {"step": None, "prony": None, "strain": None, "overstress": None, "viscous_work": None}
+NOT_VISCOUS: dict[str, Any] = dict.fromkeys(("step", "terms", "viscous_work", "damage", "state"))
 
 
 class RowSums:
@@ -152,11 +151,13 @@ class RowSums:
 
     name: ClassVar[str] = "rows"
 
-    def __init__(self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
+    def __init__(
+        self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy"), response: FunctionFactory | None = None
+    ) -> None:
         self.law = law
         layout, material, _ = law.key
         near, words = capabilities(law.material).near, -(-law.families.members // WORD)
-        self.kernels = {name: family_rows(layout, material, near, words, name) for name in what}
+        self.kernels = {name: family_rows(layout, material, near, words, name, response) for name in what}
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
@@ -170,15 +171,15 @@ class RowSums:
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches that fill the pairs and sum them."""
-        self.add_pairs(stage, displacement, "force", NO_PRONY)
+        self.add_pairs(stage, displacement, "force", NOT_VISCOUS)
         self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
 
-    def add_pairs(self, stage: Stage, displacement: Array, what: str, prony: Mapping[str, Any]) -> None:
+    def add_pairs(self, stage: Stage, displacement: Array, what: str, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `what` as for `family_rows`."""
         law = self.law
         stage.launch(
             law.owner, self.kernels[what], law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **prony,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **viscous,
         )  # fmt: skip
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
@@ -186,7 +187,7 @@ class RowSums:
         law = self.law
         stage.launch(
             law.owner, self.kernels["energy"], law.points, **law.family_arguments(displacement),
-            constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NO_PRONY,
+            constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NOT_VISCOUS,
         )  # fmt: skip
 
 
@@ -310,11 +311,6 @@ class FamilyBlocks:
 
         Thread blocks then recompute shape tensors, which would be slow for a tangent. If bonds can break, the released
         energy is bitwise reproducible only with stored tables.
-
-        Args:
-            context: Context with the sheet and the device.
-            material: The material.
-            horizon: Horizon in spacings.
         """
         sheet, features = context.whole, context.features
         able = has_shared_memory(context.device) and capabilities(material).near is not None

@@ -14,6 +14,7 @@ from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
 from ..kernels.effects import Kernel
+from ..kernels.factories import FunctionFactory
 from ..kernels.family_fields import point_fields
 from ..kernels.principal_fields import Wanted
 from ..materials import Capabilities, Material, capabilities
@@ -43,12 +44,7 @@ class ShowingLaw(Protocol):
 
 
 def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
-    """Names of the fields that a law offers.
-
-    Args:
-        context: Context of the sheet; a sheet of one row of points has no in-plane strain.
-        stress: The material of the stress fields, or None if the law has none.
-    """
+    """Names of the fields that a law offers; `stress` is the material of the stress fields, or None."""
     lattice = context.sheet.lattice
     if lattice is not None and lattice.rows == 1:
         return tuple(BONDS)
@@ -68,17 +64,7 @@ def grouped(names: Sequence[str]) -> list[str]:
 
 
 def refuse_other(names: Sequence[str], known: Sequence[str], law: str, shown: Sequence[str]) -> None:
-    """Check that a law offers the requested fields.
-
-    Args:
-        names: Requested names.
-        known: Names that the law offers.
-        law: Name of the law, for the message.
-        shown: Names of the fields that frames always have, for the message.
-
-    Raises:
-        InputError: for the first name that is not offered.
-    """
+    """Check that a law offers the requested fields; `shown` are those that frames always have, for the message."""
     for name in names:
         if name not in known:
             if name in GROUPS:
@@ -144,11 +130,11 @@ class ShownFields:
         functions = None if material is None else material.functions
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
-    def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
-        """Kernel for means over bonds, for a law with one gradient per bond."""
+    def of_bonds(self, key: Key, material: Material, response: FunctionFactory | None) -> Kernel:
+        """Kernel for means over bonds, for a law with one gradient per bond; arguments as for `bond_fields`."""
         known: Capabilities = capabilities(material)
         stiffened = self.law.context.sheet.stiffness is not None
-        return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted)
+        return bond_fields(*key, known.volume, known.wrinkle_width, stiffened, self.wanted, response)
 
 
 def factors(context: Context) -> Array | None:

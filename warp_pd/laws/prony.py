@@ -10,7 +10,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..interfaces.context import Context
-from ..materials import Prony
+from ..materials import Maxwell, Prony
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
 AT_ONCE = 1e30
@@ -26,7 +26,7 @@ def check_prony(prony: Any) -> None:
         raise InputError(f"prony = {prony!r}: expected a tuple of Prony terms")
 
 
-def prony_array(prony: tuple[Prony, ...], context: Context, name: str = "prony") -> Array:
+def prony_array(prony: tuple[Prony | Maxwell, ...], context: Context, name: str = "prony") -> Array:
     """Copy the constants of the terms to the device."""
     values = np.array([term.constants for term in prony])
     return context.array(name, "Visco", context.types.parameters, values, per="table")

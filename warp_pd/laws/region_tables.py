@@ -12,7 +12,7 @@ from ..device.checks import InputError, point_indices
 from ..families import Families, InfluenceFunction, pack, unpack
 from ..geometry.sheet import Sheet
 from ..geometry.topology import boundary_edges
-from ..geometry.triangulation import point_areas, voronoi_areas
+from ..geometry.triangulation import voronoi_areas
 from ..interfaces.context import Context
 from ..materials import Material
 from .weight_tables import Tables, weight_tables
@@ -55,7 +55,10 @@ def region_tables(
     if sheet.layout != "cloud":
         raise InputError("sheet: expected sheet.as_cloud() with ByRegion, because families at an interface differ")
     if sheet.cuts or sheet.bodies is not None:
-        raise InputError("sheet: expected no cuts and no rigid inclusions of an outline with ByRegion")
+        raise InputError(
+            "sheet: expected no cuts and no rigid inclusions of an outline with ByRegion; use cracks of an "
+            "outline, or slit"
+        )
     if divided:
         raise InputError("material = ByRegion: expected a single process")
     if weights == "published":
@@ -110,11 +113,11 @@ def _parts(sheet: Sheet, regions: Regions) -> list[Region]:
 
 
 def _part(sheet: Sheet, triangles: np.ndarray, material: int) -> Region:
-    """A region with areas of points from Voronoi cells or, on a curved sheet, a third of each triangle."""
+    """A region with areas of points from Voronoi cells."""
     points, corners = np.unique(triangles, return_inverse=True)
     corners = corners.reshape(-1, 3).astype(np.int32)
     places, edges = sheet.points[points], boundary_edges(corners)
-    areas = (voronoi_areas if sheet.frames is None else point_areas)(places, corners)
+    areas = voronoi_areas(places, corners)
     here: dict[str, Any] = {
         name: None if (values := getattr(sheet, name)) is None else values[points]
         for name in ("spacings", "frames", "pieces")

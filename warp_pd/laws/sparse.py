@@ -29,10 +29,7 @@ class Factors:
 def factorised(matrix: Any, free: np.ndarray, added: np.ndarray | None = None) -> Factors | None:
     """Factorise K and return a solver of K x = b on arrays of shape (N, 3); None if K is singular.
 
-    Args:
-        matrix: K of the free components [N/m], symmetric, in compressed sparse column format.
-        free: Mask of the free components, shape (3 N,); other components of x are zero.
-        added: Blocks to add to the diagonal of K [N/m], shape (N, 3, 3), or None.
+    `matrix` is K of the components `free` [N/m]; others of x are zero. `added` are blocks on its diagonal, (N, 3, 3).
     """
     from scipy.sparse import bsr_matrix
     from scipy.sparse.linalg import splu

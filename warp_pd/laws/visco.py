@@ -6,46 +6,55 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
 
-from ..device.checks import InputError
+from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.reference_force import reference_force
-from ..kernels.visco import visco_energy, viscous_update
-from ..materials import Prony, capabilities
+from ..kernels.bond_state import energy_of_families
+from ..kernels.factories import FunctionFactory
+from ..kernels.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
+from ..kernels.reference_force import viscous_force
+from ..kernels.visco import prony_response, visco_energy
+from ..materials import Maxwell, Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
-from .force_paths import NO_PRONY, ForcePath, Reference, RowSums
+from .force_paths import ForcePath, Reference, RowSums
 from .prony import at_once, check_prony, prony_array
-
-# What the fast kernels of a CPU fill in with Prony terms: in a step, and off its path.
-VISCOUS = ("viscous_step", "viscous_force")
 
 
 @dataclass(frozen=True)
 class Visco(BondAssociated):
     """Bond-associated visco-hyperelasticity in plane stress; the undeformed sheet is stress-free.
 
-    The second Piola stress of every intersection is the material's (the long-term stress) plus stresses that relax: S =
-    S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous stress is S_inf + sum_p S_p.
-    No motion can extract energy from it; see kernels/visco.py, also for the stored and dissipated energy. The state has
-    3 numbers per bond, and 3 more per Prony term.
+    With `branches` the material has Maxwell elements (kernels/maxwell.py). They take every material, also a
+    TensionField, whose wrinkles relax elastic and viscous stresses together, and every rupture criterion. The elastic
+    energy alone drives a TearingEnergy (Shrimali and Lopez-Pamies, Extreme Mech. Lett. 58, 2023). The state has 4
+    numbers per bond and branch.
 
-    When a bond breaks, the energy stored in its Prony terms counts as viscous loss. The strain of the remaining bonds
-    jumps, which the energy balance does not include.
+    With `prony`, terms as in VE, the second Piola stress of every intersection is the material's (the long-term stress)
+    plus stresses that relax: S = S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous
+    stress is S_inf + sum_p S_p. See kernels/visco.py, also for the stored and dissipated energy. The state has 4
+    numbers per bond, and 4 more per Prony term.
+
+    No motion can extract energy from either. When a bond breaks, the energy stored in its Prony terms counts as viscous
+    loss. The strain of the remaining bonds jumps, which the energy balance then does not include; with branches it
+    does.
 
     Attributes:
         material: Material of the long-term stress, such as Yeoh. Other arguments are those of BondAssociated.
-        prony: Relaxing terms (keyword only); without terms the law is elastic.
+        prony: Relaxing terms (keyword only).
+        branches: Maxwell elements (keyword only); without these and `prony` the law is elastic.
         fast: Whether to use fast kernels on a CPU, which combine force and relaxation of a step (keyword only); a GPU
             has none.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    branches: tuple[Maxwell, ...] = field(default=(), kw_only=True)
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
@@ -53,10 +62,17 @@ class Visco(BondAssociated):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_prony(self.prony)
-        if self.prony and capabilities(self.material).goes_slack:
+        known = capabilities(self.material)
+        if self.prony and known.goes_slack:
             raise InputError(
-                f"prony = {self.prony!r}: expected () with a TensionField material, as Prony terms resist compression"
+                f"prony = {self.prony!r}: expected () with a TensionField material, which takes `branches` instead"
             )
+        if not isinstance(self.branches, tuple) or not all(isinstance(each, Maxwell) for each in self.branches):
+            raise InputError(f"branches = {self.branches!r}: expected a tuple of Maxwell elements")
+        if self.branches and self.prony:
+            raise InputError(f"prony = {self.prony!r}: expected () with branches")
+        if self.branches and known.goes_slack and (known.resisting is None or known.response is None):
+            raise InputError(f"material = {said(self.material)}: expected a TensionField of a material with `response`")
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
@@ -66,6 +82,8 @@ class Visco(BondAssociated):
         Raises:
             InputError: if the sheet or the weights do not allow the horizon.
         """
+        if self.branches:
+            return BranchedForce(self, context)
         return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
 
 
@@ -87,110 +105,149 @@ class ElasticVisco(BondAssociatedForce):
         return FamilyLaw.tangent(self, context, geometric)
 
 
-class ViscoForce(ElasticVisco):
-    """The law on one sheet and device.
+class ViscousForce(ElasticVisco):
+    """A viscous law on one sheet and device (base class).
 
     Attributes:
-        internal: Internal variables by name.
         rows: The fast kernels of a CPU, or None.
-        viscous: Energy that each family has dissipated until the last frame [J], (N,) float64.
+        terms: Constants of its terms or branches.
+        state: Internal variables, (rows * members, N).
+        viscous_work: What `response` sums [J], (N,) float64.
+        viscous: Energy that each family has dissipated [J], (N,) float64.
     """
 
-    # Those of elastic laws know of no Prony terms.
+    # Those of elastic laws know of no state.
     paths: ClassVar[Sequence[type[ForcePath]]] = (Reference,)
     depends_on_time = True
-    takes_tension_field = False
     takes_regions = False
+    terms: Array
+    state: Array
+    viscous: Array
 
-    def __init__(self, law: Visco, context: Context) -> None:
+    def __init__(self, law: Visco, context: Context, terms: Array, response: FunctionFactory, rows: int) -> None:
         super().__init__(law, context)
-        self.rows = RowSums(self, VISCOUS) if law.fast and RowSums.applies(self) else None
-        self._updated: Stage | None = None
-        members, terms, vec3 = self.families.members, len(law.prony), context.types.vec3
-        self.prony_terms = law.prony
-        self.prony = prony_array(law.prony, context)
-
-        def internal(name: str, shape: tuple[int, int]) -> Array:
-            return context.array(name, self.owner, vec3, shape=shape, per="bond", restart=True)
-
-        self.internal: dict[str, Any] = {
-            "strain": internal("strain", (members, self.points)),
-            "overstress": internal("overstress", (terms * members, self.points)),
-            "viscous_work": context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True),
-        }
-        self.viscous = context.array("viscous", self.owner, wp.float64, shape=self.points)
+        self.terms, self.response = terms, response
+        self.rows = RowSums(self, ("viscous",), response) if law.fast and RowSums.applies(self) else None
+        self._advanced: Stage | None = None
+        shape, vec4 = (rows * self.families.members, self.points), context.types.parameters
+        self.state = context.array("viscous_state", self.owner, vec4, shape=shape, per="bond", restart=True)
+        self.viscous_work = context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True)
+        self._no_time = context.array("no_time", self.owner, context.types.real, np.zeros(1), per="table")
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase; at the start those that apply the initial displacement instantaneously."""
+        """Add the launches of a phase; the state advances with the force."""
         super().add(phase, stage)
-        state = self.context.state
         if phase is Phase.INTERNAL_VARIABLES:
-            assert state.step is not None
-            self.add_update(stage, state.displacement, state.step, self.prony)
-        elif phase is Phase.START and self.context.initial_displacement.any():
-            self.add_update(stage, state.displacement, *at_once(self.prony_terms, self.context))
-            # Fills `viscous`: the stored energy before it lies there as well.
-            self.add_energy(stage, state.displacement, self.viscous)
+            assert self.context.state.step is not None
+            self.add_pairs(stage, self.context.state.displacement, self.context.state.step, self.terms)
+            self._advanced = stage
 
-    def begin(self) -> None:
-        """Reset the losses: the work of the initial displacement is stored, not dissipated."""
-        work = self.internal["viscous_work"]
-        work.assign(to_host(work) - to_host(self.viscous))
+    def add_pairs(self, stage: Stage, displacement: Array, step: Array, terms: Array) -> None:
+        """Add the launch that advances the state by a step [s] and fills `pairs` with the forces at its end."""
+        given: dict[str, Any] = {
+            "step": step, "terms": terms, "damage": self.damage, "state": self.state, "viscous_work": self.viscous_work
+        }  # fmt: skip
+        if self.rows is not None:
+            self.rows.add_pairs(stage, displacement, "viscous", given)
+            return
+        assert self.response is not None
+        stage.launch(
+            self.owner, viscous_force(self.layout, self.law.material.functions, self.response), self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit=self.unit_volume * self.inverse_horizon, bond_force=self.pairs, **given,
+        )  # fmt: skip
 
-    def soften(self, damage: Array) -> None:
-        """Raise, because the law does not support a damage field.
-
-        Raises:
-            InputError: always.
-        """
-        raise InputError("damage = TearingEnergy: expected Visco without prony, or another criterion")
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        if self._advanced is not stage:
+            self.add_pairs(stage, displacement, self._no_time, self.terms)
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def sums(self) -> Mapping[str, Array]:
         """Strain energy and viscous losses."""
         return {**super().sums(), "viscous": self.viscous}
-
-    def add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
-        """Add the launch that advances the internal variables to the end of a step [s], a single real number.
-
-        The fast kernel also fills `pairs` with the forces at the end of the step.
-        """
-        if self.rows is not None:
-            self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
-            self._updated = stage
-            return
-        kernel = viscous_update(self.layout, self.law.material.functions)
-        stage.launch(
-            "Visco", kernel, self.points, **self.family_arguments(displacement), step=step,
-            prony=prony, unit_volume=self.unit_volume, **self.internal,
-        )  # fmt: skip
-
-    @property
-    def shown_internal(self) -> dict[str, Any]:
-        """Prony terms, strain and overstress."""
-        return {"prony": self.prony, "strain": self.internal["strain"], "overstress": self.internal["overstress"]}
 
     @property
     def force_path(self) -> str:
         """Name of its force path."""
         return Reference.name if self.rows is None else RowSums.name
 
-    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        state = {name: self.internal[name] for name in ("strain", "overstress")}
-        if self.rows is None:
-            stage.launch(
-                "Visco", reference_force(*self.key, viscous=True), self.points,
-                **self.family_arguments(displacement), constants=self.constants,
-                unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
-            )  # fmt: skip
-        elif self._updated is not stage:
-            self.rows.add_pairs(stage, displacement, "viscous_force", {**NO_PRONY, "prony": self.prony, **state})
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+class ViscoForce(ViscousForce):
+    """The law with Prony terms on one sheet and device."""
+
+    takes_tension_field = False
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        response = prony_response(law.material.functions)
+        super().__init__(law, context, prony_array(law.prony, context), response, len(law.prony) + 1)
+        self.prony = law.prony
+        self.viscous = context.array("viscous", self.owner, wp.float64, shape=self.points)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at the start those that apply the initial displacement instantaneously."""
+        super().add(phase, stage)
+        if phase is Phase.START and self.context.initial_displacement.any():
+            displacement = self.context.state.displacement
+            self.add_pairs(stage, displacement, *at_once(self.prony, self.context))
+            # Fills `viscous`: the stored energy before it lies there as well.
+            self.add_energy(stage, displacement, self.viscous)
+
+    def begin(self) -> None:
+        """Reset the losses: the work of the initial displacement is stored, not dissipated."""
+        work = self.viscous_work
+        work.assign(to_host(work) - to_host(self.viscous))
+
+    def soften(self, damage: Array) -> None:
+        """Raise, because Prony terms do not support a damage field.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("damage = TearingEnergy: expected Visco with branches, not prony, or another criterion")
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
         stage.launch(
-            "Visco", visco_energy(self.layout, self.law.material.functions), self.points,
+            self.owner, visco_energy(self.layout, self.law.material.functions), self.points,
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
-            prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
+            prony=self.terms, state=self.state, viscous_work=self.viscous_work, out=out, dissipated=self.viscous,
         )  # fmt: skip
+
+
+class BranchedForce(ViscousForce):
+    """The law with Maxwell elements on one sheet and device.
+
+    Attributes:
+        network: The material without branches.
+    """
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        known = capabilities(law.material)
+        elastic = known.resisting or law.material
+        self.network = ElasticNetwork(elastic.functions, capabilities(elastic).response, known.wrinkle_width)
+        terms = prony_array(law.branches, context, "branches")
+        super().__init__(law, context, terms, maxwell_response(self.network), len(law.branches))
+        self.viscous = self.viscous_work
+        self.earlier_energy = branched_energy(self.layout, self.network, False)
+        self.driving_energy = branched_energy(self.layout, self.network, True)
+        self.partial_energy = None
+
+    @property
+    def energy_constants(self) -> Any:
+        """Constants of the material, and constants and state of the branches."""
+        given = branched_constants(self.network, self.context.bits)()
+        given.elastic, given.branches, given.state = self.constants, self.terms, self.state
+        return given
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        stage.launch(
+            self.owner, energy_of_families(self.layout, self.earlier_energy), self.points,
+            **self.family_arguments(displacement), constants=self.energy_constants, unit_volume=self.unit_volume,
+            out=out,
+        )  # fmt: skip
+
+    def field_names(self) -> tuple[str, ...]:
+        """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""
+        return tuple(name for name in super().field_names() if name != "wrinkle_state")

@@ -4,6 +4,7 @@ from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
 from .energy import borne, energy_density, stretch_of_density, tension_energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
+from .maxwell import Maxwell
 from .pairwise import Bimodular
 from .prony import Prony
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
@@ -18,6 +19,7 @@ __all__ = [
     "Gent",
     "Incompressible",
     "Material",
+    "Maxwell",
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",

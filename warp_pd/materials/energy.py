@@ -45,25 +45,14 @@ def tension_energy_density(material: Material, stretch: Any, device: Any = None)
     """Energy per reference volume of a TensionField sheet in uniaxial tension [J/m^3].
 
     A wrinkled sheet, narrower than in uniaxial tension, has the same energy.
-
-    Args:
-        material: A TensionField material.
-        stretch: Stretch along the tension [-], any shape.
-        device: As for `energy_density`.
     """
     return energy_density(material, stretch, 0.5 / np.sqrt(stretch), device)
 
 
 def stretch_of_density(density: Callable[[np.ndarray], np.ndarray], wanted: float, stretches: np.ndarray) -> float:
-    """Stretch [-] at which an increasing energy density equals a value [J/m^3], to round-off.
+    """Stretch [-] at which an increasing energy density equals a value [J/m^3], to round-off; NaN outside the range.
 
-    Args:
-        density: Function of stretches.
-        wanted: The value.
-        stretches: Increasing stretches to search, up to the first with NaN density.
-
-    Returns:
-        The stretch; NaN if the value is outside the range.
+    Searched are increasing stretches up to the first with NaN density.
     """
     values = density(stretches)
     usable = borne(values)

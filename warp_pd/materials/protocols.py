@@ -60,6 +60,7 @@ class Capabilities:
         wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
         notes: Notes on its constants for the summary of a run, one line each.
         goes_slack: Whether it carries no compression.
+        resisting: Of a material of tension field theory, the material that resists compression.
         materials: All materials of a ByRegion.
         regions: Its pairs of points and their material.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
@@ -77,6 +78,7 @@ class Capabilities:
     wrinkle_width: FunctionFactory | None = None
     notes: tuple[str, ...] = ()
     goes_slack: bool = False
+    resisting: Material | None = None
     materials: Sequence[Material] = ()
     regions: Sequence[tuple[Any, Material]] = ()
     one_modulus: bool = False
@@ -89,16 +91,7 @@ def capabilities(material: Any) -> Capabilities:
 
 
 def check_material(material: Any, kind: str, name: str = "material") -> None:
-    """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants.
-
-    Args:
-        material: What should be one.
-        kind: Its kind.
-        name: Of the argument, for messages.
-
-    Raises:
-        InputError: if it is not, or as for `padded_constants`.
-    """
+    """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants."""
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
         raise InputError(f"{name} = {said(material)}: expected a material such as {example} with this law")

@@ -70,6 +70,11 @@ class TensionField(PlaneStress):
         return capabilities(self.material).width or width_from_stress(self.material.functions)
 
     @property
+    def resisting(self) -> Material:
+        """The material."""
+        return self.material
+
+    @property
     def on_device(self) -> MaterialFunctions:
         """Warp functions of the material with wrinkles, made by `kernels.tension_field.tension_field`."""
         from ..kernels.tension_field import tension_field

@@ -22,13 +22,7 @@ class BodySeries:
     """
 
     def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
-        """Begin a file, or continue one.
-
-        Args:
-            path: The file.
-            surface: The reference sheet with at least one body.
-            append_from: As for `VtkHdfSeries`.
-        """
+        """Begin or continue a file, as `VtkHdfSeries`; the surface has at least one body."""
         balls = []
         if surface.ball_diameter is not None:
             vertices, triangles = sphere(np.zeros(3), surface.ball_diameter)

@@ -36,11 +36,7 @@ class Drawn:
 def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles, most: int) -> NDArray[np.int64]:
     """Representative of each point, shape (N,); the point itself in a sheet of at most `most` points.
 
-    Args:
-        reference: Positions of the points [m], shape (N, 3).
-        first: Intact triangles of the first frame, shape (F, 3).
-        last: Intact triangles of the last frame.
-        most: Target number of points.
+    `first` and `last` are the intact triangles of the first and last frame.
     """
     used = np.zeros(len(reference), bool)
     used[first] = True
@@ -69,12 +65,7 @@ def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.i
 
 
 def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
-    """All triangles of the frames, and when they are intact; a row of points has no triangles and is drawn as points.
-
-    Args:
-        frames: Contracted triangles of each frame.
-        size: Number of points of the sheet.
-    """
+    """All contracted triangles of the frames, and when they are intact; a row of points has no triangles."""
     keys = [_keys(corners, size) for corners in frames]
     every, first = np.unique(np.concatenate(keys), return_index=True)
     points, triangles = np.unique(np.concatenate(frames)[first], return_inverse=True)

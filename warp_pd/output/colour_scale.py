@@ -55,14 +55,7 @@ class ColourScale:
 
 
 def scale_of(frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None) -> ColourScale:
-    """The scale of a field over all frames.
-
-    Args:
-        frames: Panels of the picture.
-        field: Name of the field.
-        label: Its name and unit.
-        limits: Lowest and highest value; by default those of the field.
-    """
+    """The scale of a field over all frames; `limits` are by default those of the field."""
     low, high = limits or _range(frames, field)
     if min(high, -low) > SMALLER_SIDE * max(high, -low):
         reach = max(high, -low)

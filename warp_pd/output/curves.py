@@ -78,14 +78,9 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, Any]]]) -> bool:
-    """Draw one panel per measure, with one curve for each combination of the other arguments.
+    """Draw one panel per measure, with one curve for each combination of the other arguments; whether there was any.
 
-    Args:
-        path: File of the picture.
-        runs: Values of the arguments and measures of the summary, for each run with measures.
-
-    Returns:
-        Whether there was anything to draw.
+    `runs` are values of the arguments and measures of the summary, for each run with measures.
     """
     names = list(dict.fromkeys(n for _, found in runs for n, m in found.items() if m["value"] is not None))
     if not names:

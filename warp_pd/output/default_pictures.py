@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -32,17 +33,16 @@ NOT_DRAWN = {
 }  # fmt: skip
 
 
-def draw(history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any]) -> None:
-    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has the data.
+def draw(
+    history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any], regions: Sequence[np.ndarray] = ()
+) -> None:
+    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run in the folder has the data.
 
-    Args:
-        history: One row per frame.
-        folder: Folder of the run, with frames.vtkhdf.
-        summary: Summary of the run, with measures and units.
+    The outline of each region, given by its points, is drawn.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
-    frames = frames_at(folder, series.times[chosen].tolist())
+    frames = [replace(frame, regions=regions) for frame in frames_at(folder, series.times[chosen].tolist())]
     if len(frames[0].triangles):
         _draw_sheet(folder, frames)
     if any(row.get(name) for row in history for name in ENERGIES):
@@ -62,10 +62,6 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
 
     For a sheet that tears: the last frame before the tear begins, the first after, the one at half of the growth of the
     mean damage, and the last. For others: at a quarter, a half, three quarters and the end of the run.
-
-    Args:
-        history: One row per frame.
-        frames: Number of frames.
     """
     last = frames - 1
     damage = np.array([row.get("mean_damage", 0.0) for row in history[:frames]])
@@ -79,13 +75,17 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
 
 
 def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
-    """Draw the largest component of the displacement, and the damage if there is any."""
+    """Draw the displacement, and the damage if there is any.
+
+    Of a curved sheet it is the size of the displacement, otherwise its component out of the plane, or the largest one.
+    """
     last = frames[-1]
     size = float(np.ptp(last.reference, axis=0).max())
     moved = [float(np.abs(last.fields[name][last.used]).max()) for name in ("u1", "u2", "u3")]
-    in_space = moved[2] > OUT_OF_PLANE * size or float(np.ptp(last.reference[:, 2])) > OUT_OF_PLANE * size
-    picture = plots.surfaces if in_space else plots.from_above
-    field = "u3" if moved[2] > OUT_OF_PLANE * size else f"u{int(np.argmax(moved)) + 1}"
+    curved = float(np.ptp(last.reference[:, 2])) > OUT_OF_PLANE * size
+    out_of_plane = moved[2] > OUT_OF_PLANE * size
+    picture = plots.surfaces if out_of_plane or curved else plots.from_above
+    field = "u" if curved else "u3" if out_of_plane else f"u{int(np.argmax(moved)) + 1}"
     picture(folder / "sheet.png", frames, field)
     if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):
         picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))

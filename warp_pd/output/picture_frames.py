@@ -22,11 +22,12 @@ class Shown:
         points: Deformed positions [m], shape (N, 3).
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
-        fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
-            those of any other vector field NAME.
+        fields: Point fields by name; u is the size of the displacement, u1, u2, u3 are its components, and
+            NAME_1, NAME_2, NAME_3 those of any other vector field NAME.
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
         bodies: Vertices [m] and triangles of other rigid bodies.
         scene: Name of the scene.
+        regions: Points of each region with another material, whose outline is drawn.
     """
 
     when: str
@@ -37,6 +38,7 @@ class Shown:
     ball: tuple[np.ndarray, float] | None = None
     bodies: Sequence[tuple[np.ndarray, np.ndarray]] = ()
     scene: str = ""
+    regions: Sequence[np.ndarray] = ()
 
     @property
     def used(self) -> np.ndarray:
@@ -55,6 +57,7 @@ def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
 
 def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
+    fields["u"] = np.linalg.norm(fields["displacement"], axis=1)
     for c in range(3):
         fields[f"u{c + 1}"] = fields["displacement"][:, c]
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:

@@ -280,8 +280,8 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
 
     sheet = seen.seen(frame.points[frame.triangles])
     faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
-    rim, (lines, owners) = boundary_sides(frame.triangles), material_lines(frame)
-    outline = frame.points[directed_edges(frame.triangles)[rim]]
+    lines, owners = material_lines(frame)
+    outline, rim = _outlines(frame)
     ends = seen.seen(np.concatenate([lines, outline]))
     inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
     bodies, greys = _bodies(frame, seen)
@@ -293,8 +293,9 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
         strokes = ends[:, [0, 1, 1]]
         # A line comes after the triangles about its own, which would hide parts of it, the rim after its triangle.
         own = sheet[..., 2].mean(axis=1)
-        rims = own[rim % max(len(sheet), 1)]
-        depth = np.concatenate([own, nearest_about(sheet, frame.triangles)[owners], rims, bodies[..., 2].mean(axis=1)])
+        depth = np.concatenate(
+            [own, nearest_about(sheet, frame.triangles)[owners], own[rim], bodies[..., 2].mean(axis=1)]
+        )
         edges = np.concatenate([faces, inks, greys])
         widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), 0.5), np.full(len(bodies), 0.2)])
         order = np.argsort(depth, kind="stable")
@@ -308,6 +309,17 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
         axes.add_collection(painted, autolim=False)
     if frame.ball is not None:
         _dash_the_ball(axes, frame.ball, seen)
+
+
+def _outlines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the sheet and of its regions: ends [m], shape (E, 2, 3), and the triangle of each, shape (E,)."""
+    found = []
+    regions = [np.isin(frame.triangles, points).all(axis=1) for points in frame.regions]
+    for inside in map(np.flatnonzero, [np.ones(len(frame.triangles)), *regions]):
+        sides = boundary_sides(frame.triangles[inside])
+        found.append((directed_edges(frame.triangles[inside])[sides], inside[sides % max(len(inside), 1)]))
+    edges, owners = (np.concatenate(each) for each in zip(*found, strict=True))
+    return frame.points[edges], owners
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:

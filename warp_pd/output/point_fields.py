@@ -23,12 +23,7 @@ class FrameFields(dict[str, NDArray[Any]]):
 
 
 def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Point data of a frame by name, in the types of the file.
-
-    Args:
-        frame: The frame.
-        chosen: Names of the fields to store besides the displacement; None for all.
-    """
+    """Point data of a frame by name, in the types of the file; `chosen` besides the displacement, None for all."""
     fields = {"displacement": frame.displacement, "velocity": frame.velocity}
     if frame.damage is not None:
         fields["damage"] = frame.damage

@@ -64,11 +64,7 @@ class View:
         return np.stack([ends[np.arange(8) >> c & 1, c] for c in range(3)], axis=1)
 
     def edges(self) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-        """The edges of the box with coordinate scales.
-
-        Returns:
-            Component, both ends [m], shape (3,), and the direction in the picture that leads away from the box.
-        """
+        """Edges of the box with scales: component, both ends [m], and the direction that leads away from the box."""
         near = np.where(self.axes[2] >= 0.0, self.high, self.low)
         base = np.array([near[0], near[1], self.low[2]])
         floor = self.corners()[:4]
@@ -134,14 +130,9 @@ def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
 
 
 def nearest_about(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Depth of the nearest triangle around each triangle.
+    """Largest mean depth of the triangles that share a point with each and face the same way, shape (F,).
 
-    Args:
-        corners: Right, up and depth of the corners of triangles, shape (F, 3, 3).
-        triangles: Their points, shape (F, 3).
-
-    Returns:
-        Largest mean depth of the triangles that share a point with it and face the same way, shape (F,).
+    `corners` are right, up and depth of the corners of triangles, shape (F, 3, 3).
     """
     depth, size = corners[..., 2].mean(axis=1), int(triangles.max(initial=-1)) + 1
     first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))

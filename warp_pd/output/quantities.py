@@ -12,6 +12,7 @@ OTHER_WORDS = {"step": "time step", "balance_error": "energy balance error"}
 # Words and unit of point fields; those of the components of a field that is not a vector in space, by number.
 FIELDS = {
     "displacement": ("displacement", "m"),
+    "u": ("displacement", "m"),
     "velocity": ("velocity", "m/s"),
     "damage": ("damage", ""),
     "joint_damage": ("damage of the joint", ""),
@@ -84,12 +85,7 @@ class Choice:
 
 
 def choices(field: str, components: int) -> list[Choice]:
-    """The scalars of a point field.
-
-    Args:
-        field: Its name.
-        components: 1 or 3.
-    """
+    """The scalars of a point field of 1 or 3 components."""
     words, unit = FIELDS.get(field, (column_label(field), ""))
     if components == 1:
         return [Choice(words, unit, field)]
@@ -106,12 +102,7 @@ def known_units(summary: Mapping[str, Any]) -> dict[str, str]:
 
 
 def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Unit of a column of the history; empty if it is dimensionless or unknown.
-
-    Args:
-        name: The column.
-        units: Units known from other sources than the name.
-    """
+    """Unit of a column of the history, from `units` or its name; empty if it is dimensionless or unknown."""
     if name in units:
         return "" if units[name] in ("1", "-") else units[name]
     if name in ENERGIES:
@@ -123,13 +114,7 @@ def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> s
 def curves(columns: Sequence[str], measures: Collection[str], units: Mapping[str, str]) -> list[dict[str, Any]]:
     """Group columns of the history into graphs: energies, components of a vector, and single columns.
 
-    Args:
-        columns: Their names.
-        measures: Names of the scene's measures.
-        units: Known units, by name.
-
-    Returns:
-        For each graph "label", "unit" and "columns", the scene's measures first.
+    Each graph has "label", "unit" and "columns"; the scene's measures come first.
     """
     left = [name for name in columns if name not in ("time", "step")]
     graphs = [_graph(column_label(name), [name], units) for name in left if name in measures]

@@ -50,14 +50,9 @@ def point_normals(
 def camera_place(
     box: NDArray[np.float64], apertures: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Camera position from which a whole box is visible.
+    """Eye and target [m] from which a whole box, shape (2, 3), is visible, and their distance [m].
 
-    Args:
-        box: Lowest and highest corner [m], shape (2, 3).
-        apertures: Width and height of the picture divided by the focal length.
-
-    Returns:
-        Eye and target [m], shape (3,), and their distance [m].
+    `apertures` are width and height of the picture divided by the focal length.
     """
     target = box.mean(axis=0)
     towards_camera = VIEW_DIRECTION / np.linalg.norm(VIEW_DIRECTION)

@@ -222,11 +222,7 @@ def read_frame(
 
 
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
-    """The ball, a sphere without vertices, and other rigid bodies of a VTKHDF file.
-
-    Returns:
-        Each body, with its position [m] and quaternion, shape (frames, 7).
-    """
+    """Rigid bodies of a VTKHDF file, the ball without vertices; positions [m] and quaternions, (frames, 7)."""
     found = []
     with h5py.File(path, "r", locking=False) as file:
         own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})

@@ -14,13 +14,14 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, Part, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, Part, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
-from ..kernels.body_contact import body_contact
+from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
+from .body_checks import passes
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -191,40 +192,26 @@ class BuiltBody(BuiltContact):
         self.motion.add(phase, stage)
         if phase not in (Phase.PROJECT, Phase.SEPARATE):
             return
-        context, part, f = self.context, self.part, self.context.features
-        kernels = body_contact(
+        context, part, f, motion = self.context, self.part, self.context.features, self.motion
+        of = point_contact(
             context.bits, part.shape.distance, part.motion.free, self._rubs, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
+            f.damped, f.tracked, f.half_steps, self._seen is not None, motion.marks is not None,
         )  # fmt: skip
-        project = phase is Phase.PROJECT
+        at_end, values = phase is Phase.SEPARATE, self._arguments()
         if self._surface is not None:
-            motion = self.motion
             self._surface.add(
-                stage, not project, reference=self._reference, skin=SKIN * context.sheet.spacing,
+                stage, at_end, reference=self._reference, skin=SKIN * context.sheet.spacing,
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
-            take = kernels.take_in_step if project else kernels.take_at_end
-            stage.pointwise(part.name, take, context.sheet.size, **self._surface.when, **self._arguments())
-            motion.after(stage, at_end=not project, **self._surface.when)
+            motion.take(stage, of, at_end, values, **self._surface.when)
             self._surface.add_end(stage)
-        find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
-        shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
-        if alone and project:
-            stage.pointwise(part.name, kernels.mark, points, **shared)
-        if part.motion.free:
-            stage.pointwise(part.name, find, points, alone=alone, **shared)
-            self.motion.yields(stage, at_end=not project)
-            if alone and project:
-                stage.pointwise(part.name, kernels.mark_again, points, alone=True, **shared)
-        stage.pointwise(part.name, act, points, alone=alone, **shared)
-        self.motion.after(stage, at_end=not project)
+        if motion.marks is not None and not at_end:
+            stage.pointwise(part.name, of.search.mark, context.sheet.size, **values)
+        motion.strike(stage, of, at_end, values)
 
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
-        names = ("need", "rows", "push", "arms", "slips", "push_work", "rub", "rub_work")
-        flying = {name: getattr(motion, name, None) for name in names}
-        flying["yielded"] = getattr(motion, "changes", None)
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
@@ -237,7 +224,7 @@ class BuiltBody(BuiltContact):
             "dissipated": state.dissipated,
             "changes": None if self._surface is None else self._surface.changes,
             "rubbing": None if self._surface is None else self._surface.rubbing,
-            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
+            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **motion.found(),
         }  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
@@ -294,26 +281,24 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of its thickness.
+        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of half its thickness.
 
         With friction, the initial speed of the sheet is added to that of the body: if friction stopped a point while
         its neighbours moved half a spacing, the sheet would be overstretched.
         """
         shape, sheet, context = self.part.shape, self.context.whole, self.context
-        furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
-        speed = self.part.motion.speed(min(shape.radius(), furthest))
+        reach = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
+        speed = self.part.motion.speed(min(shape.radius(), reach))
         if self._rubs:
             thrown = float(np.linalg.norm(context.state.velocity.numpy().astype(np.float64), axis=1).max())
             speed -= context.communicator.minimum(-thrown)
         if speed <= 0.0:
             return None
-        smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        furthest = travel * min(sheet.spacing, 0.5 * shape.thinnest())
         if self._surface is not None and self._surface.edged:
-            travel = min(travel, EDGE_TRAVEL * sheet.spacing / smaller)
-        return StepLimit(
-            travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel:.3g} spacings"
-        )
+            furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
+        return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def outline(self) -> Body:
         """Surface for drawing."""
@@ -352,11 +337,11 @@ class BodyAtRest(BuiltBody, BuiltLoad):
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
-            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath with Newton, or Explicit")
+            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath at rest, or Explicit")
         for name, value, wanted in (("friction", part.friction, 0.0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
-                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with Newton, or Explicit"
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types
@@ -364,7 +349,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
         self.memory = [self.multiplier, self._stiffness]
-        self._softest = 0.0
+        self._softest, self._refused = 0.0, 0
+        self._law, self._intact = law, None if law.intact is None else law.intact.numpy()
+        self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
         self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
@@ -397,18 +384,50 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._launch(stage, self._kernels.press, displacement, out=out)
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `blocks`, and the stage that updates the multipliers."""
+        """Add the launch that fills `blocks`."""
         self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
-        settle = self.context.stage(f"settle {self.part.name}", "every equilibrium")
-        self._launch(settle, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
 
-    def stiffen(self, modulus: float) -> None:
-        """Set the contact stiffness, unless it is set, to about that of the sheet at a point; `modulus` in [Pa]."""
-        sheet = self.context.sheet
+    def add_settling(self) -> None:
+        """Add the stage that updates the multipliers."""
+        stage, displacement = (
+            self.context.stage(f"settle {self.part.name}", "every equilibrium"),
+            self.context.state.displacement,
+        )
+        self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+
+    def stiffen(self, stiffness: float) -> None:
+        """Set the contact stiffness [Pa/m], unless it is set."""
         if not self._stiffness.numpy()[0]:
-            stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
             self._stiffness.assign(np.array([stiffness]))
         self._softest = float(self._stiffness.numpy()[0])
+        self._before = self._from_centre()
+
+    def _from_centre(self) -> np.ndarray:
+        """Positions of the points relative to the centre of the body [m], shape (N, 3)."""
+        context = self.context
+        here = context.sheet.positions + np.asarray(context.state.displacement.numpy(), np.float64)
+        return np.asarray(here - self.motion.place.numpy()[0])
+
+    def passed(self) -> bool:
+        """Return whether the body has passed through the sheet since the last load step that it did not."""
+        torn, now = None, self._from_centre()
+        if self._intact is not None and self._law.intact is not None:
+            torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))
+        found = passes(self._before, now, self.context.sheet.triangles, torn)
+        if found:
+            self._refused += 1
+        else:
+            self._before = now
+        return found
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Note on load steps in which the body would have passed through the sheet."""
+        if not self._refused:
+            return []
+        return [
+            f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
+            "load_steps, a thicker body, or more points"
+        ]
 
     def settle(self) -> bool:
         """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""

@@ -11,11 +11,12 @@ from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
+from ..kernels import narrow_phase
 from ..kernels import surface_contact as kernels
 from ..kernels.body_motion import vec6d
 from ..kernels.damage import face_damage
 from .body_shapes import BodyShape, in_frame
-from .built_motion import BuiltMotion
+from .built_motion import BlockList, BuiltMotion
 
 # Iterations per half step, and thickness of the layer around the segments of the body that triangles stay outside,
 # divided by the smaller of body thickness and spacing; the layer is thicker than the error left by the iterations.
@@ -67,6 +68,7 @@ class BodySurface:
             "normals": room("normals", wp.vec3d, "table", size),
             "spots": room("spots", wp.vec3d, "table", size),
         }
+        self._near = BlockList(f"{name}_near_faces", name, self._found["near"], context)
         sides = {"begins": table("begins", wp.int32, begins), "sides": table("sides", wp.int32, order)}
         self._constraints = with_values(made.constraints(), {**self._found, **sides})
         self._earlier = room("earlier", wp.float64, "table", size)
@@ -84,10 +86,12 @@ class BodySurface:
         self._numbers: dict[str, Any] = {}
         if free is not None:
             mass, inertia = free
-            self._block = max(64, int(np.sqrt(faces)))
-            parts = -(-faces // self._block)
-            self._sums = {"sums": room("sums_of_faces", vec6d, "block", parts)}
-            self._sums["numbers"] = room("numbers_of_faces", wp.float64, "block", parts)
+            near = self._near
+            self._sums = {
+                "counts": near.counts,
+                "arrived": near.arrived,
+                "sums": near.room("reactions", kernels.Reaction),
+            }
             self._yielded = {"changes": room("yielded", vec6d, "once", 1)}
             self._yielded["splits"] = room("splits", wp.float64, "once", 1)
             inverse = np.linalg.inv(inertia)
@@ -107,7 +111,7 @@ class BodySurface:
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)
         given: Any = wp.array(np.ascontiguousarray(corners, np.float64), dtype=wp.vec3d, device=context.device)
         wp.launch(
-            kernels.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
+            narrow_phase.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
             inputs=[given, 2.0 * self._segments.radius, self._segments, self._body, 0],
         )  # fmt: skip
         gap = found.numpy() - self._segments.radius + self._layer
@@ -133,33 +137,33 @@ class BodySurface:
         half: dict[str, Any] = {"a": with_values(made.struct(), values), "at_end": int(at_end)}
         constraints = {"c": self._constraints}
         before, after = self._given
-        stage.launch(
-            name, made.find, self._faces, any_near=self._any, earlier=self._earlier, gaps=self._gaps, **before, **half,
-            **self._found,
-        )  # fmt: skip
+        near, found = self._near, {**self._found, "any_near": self._any, "earlier": self._earlier, "gaps": self._gaps}
+        lists = {"entries": near.entries, "listed": near.listed}
+        stage.launch(name, made.mark, self._faces, near=found["near"], **half)
+        near.add(stage)
+        near.launch(stage, made.find, **found, **lists, **before, **half)
         for iteration in range(1 + ITERATIONS):
             # The first iteration only finds which triangles press; the last one has no momentum.
             momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
-            stage.launch(
-                name, made.press, self._faces, momentum=momentum, earlier=self._earlier, **self._yielded,
-                pushes_after=after["pushes"], pressed_after=after["pressed"], **before, **half, **constraints,
+            near.launch(
+                stage, made.press, momentum=momentum, earlier=self._earlier, **self._yielded,
+                pushes_after=after["pushes"], pressed_after=after["pressed"], **lists, **before, **half, **constraints,
                 **self.when,
             )  # fmt: skip
             before, after = after, before
             if self._sums:
-                stage.launch(
-                    name, made.react, len(self._sums["sums"]), block=self._block, **before, **half, **constraints,
-                    **self._sums, **self.when,
+                near.launch(
+                    stage, made.react, **lists, **before, **half, **constraints, **self._sums, **self._yielded,
+                    **self.when,
                 )  # fmt: skip
-                stage.launch(name, made.give_way, 1, **half, **self._sums, **self._yielded, **self.when)
         if self._sums:
             moved = {name: body[name] for name in ("place", "rotation", "motion")}
             stage.launch(
                 name, made.move, 1, at_end=int(at_end), changes=self._yielded["changes"], step=state.step, **moved,
                 **self.when,
             )  # fmt: skip
-        stage.launch(
-            name, made.spread, context.sheet.size, a=half["a"], changes=self.changes, rubbed=self.rubbing, **before,
+        near.launch(
+            stage, made.spread, a=half["a"], changes=self.changes, rubbed=self.rubbing, **lists, **before,
             **constraints, **self.when,
         )  # fmt: skip
 
@@ -183,7 +187,7 @@ def segments_on_device(shape: BodyShape, layer: float, device: wp.Device) -> tup
         wp.array(corner.astype(np.float32), dtype=wp.vec3, device=device)
         for corner in (ends.min(axis=1) - rounding, ends.max(axis=1) + rounding)
     ]
-    made: Any = kernels.Segments()
+    made: Any = narrow_phase.Segments()
     made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
     made.ends = wp.array(np.column_stack([pairs, own]).astype(np.int32), dtype=wp.vec3i, device=device)
     tree = wp.Bvh(*boxes)

@@ -59,15 +59,7 @@ class BoundaryForce(Load):
             raise InputError("loads: more than one BoundaryForce; expected one, with the points of all")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
-        """Indices of the points that have the force while no bond is broken, shape (P,), int32.
-
-        Args:
-            sheet: The sheet.
-            horizon: Horizon [m].
-
-        Raises:
-            InputError: if there are no points, or an index does not exist.
-        """
+        """Indices of the points that have the force while no bond is broken, int32, shape (P,); `horizon` [m]."""
         if self.points is None:
             return near_edges(sheet, horizon)
         return point_indices("BoundaryForce.points", self.points, sheet.size)

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import warp as wp
 
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.body_motion import Equations, Given, free_motion, path_motion, vec6d
+from ..kernels.block_lists import list_marked
+from ..kernels.body_contact import Given, PointContact, body_contact
+from ..kernels.body_motion import free_motion, path_motion, vec6d
+from ..kernels.effects import Kernel
+from ..kernels.free_contact import Equations, FreeBody, FreeContact, free_contact
 
 # Number of points from which those that may touch are marked first; on smaller sheets the extra launches cost more.
 MARKED_FROM = 2**17
-# Sums over points: number of threads per block on a GPU, and maximum number of blocks.
-LANES, MOST_BLOCKS = 256, 512
+# Lists of points or triangles: number of threads per block on a GPU that work on a list, or make it, and maximum number
+# of blocks; more would not run at once.
+LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
@@ -46,19 +52,60 @@ class Thrown(Protocol):
         ...
 
 
+class BlockList:
+    """List of the marked points or triangles, in parts that belong to blocks of threads; see kernels/block_lists.py.
+
+    Attributes:
+        blocks: Number of blocks.
+        size: Entries per block, a multiple of 32.
+        entries: Room for a list of each block, int32.
+        listed: Number of entries in each list, int32.
+        counts, arrived: Room for `sum_of_blocks`.
+    """
+
+    def __init__(self, name: str, owner: str, marks: Array, context: Context) -> None:
+        self._name, self._owner, self._marks = name, owner, marks
+        self._cuda, self._context = context.device.is_cuda, context
+        self.blocks = min(MOST_BLOCKS, -(-marks.size // LANES))
+        self.size = 32 * -(-marks.size // (32 * self.blocks))
+        self.entries = context.array(f"{name}_entries", owner, wp.int32, shape=self.blocks * self.size, per="table")
+        self.listed = self.room("listed", wp.int32)
+        self.counts = self.room("counts", wp.int32)
+        self.arrived = context.array(f"{name}_arrived", owner, wp.int32, shape=1, per="once")
+
+    def room(self, what: str, dtype: Any) -> Array:
+        """An array with an entry for each block."""
+        return self._context.array(f"{self._name}_{what}", self._owner, dtype, shape=self.blocks, per="block")
+
+    def add(self, stage: Stage, **when: Any) -> None:
+        """Add the launch that makes the list."""
+        made = {"entries": self.entries, "counts": self.listed}
+        self.launch(stage, list_marked, LISTING, marks=self._marks, **made, **when)
+
+    def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, /, **arguments: Any) -> None:
+        """Add a launch of a kernel on all blocks."""
+        # On a CPU a block has one thread.
+        threads = self.blocks * (lanes if self._cuda else 1)
+        stage.launch(self._owner, kernel, threads, block_dim=lanes, block=self.size, **arguments)
+
+
 class BuiltMotion:
     """A motion on a device; see kernels/body_motion.py for its arrays.
 
     Attributes:
-        marks: Whether each point may touch, (N,) uint8, on large sheets; see kernels/body_search.py.
+        marks: Whether each point may touch, (N,) uint8, on large sheets and for a free body; see
+            kernels/body_search.py.
+        free: Whether the sheet moves the body.
     """
+
+    free: ClassVar[bool] = False
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
         """Allocate the arrays of the pose."""
         self.name, self.context = name, context
         points = context.sheet.size
         # The size of the whole sheet decides, so that several processes use the same kernels as one.
-        large = context.whole.size >= MARKED_FROM
+        large = self.free or context.whole.size >= MARKED_FROM
         self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
@@ -71,15 +118,23 @@ class BuiltMotion:
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that move the body."""
 
-    def yields(self, stage: Stage, at_end: bool) -> None:
-        """Add launches between the search for touching points and their projection (`at_end`: their separation)."""
+    def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
+        """Add the launches of contact with points; `values`: members of the struct of `of`."""
+        act, _take = body_contact(of, at_end)
+        stage.pointwise(self.name, act, self.context.sheet.size, alone=self.marks is not None, **values)
+
+    def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
+        """Add the launch that applies the impulses of triangles; `when`: options of the launch."""
+        _act, take = body_contact(of, at_end)
+        stage.pointwise(self.name, take, self.context.sheet.size, **when, **values)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact with a free body, by their name in the struct of `PointContact`."""
+        return dict.fromkeys(("need", "rows", "arms", "slips", "yielded"))
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
         return None
-
-    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
-        """Add launches after the points have received their impulses; `when`: options of these launches."""
 
     def sums(self) -> dict[str, Array]:
         """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
@@ -118,8 +173,9 @@ class OnPath(BuiltMotion):
         context.clock.register(Schedule(np.array([0.0]), positions[:1]))
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launch that follows the path."""
-        if phase is (Phase.RIGID_DRIFT if self.context.features.dynamic else Phase.SCHEDULES):
+        """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
+        phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        if phase in phases:
             clock = self.context.clock
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,
@@ -133,15 +189,9 @@ class InFlight(BuiltMotion):
 
     Attributes:
         changes: Change of velocity and spin in the last half step [m/s, 1/s], (1,) vec6d.
-        need: Speed into the body that each point must lose [m/s], -1 for none, (N,) float64.
-        rows: Normal, and arm x normal, of these points, (N,) vec6d.
-        push: Impulse on each point in the last half step [N s], (N,) vec3d.
-        arms: Vector from the centre to each point [m], (N,) vec3d.
-        slips: Velocity of these points relative to the body [m/s], (N,) vec3d, or None without friction.
-        push_work: Work of `push` [J], (N,) float64, or None.
-        rub: The part of `push` caused by friction [N s], (N,) vec3d, or None.
-        rub_work: Work of `rub` [J], (N,) float64, or None.
     """
+
+    free = True
 
     def __init__(
         self,
@@ -161,80 +211,67 @@ class InFlight(BuiltMotion):
         self.motion.assign(np.array([body.velocity, body.spin], float))
         self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
         rubs = friction > 0.0
-        self._friction, self._rubs = friction, rubs and tracked
-        self._sums_given = SUMS if self._rubs else SUMS[:-1]
+        self._sums_given = SUMS if rubs and tracked else SUMS[:-1]
         self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
-        blocks = min(MOST_BLOCKS, -(-points // LANES))
-        self._block = -(-points // blocks)
-        self._lanes = LANES if context.device.is_cuda else 1
-        self._threads = blocks * self._lanes
+        assert self.marks is not None
+        near = self._near = BlockList(f"{name}_near", name, self.marks, context)
 
         def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
 
-        self.need, self.rows = room("need", wp.float64, points), room("rows", vec6d, points)
-        self.push, self.arms = room("push", wp.vec3d, points), room("arms", wp.vec3d, points)
-        self.slips = room("slips", wp.vec3d, points) if rubs else None
-        self.push_work = room("push_work", wp.float64, points) if tracked else None
-        self.rub = room("rub", wp.vec3d, points) if self._rubs else None
-        self.rub_work = room("rub_work", wp.float64, points) if self._rubs else None
-        self._sums = room("sums", Equations, blocks, "block")
-        self._sums_of_given = room("sums_of_given", Given, blocks, "block")
         self.changes = room("changes", vec6d, 1, "once")
-        self._inertia = wp.mat33d(*inertia.ravel().tolist())
-        self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
-        self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(context.bits, context.features.damped, tracked, rubs, self.marks is not None)
+        # Speed into the body that each point must lose [m/s], -1 for none; normal, and arm x normal.
+        self._found = {"need": room("need", wp.float64, points), "rows": room("rows", vec6d, points)}
+        if rubs:
+            # Vector from the centre [m], and velocity relative to the body [m/s].
+            self._found |= {what: room(what, wp.vec3d, points) for what in ("arms", "slips")}
+        numbers = {
+            "mass": float(body.mass), "inertia": wp.mat33d(*inertia.ravel().tolist()),
+            "inverse_inertia": wp.mat33d(*np.linalg.inv(inertia).ravel().tolist()),
+            "gravity": wp.vec3d(*map(float, body.gravity)),
+        }  # fmt: skip
+        arrays = {
+            "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
+            "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
+            "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
+            "entries": near.entries, "listed": near.listed,
+        }  # fmt: skip
+        self._of = with_values(FreeBody(), {**numbers, **arrays})
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches that kick and drift the body."""
-        step = self.context.state.step
+        """Add the launch of the first half kick and the drift."""
         if phase is Phase.RIGID_DRIFT:
+            of = self._of
             stage.launch(
-                self.name, self._kernels.move, 1, inverse_inertia=self._inverse, gravity=self._gravity, step=step,
-                place=self.place, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
-            )  # fmt: skip
-        elif phase is Phase.RIGID_KICK:
-            stage.launch(
-                self.name, self._kernels.kick, 1, gravity=self._gravity, step=step, motion=self.motion,
+                self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
+                step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
                 momenta=self.momenta,
             )  # fmt: skip
+
+    def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
+        """Add the launches that compute the response of the body to the touching points, and those of contact."""
+        kernels = self._kernels(of, at_end)
+        if not at_end:
+            self._near.add(stage)
+        for kernel in (kernels.find, kernels.give_way, kernels.strike):
+            self._near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
+
+    def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
+        """Add the launch that applies the impulses of triangles."""
+        kernels = self._kernels(of, at_end)
+        self._near.launch(stage, kernels.take, a=with_values(kernels.struct(), values), body=self._of, **when)
+
+    def _kernels(self, of: PointContact, at_end: bool) -> FreeContact:
+        f = self.context.features
+        return free_contact(of, f.damped, f.tracked, "slips" in self._found, at_end)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact."""
+        return super().found() | self._found | {"yielded": self.changes}
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
         return float(self.body.mass), self.inertia
-
-    def yields(self, stage: Stage, at_end: bool) -> None:
-        """Add the launches that compute the response of the body to the touching points, and move it."""
-        state = self.context.state
-        # The second time leaves out points that would have to be pulled.
-        for again in (0, 1):
-            stage.launch(
-                self.name, self._kernels.gather, self._threads, block_dim=LANES, mass=state.mass, marks=self.marks,
-                need=self.need, rows=self.rows, arms=self.arms, slips=self.slips, friction=self._friction,
-                changes=self.changes, use_changes=again, at_end=int(at_end), step=state.step,
-                damping=state.damping, block=self._block, sums=self._sums,
-            )  # fmt: skip
-            stage.launch(
-                self.name, self._kernels.solve, self._lanes, block_dim=LANES, sums=self._sums,
-                mass=float(self.body.mass), inertia=self._inertia, use_changes=again, at_end=int(at_end),
-                step=state.step, changes=self.changes, place=self.place, rotation=self.rotation, motion=self.motion,
-            )  # fmt: skip
-
-    def after(self, stage: Stage, at_end: bool, **when: Any) -> None:
-        """Add the launches that subtract the points' impulses from the body."""
-        # Before the end of the step, the internal force does not need their results.
-        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end and not when, **when}
-        stage.launch(
-            self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,
-            arms=self.arms, push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self._block,
-            sums=self._sums_of_given,
-        )  # fmt: skip
-        stage.launch(
-            self.name, self._kernels.give, self._lanes, **beside, sums=self._sums_of_given,
-            mass=float(self.body.mass), inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion,
-            momenta=self.momenta, given=self.given,
-        )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:
         """Momentum and angular momentum given to the sheet since the last frame; total energies lost in contact."""

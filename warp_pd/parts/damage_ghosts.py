@@ -23,11 +23,7 @@ LAYERS = 8
 
 
 class DamageGhosts:
-    """Additional launches and data of a damage field on one of several processes.
-
-    Attributes:
-        own: Points that this process owns.
-    """
+    """Additional launches and data of a damage field on one of several processes."""
 
     def __init__(self, owner: str, context: Context) -> None:
         assert context.partition is not None

@@ -225,11 +225,7 @@ class BuiltEnclosed(BuiltLoad):
     ) -> None:
         """Allocate the triangles, including caps, and, if bonds can break, flags for cut triangles.
 
-        Args:
-            positions: Positions relative to the centre of the surface [m], shape (N, 3).
-            faces: Triangles of the sheet, shape (F, 3).
-            triangles: Triangles of the sheet and of the caps, shape (T, 3).
-            breakable: Whether bonds can break.
+        `faces` are the triangles of the sheet, `triangles` also those of the caps; positions are about the centre [m].
         """
         context = self.context
         begins, corners, numbers = triangles_at_points(faces, context.sheet.size)

@@ -126,7 +126,6 @@ class ForcesHere(Load):
     Attributes:
         points: Point indices, shape (P,).
         force: Force on each point [N], shape (P, 3).
-        ramp: The ramp of the PointForce.
     """
 
     points: np.ndarray
@@ -142,15 +141,7 @@ class DeadLoad(BuiltLoad):
     """A force that does not depend on the displacement, optionally times a schedule."""
 
     def __init__(self, owner: str, context: Context, points: np.ndarray, force: np.ndarray, ramp: Ramp) -> None:
-        """Allocate the force on the device unless it is constant in time.
-
-        Args:
-            owner: Name of the load.
-            context: Context in which arrays are allocated.
-            points: Indices of loaded points, shape (P,).
-            force: Force on each point [N], shape (P, 3).
-            ramp: Pairs (time [s], factor), or None for a constant force.
-        """
+        """Allocate the force on each point [N], shape (P, 3), on the device unless it is constant in time."""
         self.label, self.owner, self.context = f"loads: {owner}", owner, context
         self._points, self._force = points, force
         self._schedule = context.clock.register(factor_schedule(owner, ramp) or context.clock.default_ramp)

@@ -142,11 +142,7 @@ class CriticalEnergy(BondCriterion):
 
 
 def crossing_bonds(horizon: float) -> int:
-    """Nc: mean number of bonds of a square lattice that cross one spacing of a line, counted from both ends.
-
-    Args:
-        horizon: Horizon divided by the spacing [-].
-    """
+    """Nc: mean number of bonds across a spacing of a line, from both ends; `horizon` in spacings."""
     reach = int(horizon)
     return sum(
         abs(across)
@@ -160,7 +156,6 @@ class Damaged(BuiltRupture):
     """Damage of the sheet by broken bonds (base class).
 
     Attributes:
-        owner: Name of the criterion.
         spared: Whether each point is spared, (N,) uint8, or None.
         released: Energy released by broken bonds [J], (N,) float64; None if it is not tracked.
         tracked_energy: Warp function of the family energy whose loss is tracked, or None.
@@ -214,7 +209,7 @@ class Damaged(BuiltRupture):
         law, state = self.law, self.context.state
         return {
             "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
-            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.constants,
+            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.energy_constants,
             "inverse_horizon": law.inverse_horizon, "unit_volume": law.unit_volume, "intact": law.intact,
             "released": self.released,
         }  # fmt: skip

@@ -119,11 +119,7 @@ class Motion(Support):
 def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
     """Motions of the edges of a square about the origin, and of all points outside it, for an equibiaxial stretch.
 
-    Args:
-        sheet: The sheet, with layers of points outside the square.
-        half: Half the side of the square [m].
-        times: Increasing times [s].
-        stretches: One per time.
+    `half` is half the side of the square [m]; there is one stretch per time.
     """
     outside = np.flatnonzero((np.abs(sheet.points) > half - 1e-3 * sheet.spacing).any(axis=1))
     motions = []
@@ -183,14 +179,7 @@ class MovedPoints(BuiltPart):
         self._schedules = [context.clock.register(motion) for _, motion in self._moving]
 
     def check_begin(self, horizon: float) -> None:
-        """Check the initial displacement of the motions.
-
-        Args:
-            horizon: Horizon [m].
-
-        Raises:
-            InputError: if it is more than a horizon from the current position of a point: no step can close the gap.
-        """
+        """Check that no motion begins more than a horizon [m] from a point: no step can close the gap."""
         there = self.context.initial_displacement
         if self.context.placement is not None:
             there = there - self.context.placement

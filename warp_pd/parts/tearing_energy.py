@@ -135,8 +135,6 @@ class DamageField(Damaged):
 
     Attributes:
         field: Damage of the points, (N,), in the precision of the simulation.
-        constants: Its length and strength.
-        length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
         sweeps: Number of sweeps every INTERVAL steps.
         memory: State for restarts: the bits of intact bonds, the field, and data derived during a tear.
@@ -172,6 +170,7 @@ class DamageField(Damaged):
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
+            law.driving_energy or law.earlier_energy,
             law.partial_energy if self._lanes > 1 else None,
         )  # fmt: skip
         self._softening = self.field

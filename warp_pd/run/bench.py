@@ -20,10 +20,11 @@ from ..device.checks import InputError, finite, one_of
 from ..geometry.sheet import Sheet
 from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
-from ..laws import BondAssociated, BondBased
+from ..laws.bond_associated import BondAssociated
+from ..laws.bond_based import BondBased
 from ..materials import Bimodular, Gent
 from ..parts import CriticalStretch, Fixed, Pressure, RigidBall, TearingEnergy
-from ..solvers import Explicit
+from ..solvers.explicit import Explicit
 from .built import Built
 from .simulation import Simulation
 
@@ -136,8 +137,6 @@ class Timing:
     """The measurements of a case.
 
     Attributes:
-        case: The case.
-        points: Number of points.
         bonds: Number of bonds, each counted from both ends.
         step: Median time of a step [s].
         spread: Half the interquartile range of the measurements, divided by the median.

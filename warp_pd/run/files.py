@@ -44,14 +44,7 @@ class Files:
     restarts: bool = True
 
     def require_same(self, folder: Path) -> None:
-        """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete.
-
-        Args:
-            folder: The folder of the run.
-
-        Raises:
-            InputError: if a file exists that this run would not write, or the other way round.
-        """
+        """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete."""
         for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
             begun = (folder / name).is_file()
             # Frames that are gone are told by their writer.
@@ -85,16 +78,7 @@ def arrays_of(names: Sequence[str]) -> list[str]:
 
 
 def require_gatherable(points: FramePoints, restarts: bool, most: int = MOST_POINTS) -> None:
-    """Check that the first process does not have to gather too many points.
-
-    Args:
-        points: The points of the frames.
-        restarts: Whether restart files are written.
-        most: Number of points that one process can store.
-
-    Raises:
-        InputError: if frames, restart files or measures need more points.
-    """
+    """Check that frames, restart files and measures need no more points than the first process can gather."""
     built = points.built
     size = built.context.whole.size
     for what, number, instead in (
@@ -110,17 +94,10 @@ def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
     fields: frozenset[str] | None, append_from: int | None,
 ) -> None:  # fmt: skip
-    """Make the recorder of the first process write frames, history and restart files.
+    """Make the recorder of the first process write frames, history and restart files, in a separate thread.
 
-    A separate thread writes them during the computation.
-
-    Args:
-        recorder: Recorder of the run.
-        folder: Folder of the files; None writes none.
-        known: Identity of the run, for its restart files.
-        chosen: The files to write.
-        fields: Names of the fields stored in frames.vtkhdf; None for all.
-        append_from: Index of the first frame that a resumed run writes; None for a new run.
+    Without a folder nothing is written. `fields` are those of frames.vtkhdf, None for all; `append_from` is the first
+    frame that a resumed run writes.
 
     Raises:
         InputError: if the frames of the resumed run have different points.
@@ -198,16 +175,7 @@ def file_writers(
     folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None,
     vtkhdf: bool = True, fields: Collection[str] | None = None,
 ) -> list[Writer]:  # fmt: skip
-    """Create the writers of the files in a folder.
-
-    Args:
-        folder: The folder of the run.
-        surface: The reference surface.
-        usd: Whether to write animation.usd.
-        seconds_per_frame: Time between frames [s] if it is constant, otherwise None.
-        append_from: Index of the first frame of a resumed run, or None.
-        vtkhdf: Whether to write frames.vtkhdf.
-        fields: Names of the point fields in frames.vtkhdf besides the displacement; None for all.
+    """Create the writers of the files in a folder; arguments as for `VtkHdfSeries` and `UsdAnimation`.
 
     Raises:
         InputError: if the frames of a resumed run are missing.

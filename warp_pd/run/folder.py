@@ -31,11 +31,6 @@ RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
     """Check and create the folder of the results; None if nothing is to be written.
 
-    Args:
-        out: The folder.
-        resume: Whether to resume the run in it.
-        overwrite: Whether results of another run in it may be replaced.
-
     Raises:
         InputError: if the folder cannot be written, there is no run to resume, or the folder has results and neither
             `resume` nor `overwrite` is set.
@@ -116,15 +111,7 @@ def newest_folder(wanted: Path) -> Path:
 
 
 def require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room for the next files.
-
-    Args:
-        folder: The folder of the run.
-        needed: Required space [bytes].
-
-    Raises:
-        OutputError: if there is less space.
-    """
+    """Check that the disk has room for `needed` bytes. Raises OutputError if it has not."""
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(

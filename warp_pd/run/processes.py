@@ -28,11 +28,7 @@ def is_first() -> bool:
 
 
 def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
-    """The communicator of this process, and its device.
-
-    Args:
-        device: The user's device; "cuda" and None mean one GPU per process.
-    """
+    """The communicator of this process, and its device; "cuda" and None mean one GPU per process."""
     if processes_here() == 1:
         return Communicator(), device
     from .distributed.communicator import TorchCommunicator, own_device
@@ -42,13 +38,7 @@ def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:
-    """Run `warp-pd` with the given arguments in several processes and return the exit code.
-
-    Args:
-        gpus: Number of processes if each must have a GPU, or 1.
-        processes: Number of processes, or 1.
-        device: The user's device.
-        arguments: Arguments of each process.
+    """Run `warp-pd` with the given arguments in several processes, each on a GPU if `gpus` > 1; the exit code.
 
     Raises:
         InputError: if Torch is missing, there are too few GPUs, or there are too many processes for this machine.

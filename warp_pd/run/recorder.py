@@ -67,13 +67,10 @@ class Recorder:
     """Records the frames of a run, checks them, and passes them to the writers; see `interfaces.FrameSink`.
 
     Attributes:
-        built: The simulation.
-        writers: Writers that receive the frames.
         reporter: Shows progress, or None.
         saved: Called after a frame whose restart file is due; or None.
         kept: Called after every frame, with the history; or None.
         solve: Report of a static solver, or None.
-        history: One row per frame.
         last: The last frame, or None.
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
@@ -262,10 +259,6 @@ def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, floa
     """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
 
     See kernels/integrate.py for the kinetic energy that it uses.
-
-    Args:
-        history: Rows of earlier frames.
-        row: The newest row, with all energies.
     """
     first = history[0] if history else row
     kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"

@@ -14,10 +14,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ..device.checks import InputError, count, kind_and_text, one_of, user_code
+from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
 from ..interfaces.frame import format_time
+from ..materials import capabilities
 from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
@@ -308,7 +309,9 @@ def draw(
             return
         from ..output import default_pictures
 
-        default_pictures.draw(history, folder, summary)
+        regions = capabilities(scene.force.material).regions
+        points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
+        default_pictures.draw(history, folder, summary, points)
 
 
 def _not_converged(recorder: Recorder) -> str:

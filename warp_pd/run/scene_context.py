@@ -101,14 +101,7 @@ def constraints_here(constraints: Sequence[Constraint], context: Context) -> tup
 
 
 def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
-    """Create the arrays that all parts share.
-
-    Args:
-        scene: The scene.
-        context: Context to which the arrays are added.
-        constant: Sum of the constant loads [N], shape (N, 3); None if there are none.
-        energy: Energy balance with the arrays of work and losses.
-    """
+    """Create the arrays that all parts share; `constant` is the sum of the constant loads [N], (N, 3), or None."""
     sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density

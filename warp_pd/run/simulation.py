@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..materials import capabilities
 from .built import Built, compose
 from .scene import Measure, Outcome, Scene
 
@@ -53,9 +54,9 @@ class Simulation(Scene):
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the undeformed sheet without building the simulation; see `warp_pd.draw_sheet`."""
-        from ..output.sheet_plot import draw_sheet
+        from ..geometry.shape_plot import draw_sheet
 
-        return draw_sheet(self.sheet, path, title=self.scene)
+        return draw_sheet(self.sheet, path, title=self.scene, regions=capabilities(self.force.material).regions)
 
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""

@@ -24,13 +24,7 @@ WORST_BALANCE, WORST_GAIN = 0.01, 0.01
 
 @dataclass(frozen=True)
 class Seconds:
-    """Wall time of a run [s].
-
-    Attributes:
-        setup: Time to build the simulation.
-        compile: Time to compile or load its kernels.
-        wall: Total time.
-    """
+    """Wall time of a run [s]: to build it, to compile or load its kernels, and in total."""
 
     setup: float
     compile: float

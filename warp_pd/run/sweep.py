@@ -27,9 +27,7 @@ class Task:
     """A run of a sweep before it starts.
 
     Attributes:
-        simulation: The simulation to run.
         values: Values of the swept arguments, as given.
-        folder: Folder of its files.
         resume: Whether it resumes from the restart file in the folder.
         overwrite: Whether it replaces results in the folder.
     """
@@ -186,10 +184,9 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> bool:
-    """Write the table as CSV with full precision; a missing number is an empty cell.
+    """Write the table as CSV with full precision; a missing number is an empty cell. Whether it was written:
 
-    Returns:
-        Whether it was written. A table with refused runs does not replace a table that has results for these runs.
+    A table with refused runs does not replace a table that has results for these runs.
     """
     head, cells = table(rows)
     names = list(rows[0].values)

@@ -21,11 +21,7 @@ from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
 
 
 def here(options: Mapping[str, Any]) -> Start:
-    """Return a function that runs one task of a sweep in this process.
-
-    Args:
-        options: Options of `Simulation.run`, the same for every task.
-    """
+    """Return a function that runs one task of a sweep in this process, with options of `Simulation.run`."""
 
     def start(task: Task) -> Mapping[str, Any]:
         found = task.simulation.run(out=task.folder, resume=task.resume, overwrite=task.overwrite, **options)
@@ -80,20 +76,9 @@ def run_sweep(
     scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, device: str | None,
     precision: int | None, overwrite: bool, quiet: bool,
 ) -> int:  # fmt: skip
-    """Run a sweep, print and write its table, and draw its plot.
+    """Run a sweep, print and write its table, draw its plot, and return the exit code of the worst run.
 
-    Args:
-        scene: Name or file.
-        choices: Values of each argument.
-        folder: Folder of the runs, the table and the plot.
-        start: Function that runs a task.
-        device: Device of all runs; None for CUDA if available.
-        precision: Precision of all runs, 32 or 64; None for the solver's.
-        overwrite: Whether to run everything again.
-        quiet: Whether to print only the table.
-
-    Returns:
-        The exit code of the worst run.
+    Arguments are those of `sweep`; `quiet` prints only the table.
 
     Raises:
         InputError: if the scene does not exist, the folder cannot be written, or it has different runs.

@@ -17,19 +17,10 @@ LARGE = 200_000
 
 
 def page(folder: str | Path, limits: Limits | None = None, shared: str | None = None) -> str:
-    """The page of a run as one self-contained HTML text.
+    """The page of a run as one self-contained HTML text; arguments as for `warp_pd.output.view.page`.
 
-    A killed run has neither summary nor history; the page then shows only its frames.
-
-    Args:
-        folder: The folder of the run.
-        limits: Largest numbers of points and frames on the page; by default 40 000 points, and as many frames as keep
-            the page small.
-        shared: Address of the package's folder output/page, from which the page loads scripts and styles; by default
-            they are embedded.
-
-    Raises:
-        InputError: if the folder has no frames, the frames are damaged, or they lack a field.
+    A killed run has neither summary nor history; the page then shows only its frames. Raises InputError if the folder
+    has no frames, the frames are damaged, or they lack a field.
     """
     from ..output.view import page as page_of
 
@@ -49,19 +40,10 @@ def page(folder: str | Path, limits: Limits | None = None, shared: str | None = 
 def write_page(
     folder: str | Path, out: str | Path | None = None, points: int | None = None, frames: int | None = None
 ) -> Path:
-    """Write the page of a run atomically.
+    """Write the page of a run atomically, by default as view.html in its folder, and return the file.
 
-    Args:
-        folder: The folder of the run.
-        out: The file; by default view.html in the folder.
-        points: Largest number of points to draw; by default 40 000.
-        frames: Largest number of frames; by default as many as keep the page small.
-
-    Returns:
-        The file.
-
-    Raises:
-        InputError: as for `page`, or if the file cannot be written.
+    `points` and `frames` are the largest numbers shown; by default 40 000 points and as many frames as keep the page
+    small. Raises InputError as `page`, or if the file cannot be written.
     """
     from ..output.view import POINTS, Limits
 

@@ -121,6 +121,11 @@ class BuiltArcLength(BuiltStatic):
                 said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")
         if self.solver.switch and not any(found["switched"] for found in state.found):
             said.append(f"ArcLength: switch = {self.solver.switch}: the path met fewer bifurcations and did not switch")
+        if self.search.ended:
+            said.append(
+                f"ArcLength: the path ends at load factor {state.factor:.5g}, step {state.step}: even the shortest "
+                f"step failed, as {self.search.ended}"
+            )
         if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
             said.append(
                 f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}"

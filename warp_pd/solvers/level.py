@@ -63,6 +63,7 @@ class Level:
         tangent.add_linearise(linearise, self.displacement, self._tension)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
+            contact.add_settling()
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 
     @property

@@ -16,11 +16,12 @@ import warp as wp
 from ..device.fields import Array, assign
 from ..device.graph import launch_now
 from ..interfaces import Solve
+from .aggregates import Aggregates
 from .level import OWNER, Level
 from .multigrid import Hierarchy
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
-MAX_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
+MAX_ITERATIONS = {"multigrid": 60, "algebraic": 60, "direct": 60, "jacobi": 4000}
 RESTART = 60
 # Cycles of GMRES for a solve that must reach its accuracy: its own estimate ends the first one a little early.
 CLOSE_CYCLES = 4
@@ -33,14 +34,16 @@ class LinearSolver:
         products: Number of stiffness products so far, including those of the preconditioner.
     """
 
-    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True) -> None:
+    def __init__(
+        self, level: Level, index: int, kind: str, hierarchy: Hierarchy | Aggregates | None, definite: bool = True
+    ) -> None:
         """Allocate the solver of a level.
 
         Args:
             level: The level.
             index: Its index in the hierarchy.
-            kind: Preconditioner, "multigrid", "direct" or "jacobi".
-            hierarchy: All levels, for "multigrid".
+            kind: Preconditioner, "multigrid", "algebraic", "direct" or "jacobi".
+            hierarchy: All levels, for "multigrid", or the aggregates, for "algebraic".
             definite: Whether K is positive definite; otherwise GMRES is used.
         """
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
@@ -65,7 +68,9 @@ class LinearSolver:
         self._combination, self._block_scaling = stage.launches()
 
     def prepare(self) -> bool:
-        """Factorise if the preconditioner needs it; return whether that succeeded."""
+        """Factorise or aggregate if the preconditioner needs it; return whether that succeeded."""
+        if self.hierarchy is not None:
+            return self.hierarchy.prepare()
         if self._sparse is not None:
             self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None

@@ -20,16 +20,11 @@ from ..interfaces.context import Context, Features, State
 from ..kernels.equilibrium import lattice_transfer
 from ..kernels.loads import begin_loads
 from .level import OWNER, Level
+from .smoother import SWEEPS, Smoother
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300
 MIN_SIDE = 7
-# Chebyshev sweeps before and after the coarse correction, and the ratio of the largest to the smallest eigenvalue of
-# D^-1 K that they smooth.
-SWEEPS = 2
-SPECTRUM_RATIO = 5.0
-POWER_ITERATIONS = 12
-SAFETY = 1.1
 MIN_HORIZON = 1.5
 
 
@@ -80,10 +75,7 @@ class Hierarchy:
             system.external.add_dead(stage, self._dead)
         for depth, lattice in enumerate(coarser_lattices, 1):
             self._add_coarser(finest, system, depth, lattice)
-        self._omegas: list[Array] = []
-        self._sides: list[tuple[Array, Array]] = []
-        for level in self.levels:
-            self._add_vectors(level)
+        self._smoothers = [Smoother(level) for level in self.levels]
         for fine in range(len(self.levels) - 1):
             self._add_transfer(fine)
         self._sparse = self.levels[-1].tangent.sparse()
@@ -114,46 +106,26 @@ class Hierarchy:
             dead = self._dead.numpy().astype(np.float64)
             assign(loads.dead, restrict_loads(dead, self.lattices[0], self.lattices[index]))
 
-    def _add_vectors(self, level: Level) -> None:
-        context, t, n = level.context, level.context.types, level.points
-        right_side = context.array("right_side", OWNER, t.vec3, shape=n)
-        solution = context.array("correction", OWNER, t.vec3, shape=n)
-        self._sides.append((right_side, solution))
-        self._omegas.append(context.array("sweep_factors", OWNER, t.real, shape=SWEEPS, per="once"))
-
-    def _sweep(self, stage: Stage, index: int, sweep: int, fresh: bool) -> None:
-        level, (right_side, solution) = self.levels[index], self._sides[index]
-        if not fresh:
-            level.add_product(stage, solution, level.image, following=False)
-        stage.launch(
-            OWNER, level.kernels.smooth, level.points,
-            inverse_blocks=level.tangent.inverse_blocks, right_side=right_side, image=level.image,
-            omegas=self._omegas[index], sweep=sweep, fresh=int(fresh), solution=solution,
-        )  # fmt: skip
-
     def _add_transfer(self, index: int) -> None:
         fine, coarse = self.levels[index], self.levels[index + 1]
         a, b = self.lattices[index], self.lattices[index + 1]
         context = fine.context
         interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held)
-        (right_side, solution), (coarse_side, coarse_solution) = self._sides[index], self._sides[index + 1]
+        smoother, below = self._smoothers[index], self._smoothers[index + 1]
         down = context.stage("down", "every V-cycle, downwards")
-        for sweep in range(SWEEPS):
-            self._sweep(down, index, sweep, fresh=sweep == 0)
-        fine.add_product(down, solution, fine.image, following=False)
+        smoother.add_down(down)
         down.launch(
             OWNER, restrict, coarse.points,
-            right_side=right_side, image=fine.image, columns=a.columns, rows=a.rows, coarse_columns=b.columns,
-            coarse_rows=b.rows, held_mask=coarse.context.state.held_mask, coarse=coarse_side,
+            right_side=smoother.right_side, image=fine.image, columns=a.columns, rows=a.rows, coarse_columns=b.columns,
+            coarse_rows=b.rows, held_mask=coarse.context.state.held_mask, coarse=below.right_side,
         )  # fmt: skip
         up = context.stage("up", "every V-cycle, upwards")
         up.launch(
             OWNER, interpolate, fine.points,
-            source=coarse_solution, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
-            held_mask=context.state.held_mask, target=solution,
+            source=below.solution, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
+            held_mask=context.state.held_mask, target=smoother.solution,
         )  # fmt: skip
-        for sweep in reversed(range(SWEEPS)):
-            self._sweep(up, index, sweep, fresh=False)
+        smoother.add_up(up)
         context.stage("start from coarser", "every load step").launch(
             OWNER, smoothly, fine.points,
             source=coarse.displacement, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
@@ -173,40 +145,30 @@ class Hierarchy:
             self.levels[index + 1].linearise(tension)
         self._coarsest = self._sparse.factorise()
         if finest < len(self.levels) - 1:
-            top = SAFETY * self._largest_eigenvalue(len(self.levels) - 2)
-            angles = np.cos(np.pi * (2.0 * np.arange(SWEEPS) + 1.0) / (2.0 * SWEEPS))
-            middle, half = 0.5 * top * (1.0 + 1.0 / SPECTRUM_RATIO), 0.5 * top * (1.0 - 1.0 / SPECTRUM_RATIO)
-            for omegas in self._omegas:
-                assign(omegas, 1.0 / (middle + half * angles))
-
-    def _largest_eigenvalue(self, index: int) -> float:
-        """Largest eigenvalue of D^-1 K, common to all levels, by power iteration on a small one."""
-        level = self.levels[index]
-        blocks = level.tangent.inverse_blocks.numpy().astype(np.float64)
-        v = np.random.default_rng(0).normal(size=(level.points, 3))
-        largest = 1.0
-        for _ in range(POWER_ITERATIONS):
-            assign(level.vector, v / np.linalg.norm(v))
-            level.run("product")
-            v = np.einsum("iab,ib->ia", blocks, level.image.numpy().astype(np.float64))
-            largest = float(np.linalg.norm(v))
-        return largest
+            # Common to all levels: measured on a small one.
+            largest = self._smoothers[-2].largest_eigenvalue()
+            for smoother in self._smoothers:
+                smoother.tune(largest)
 
     @property
     def usable(self) -> bool:
         """Whether the coarsest tangent could be factorised."""
         return self._coarsest is not None
 
+    def prepare(self) -> bool:
+        """Return whether the levels are usable; `linearise` has set them up."""
+        return self.usable
+
     def sides(self, index: int) -> tuple[Array, Array]:
         """Right-hand side and solution of the V-cycle that starts at a level, (N,) vec3."""
-        return self._sides[index]
+        return self._smoothers[index].right_side, self._smoothers[index].solution
 
     def cycle(self, finest: int) -> None:
         """Run one V-cycle that starts at the level `finest`."""
         last = len(self.levels) - 1
         for index in range(finest, last):
             self.levels[index].run("down")
-        side, solution = self._sides[last]
+        side, solution = self.sides(last)
         assert self._coarsest is not None
         assign(solution, self._coarsest(side.numpy().astype(np.float64)))
         for index in reversed(range(finest, last)):

@@ -44,10 +44,11 @@ class Newton(StaticSolver):
         load_steps: Number of equal load steps, before cutbacks; each is recorded as a frame.
         most_iterations: Number of Newton steps after which a load step counts as failed.
         most_cuts: Maximum number of cutbacks over the whole path.
-        preconditioner: "multigrid" (uncut rectangles of more than 300 points, horizons up to 2.5), "direct" (a
-            sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where possible, otherwise
-            direct on a CPU and jacobi on a GPU. The bond-based law has no multigrid and is solved directly on both, up
-            to 100 000 points.
+        preconditioner: "multigrid" (coarser lattices; uncut rectangles of more than 300 points, horizons up to 2.5),
+            "algebraic" (aggregates of points by PyAMG; any sheet of more than 300 points whose bonds do not break,
+            horizons up to 2.5), "direct" (a sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto":
+            multigrid where possible, then algebraic from 2000 points, otherwise direct on a CPU and jacobi on a GPU.
+            The bond-based law has no multigrid and is solved directly on both, up to 100 000 points.
         stiffness: "tangent", or, for the bond-based law, "constant": the published method without the geometric
             stiffness of the bonds (IM eq. 16, with current directions and moduli) and with full steps. For comparison
             only: it becomes slow and then oscillates as deformations and the ratio of moduli grow.

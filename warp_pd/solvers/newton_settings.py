@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from ..device.checks import InputError, below_one, count, one_of, positive
 
-PRECONDITIONERS = ("auto", "multigrid", "direct", "jacobi")
+PRECONDITIONERS = ("auto", "multigrid", "algebraic", "direct", "jacobi")
 
 
 @dataclass(frozen=True, kw_only=True)

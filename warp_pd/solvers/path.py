@@ -106,6 +106,8 @@ class Path(StaticSystem):
             "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
         self.state = Progress()
+        # Why the last step failed, and why the path ended early.
+        self.failure, self.ended = "", ""
 
     def host_state(self) -> dict[str, Any]:
         """The state of the path, for a bitwise identical restart."""
@@ -125,8 +127,9 @@ class Path(StaticSystem):
             if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
                 wp.copy(finest.displacement, self.good)
                 self.set_loads(state.factor)
-                finest.evaluate()
+                sink.residual = self.sizes.relative(*finest.evaluate())
                 sink.solve = self._summary(state.factor)
+                self.ended = self.failure
                 return NOT_CONVERGED
             self._record(sink, state.factor)
         return FINISHED
@@ -151,6 +154,7 @@ class Path(StaticSystem):
                     )
                 origin = Origin(start, secant / length, 0.0, factor / length)
                 return self._accept(origin, factor, length, sink)
+            self.failure = f"Newton's method ended at a residual of {sink.residual:.2g}"
             wp.copy(level.displacement, self.good)
             factor *= 0.5
         return False
@@ -181,7 +185,15 @@ class Path(StaticSystem):
             factor, found = self._correct(origin, length, sink)
         entry |= {"share": factor, "lattices": [found]}
         miss = abs(factor - predicted)
-        if not found["converged"] or abs(factor) > 1.0 or miss > increment:
+        if not found["converged"]:
+            residual = found["residuals"][-1]
+            self.failure = (
+                "the equilibrium at the final load lies on another branch" if residual <= self.tolerance
+                else f"Newton's method ended at a residual of {residual:.2g}"
+            )  # fmt: skip
+            return False
+        if abs(factor) > 1.0 or miss > increment:
+            self.failure = f"the load factor missed its prediction by {miss:.2g}"
             return False
         sink.residual = found["residuals"][-1]
         growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
@@ -189,6 +201,10 @@ class Path(StaticSystem):
             growth = min(growth, math.sqrt(AIMED_MISS * increment / miss))
         growth = min(MOST_GROWTH, max(LEAST_GROWTH, growth))
         entry["converged"] = self._accept(origin, factor, growth * length, sink)
+        if not entry["converged"]:
+            self.failure = (
+                "the equilibrium found lies on another branch, or where the path turns by more than 60 degrees"
+            )
         return bool(entry["converged"])
 
     def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:

@@ -18,6 +18,7 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
+from ..interfaces.part import ContactAtRest
 from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
@@ -33,6 +34,8 @@ FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
 FINISHED, NOT_CONVERGED, DIVERGED = "finished", "not converged", "diverged"
 # Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
+# Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.
+STIFFNESS = 0.5
 NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
 
 
@@ -104,6 +107,7 @@ class BuiltRelaxation(BuiltSolver):
     system: System
     stable_step: StableStep
     rupture: StaticRupture
+    contacts: list[ContactAtRest]
 
     def __init__(self, solver: Relaxation, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context, self.law = solver, context, law
@@ -152,7 +156,9 @@ class BuiltRelaxation(BuiltSolver):
         """
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)
-        system.refuse_contact("Relaxation")
+        self.contacts = [load.at_rest for load in system.external.following if load.at_rest is not None]
+        for contact in self.contacts:
+            contact.add_settling()
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         system.add(STEPPED, step)
@@ -184,6 +190,15 @@ class BuiltRelaxation(BuiltSolver):
         assert self.context.state.step is not None
         assign(self.context.state.step, np.array([self._dt]))
         return stable
+
+    def stiffen(self) -> None:
+        """Give contact a stiffness that the step allows."""
+        if self.contacts:
+            self.set_step()
+            areas = self.context.sheet.areas
+            stiffness = STIFFNESS * float(np.mean(self.inertia().numpy() / areas)) / self._dt**2
+            for contact in self.contacts:
+                contact.stiffen(stiffness)
 
     def residual(self) -> float:
         """Unbalanced force divided by loads and reactions, from the last run of the stage "residual"."""
@@ -234,6 +249,7 @@ class Relaxing:
         """Follow the load path; return the final status."""
         sink, built = self.sink, self.built
         load_steps, duration = self.solver.load_steps, self.solver.duration
+        built.stiffen()
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
             good, broken = self._remember(), self.built.rupture.remember()
@@ -269,12 +285,15 @@ class Relaxing:
         rupture, tolerance = self.built.rupture, self.tolerance
         converged = self._relax(entry, tolerance, ramp=True)
         while converged and not rupture.goes_on(entry):
-            breaks = rupture.breaks(entry["rounds"])
-            if not breaks and entry["residuals"][-1] <= tolerance:
+            # Bonds break only after contact has settled.
+            settles = sum(contact.settle() for contact in self.built.contacts) > 0
+            breaks = not settles and rupture.breaks(entry["rounds"])
+            if not settles and not breaks and entry["residuals"][-1] <= tolerance:
                 break
-            entry["rounds"] += breaks
+            entry["rounds"] += breaks or settles
             converged = self._relax(entry, max(tolerance, rupture.close_enough) if breaks else tolerance, ramp=False)
         converged = converged and not rupture.goes_on(entry)
+        converged = converged and not sum(contact.passed() for contact in self.built.contacts)
         entry.update(steps=self.done - entry["steps"], converged=converged)
         return bool(entry["converged"])
 
@@ -307,6 +326,8 @@ class Relaxing:
     def _kept(self) -> dict[str, Array]:
         context = self.built.context
         arrays = {"displacement": context.state.displacement, "time": context.clock.time}
+        for number, contact in enumerate(self.built.contacts):
+            arrays |= {f"contact {number} {k}": array for k, array in enumerate(contact.memory)}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def _remember(self) -> dict[str, np.ndarray]:

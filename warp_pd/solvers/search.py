@@ -83,8 +83,10 @@ class Search(StaticSystem):
         self._start_report(sink)
         if finest.contacts:
             finest.linearise(0.0)
+            sheet = finest.context.sheet
+            stiffness = finest.tangent.modulus() * float(np.mean(sheet.thickness)) / sheet.spacing**2
             for contact in finest.contacts:
-                contact.stiffen(finest.tangent.modulus())
+                contact.stiffen(stiffness)
         reached = sink.time / self.settings.duration
         broken, settled = self._keep(reached)
         while reached < 1.0 - 1e-9:
@@ -165,4 +167,6 @@ class Search(StaticSystem):
                 whole[name] += found[name]
             converged, residual = found["converged"] and not self.rupture.goes_on(entry), found["residuals"][-1]
             whole["converged"] = entry["converged"] = converged
+        if converged and sum(contact.passed() for contact in self.levels[0].contacts):
+            converged = entry["converged"] = False
         return converged, residual

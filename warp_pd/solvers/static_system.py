@@ -14,6 +14,7 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import BuiltSolver, FrameSink, System, Tangent
+from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
@@ -22,6 +23,8 @@ from .newton_settings import Report, StaticSolver
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
+# Number of points from which aggregates are faster than a factorisation.
+ALGEBRAIC_FROM = 2000
 FINISHED, NOT_CONVERGED = "finished", "not converged"
 
 
@@ -60,8 +63,9 @@ class StaticSystem:
         self.preconditioner = self._preconditioner(tangent)
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
         self.levels: Sequence[Level] = self.hierarchy.levels if self.hierarchy else [finest]
+        cycle = Aggregates(finest) if self.preconditioner == "algebraic" else self.hierarchy
         self.solvers = [
-            LinearSolver(level, index, self.preconditioner, self.hierarchy, self.definite)
+            LinearSolver(level, index, self.preconditioner, cycle, self.definite)
             for index, level in enumerate(self.levels)
         ]
         self.report = Report(self.name, self.preconditioner)
@@ -88,9 +92,9 @@ class StaticSystem:
             if load.at_rest is not None:
                 return "direct"
         sheet, held = context.sheet, context.held
-        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
-        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
-        possible = bool(lattices) and law.coarsens
+        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and law.intact is None and law.coarsens
+        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth and not sheet.cuts else []
+        possible = bool(lattices)
         if sheet.lattice is not None and possible:
             nearest = coarse_points(lattices[-1], sheet.lattice)
             # A support that no coarse point sees would leave the coarse sheet loose.
@@ -100,14 +104,22 @@ class StaticSystem:
         if wanted == "multigrid" and not possible:
             raise InputError(
                 "preconditioner = 'multigrid': expected an uncut rectangle of more than 300 points, a horizon up to "
-                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'direct' or 'jacobi'"
+                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'algebraic' or 'direct'"
+            )
+        if wanted == "algebraic" and not (smooth and sheet.size > MAX_COARSEST):
+            raise InputError(
+                f"preconditioner = 'algebraic': expected more than {MAX_COARSEST} points, a horizon up to "
+                f"{MAX_MULTIGRID_HORIZON}, the law BondAssociated, and bonds that do not break; take 'direct'"
             )
         if wanted != "auto":
             return wanted
         if sheet.size <= self.factorised:
             return "direct"
-        direct = context.device.is_cpu or sheet.size <= tangent.direct_points
-        return "multigrid" if possible else "direct" if direct else "jacobi"
+        if possible:
+            return "multigrid"
+        if smooth and sheet.size > ALGEBRAIC_FROM:
+            return "algebraic"
+        return "direct" if context.device.is_cpu or sheet.size <= tangent.direct_points else "jacobi"
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet to a load factor."""
@@ -186,11 +198,14 @@ class StaticSystem:
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
     def linearise(self, index: int, tension: float) -> bool:
-        """Compute the tangent and preconditioner of a level; return whether factorisation succeeded."""
+        """Compute the tangent and preconditioner of a level; return whether it is of use; not at a slack start."""
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)
             return self.hierarchy.usable
-        self.levels[0].linearise(tension)
+        level = self.levels[0]
+        level.linearise(tension)
+        if tension == 0.0 and not self.sizes.modulus and level.tangent.is_slack():
+            return False
         return self.solvers[0].prepare()
 
 

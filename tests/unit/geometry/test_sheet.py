@@ -18,7 +18,9 @@ WRONG = [
     (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of nonzero length"),
     (lambda: square(5).hole((5.0, 5.0), 0.01), "contains no points"),
     (lambda: square(5).hole((0.05, 0.05), 1.0), "removes the whole sheet"),
-    (lambda: square(5).inclusion((0.0, 0.0), 1e-3), "contains 1 points"),
+    (lambda: square(5).inclusion((0.0, 0.0), 1e-3), "1 points: expected three or more that are not collinear"),
+    (lambda: square(5).rigid(square(5).edges("left")), "5 points: expected three or more that are not collinear"),
+    (lambda: square(5).rigid([0, 1, 5], mass=0.0), "rigid: mass = 0.0"),
     (lambda: square(5).edges("middle"), "edge = 'middle'"),
     (
         lambda: Sheet.from_points(np.vstack([square(5).points, square(5).points[3]]), **CLOUD),

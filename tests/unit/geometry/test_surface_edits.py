@@ -7,6 +7,9 @@ from helpers import build
 
 from warp_pd import InputError, Sheet, TearingEnergy
 from warp_pd.families import build_families
+from warp_pd.geometry.topology import pieces
+from warp_pd.geometry.triangulation import triangle_areas
+from warp_pd.scenes import glove
 
 TUBE = small_tube(24, 3.0)
 SLIT = TUBE.slit((1.0, 0.0, 0.8), (1.0, 0.0, 2.2))
@@ -22,12 +25,15 @@ def test_points_on_a_slit_become_two_and_its_tips_stay_one():
     left, right = SLIT.edges("slit 1 left"), SLIT.edges("slit 1 right")
     tips = np.intersect1d(left, right)
     assert len(tips) == 2 and SLIT.size == TUBE.size + len(left) - 2
+    # They are where they were asked for, which is between points of the tube.
+    np.testing.assert_allclose(SLIT.points[tips], [(1.0, 0.0, 0.8), (1.0, 0.0, 2.2)], atol=1e-12)
     assert SLIT.points[left] == pytest.approx(SLIT.points[np.sort(right)][np.argsort(SLIT.points[np.sort(right), 2])])
     assert SLIT.areas.sum() == pytest.approx(TUBE.areas.sum(), rel=1e-12)
     for face, side in ((left, -1.0), (right, 1.0)):
         own = np.isin(SLIT.triangles, np.setdiff1d(face, tips)).any(axis=1)
         assert (side * SLIT.points[SLIT.triangles[own]].mean(axis=1)[:, 1] > 0.0).all()
-        assert SLIT.areas[np.setdiff1d(face, tips)] == pytest.approx(0.5 * TUBE.areas[24 * 3])
+        inner = np.setdiff1d(face, tips)[1:-1]
+        assert SLIT.areas[inner] == pytest.approx(0.5 * TUBE.areas[24 * 3])
     assert set(TUBE.parts) < set(SLIT.parts)
 
 
@@ -63,6 +69,84 @@ def test_a_slit_in_a_flat_surface_leaves_the_bonds_of_a_crack(horizon):
     assert lengths(slit) == lengths(flat.as_cloud())
 
 
+@pytest.mark.parametrize("kind", ["tube", "odd tube", "sphere"])
+def test_a_slit_runs_straight_in_any_direction(kind):
+    """Points move onto it, and stay on the surface; the triangles there stay sound, and the areas add up."""
+    sheet = small_sphere(12) if kind == "sphere" else small_tube(40 if kind == "tube" else 41, 3.0)
+    start, end = ((0.9, 0.1, 0.9), (0.5, 0.9, 1.7)) if kind != "sphere" else ((0.8, -0.2, 0.5), (0.3, 0.7, 0.6))
+    start, end = (np.array(p) / np.linalg.norm(p[: 3 if kind == "sphere" else 2]) for p in (start, end))
+    start[2], end[2] = (p[2] if kind == "sphere" else z for p, z in ((start, 0.9), (end, 1.7)))
+    slit = sheet.slit(start, end)
+    faces = slit.edges("slit 1")
+    up = slit.normals[[np.argmin(((slit.points - p) ** 2).sum(axis=1)) for p in (start, end)]].sum(axis=0)
+    across = np.cross(up, end - start)
+    away = (slit.points[faces] - start) @ across / np.linalg.norm(across)
+    assert np.abs(away).max() < 0.3 * sheet.spacing and np.median(np.abs(away)) < 1e-3 * sheet.spacing
+    assert min(np.linalg.norm(slit.points - p, axis=1).min() for p in (start, end)) < 1e-3 * sheet.spacing
+    radius = np.linalg.norm(slit.points[:, : 3 if kind == "sphere" else 2], axis=1)
+    assert np.abs(radius - 1.0).max() < 1e-3 * sheet.spacing
+    ratio = triangle_areas(slit.points, slit.triangles) / triangle_areas(sheet.points, sheet.triangles)
+    assert ratio.min() > 0.2 and slit.areas.sum() == pytest.approx(sheet.areas.sum(), rel=1e-3)
+    pairs = bonds(slit)
+    left, right = (np.setdiff1d(slit.edges(f"slit 1 {a}"), slit.edges(f"slit 1 {b}")) for a, b in
+                   (("left", "right"), ("right", "left")))  # fmt: skip
+    assert not (np.isin(pairs[:, 0], left) & np.isin(pairs[:, 1], right)).any()
+
+
+def test_a_slit_along_the_seam_of_an_odd_tube_halves_the_areas():
+    tube = small_tube(25, 3.0)
+    seam = tube.points[24 + 25 * np.array([2, 8])]
+    slit = tube.slit(*map(tuple, seam))
+    inner = np.setdiff1d(slit.edges("slit 1"), np.intersect1d(slit.edges("slit 1 left"), slit.edges("slit 1 right")))
+    assert slit.areas[inner] == pytest.approx(0.5 * tube.areas[50])
+
+
+LEVELS = {
+    "plane": (lambda x, y, z: z - 1.4 + 0.2 * x, small_tube(24, 3.0)),
+    "ball": (lambda x, y, z: (x - 0.6) ** 2 + (y + 0.5) ** 2 + (z - 0.6) ** 2 - 0.5**2, small_sphere(12)),
+}
+
+
+@pytest.mark.parametrize("kind", LEVELS)
+def test_a_plane_or_a_ball_cuts_a_sheet_in_two(kind):
+    level, sheet = LEVELS[kind]
+    slit = sheet.slit(level)
+    assert pieces(slit.triangles).max() == 1 and slit.size == sheet.size + len(slit.edges("slit 1 left"))
+    assert np.abs(level(*slit.points[slit.edges("slit 1")].T)).max() < 0.05 * sheet.spacing
+    sides = slit.points[slit.triangles].mean(axis=1)
+    positive = level(*sides.T) > 0.0
+    assert positive[np.isin(slit.triangles, slit.edges("slit 1 left")).any(axis=1)].all()
+    assert not positive[np.isin(slit.triangles, slit.edges("slit 1 right")).any(axis=1)].any()
+    pairs, of_point = bonds(slit), np.zeros(slit.size, bool)
+    of_point[slit.triangles[positive]] = True
+    assert (of_point[pairs[:, 0]] == of_point[pairs[:, 1]]).all()
+
+
+def test_where_limits_a_cut_and_a_path_may_close():
+    half = TUBE.slit(lambda x, y, z: z - 1.4, where=lambda x, y, z: x > 0.1)
+    assert pieces(half.triangles).max() == 0 and half.points[half.edges("slit 1"), 0].min() > 0.1
+    lengthwise = TUBE.slit(lambda x, y, z: y - 0.05)
+    assert pieces(lengthwise.triangles).max() == 1 and {"slit 1", "slit 2"} < set(lengthwise.parts)
+    ring = [(np.cos(a), np.sin(a), 1.5) for a in (0.0, 2.1, 4.2, 0.0)]
+    assert pieces(TUBE.slit(*ring).triangles).max() == 1
+
+
+def test_a_slit_in_a_mesh_of_a_glove():
+    """The blank of the scene, rolled to a palm; the slit across it ends where it was asked to."""
+    flat = glove.build(spacing=8e-3).sheet
+    radius, (x, y) = 0.2, flat.points.T
+    turn = (x - x.mean()) / radius
+    bent = np.column_stack([radius * np.sin(turn), y, radius * np.cos(turn)])
+    sheet = Sheet.from_surface(bent, flat.triangles, thickness=2.5e-4, density=950.0)
+    middle = flat.points[flat.edges("outline side 1")].mean(axis=0) + (0.0, 0.05)
+    turns = (middle[0] + np.array([-0.02, 0.02]) - x.mean()) / radius
+    ends = np.column_stack([radius * np.sin(turns), np.full(2, middle[1]), radius * np.cos(turns)])
+    slit = sheet.slit(*ends)
+    tips = np.intersect1d(slit.edges("slit 1 left"), slit.edges("slit 1 right"))
+    assert np.abs(slit.points[tips][:, None] - ends).sum(axis=2).min(axis=0).max() < 1e-5
+    assert len(slit.edges("slit 1")) > 6 and len(slit.edges("rim")) == len(sheet.edges("rim"))
+
+
 def test_a_slit_may_turn_and_begin_at_an_edge():
     sheet = TUBE.slit((1.0, 0.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0))
     assert np.intersect1d(sheet.edges("slit 1 left"), sheet.edges("slit 1 right")).size == 1
@@ -79,7 +163,7 @@ def test_a_hole_takes_what_is_inside_a_ball(sheet):
     centre = sheet.points[len(sheet.points) // 3]
     holed = thick.hole(tuple(centre), 2.1 * sheet.spacing)
     assert np.linalg.norm(holed.points - centre, axis=1).min() >= 2.1 * sheet.spacing * (1.0 - 1e-9)
-    assert holed.thickness == pytest.approx(1.0 + 0.1 * holed.points[:, 2])
+    assert holed.thickness == pytest.approx(1.0 + 0.1 * holed.points[:, 2], rel=1e-3)
     assert 0.0 < holed.areas.sum() < sheet.areas.sum()
     rim = holed.edges("hole 1")
     assert (np.linalg.norm(holed.points[rim] - centre, axis=1) < 4.5 * sheet.spacing).all()
@@ -99,8 +183,14 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
     (lambda: TUBE.slit((1.0, 0.0, 1.0)), "slit: expected two or more positions, got 1"),
     (lambda: TUBE.slit((1.0, 0.0), (1.0, 0.0, 1.0)), r"slit: path\[0\]"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (4.0, 0.0, 2.0)), r"slit: path\[1\] = .*: expected a place on the sheet"),
-    (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.1)), ".*shorter than two edges of triangles"),
-    (lambda: TUBE.slit((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ".*meets itself or an edge"),
+    (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.1)), r"slit: path\[0\] and path\[1\]: expected places apart"),
+    (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.3)), ".*shorter than two edges of triangles"),
+    (lambda: TUBE.slit((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), r"slit: path\[0\] to path\[1\] leaves the sheet"),
+    (lambda: TUBE.slit((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)), r"slit: path\[0\] and path\[1\]: .*give more between"),
+    (lambda: TUBE.slit(lambda x, y, z: z - 9.0), "slit: level.* changes its sign nowhere"),
+    (lambda: TUBE.slit(lambda x, y, z: y * (z - 1.5)), "slit: level.* expected lines of zeros that do not meet"),
+    (lambda: TUBE.slit(lambda x, y, z: 1.0), r"slit: level.* expected 288 numbers, got shape \(\)"),
+    (lambda: TUBE.slit((1.0, 0.0, 1.0), where=lambda x, y, z: z > 0), "slit: expected one function before where"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 2.0), (1.0, 0.0, 1.5)), ".*meets itself or an edge"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* contains no points"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 9.0), "hole at .* removes the whole sheet"),

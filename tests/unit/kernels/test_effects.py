@@ -151,14 +151,15 @@ def further():
 
 @pytest.fixture(scope="module")
 def gpu_paths():
-    """Builds simulations with the force paths of a large sheet on a GPU, which a CPU runs one block after the other."""
+    """Builds simulations with the paths of a large sheet on a GPU, whose blocks a CPU runs one after the other."""
     with pytest.MonkeyPatch.context() as patch:
         play_gpu(patch)
         tune_paths(patch, lattice_bonds=0, compact_points=0)
         law = BondAssociated(NEO, horizon=1.5, weights="plain")
         torn = {"damage": CriticalStretch(2.0)}
         cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))
-        return _launches_of(Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases)
+        made = [Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases]
+        return _launches_of([*made, compare_checkouts.parts()["newton jacobi"]()])
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from warp_pd import (
     Explicit,
     Fixed,
     InputError,
+    Maxwell,
     Newton,
     Relaxation,
     Simulation,
@@ -31,14 +32,14 @@ def names_of(law, damage=None):
 
 def test_without_prony_terms_there_is_no_state():
     fields, launches = names_of(LAWS["stress-free"], CriticalEnergy(1.0))
-    assert {"strain", "overstress", "viscous_work", "prony", "energy_release"} <= fields
-    assert {"family_rows_viscous_step", "add_release"} <= launches
+    assert {"viscous_state", "viscous_work", "prony", "energy_release"} <= fields
+    assert {"family_rows_viscous", "add_release"} <= launches
     fields, launches = names_of(LAWS["published"])
     assert {"strain", "viscous_stretch", "prony"} <= fields and "update" in launches
     for law in (Visco(POLYUREA, horizon=2.015), ViscoBondBased(POLYUREA, horizon=2.015)):
         fields, launches = names_of(law)
-        assert not fields & {"strain", "overstress", "viscous_work", "viscous_stretch", "prony", "energy_release"}
-        assert not launches & {"update", "add_release", "family_rows_viscous_step"}
+        assert not fields & {"strain", "viscous_state", "viscous_work", "viscous_stretch", "prony", "energy_release"}
+        assert not launches & {"update", "add_release", "family_rows_viscous"}
 
 
 def test_forces_of_bonds_for_the_energy_release_are_those_of_the_step():
@@ -71,6 +72,15 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
     [
         (lambda: Visco(POLYUREA, prony=[TERMS]), "^prony = "),
         (lambda: Visco(TensionField(POLYUREA), prony=TERMS), r"^prony = .*: expected \(\) with a TensionField"),
+        (
+            lambda: Visco(POLYUREA, branches=[Maxwell(1.0, 1.0)]),
+            r"^branches = .*: expected a tuple of Maxwell elements",
+        ),
+        (
+            lambda: Visco(POLYUREA, prony=TERMS, branches=(Maxwell(1.0, 1.0),)),
+            r"^prony = .*: expected \(\) with branches",
+        ),
+        (lambda: Maxwell(1.0, 0.0), r"^Maxwell\.time = 0\.0: expected a positive number"),
         (lambda: Visco(POLYUREA, weights="published"), "^weights = 'published': expected 'auto', 'plain' or"),
         (lambda: Visco(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
         (lambda: ViscoBondBased(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),

@@ -54,6 +54,7 @@ WRONG = [
     (lambda: Relaxation(load_steps=0), "load_steps = 0"),
     (lambda: Relaxation(most_steps=0), "most_steps = 0"),
     (lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"), "preconditioner = 'multigrid'"),
+    (lambda: simulate(square(9), Newton(preconditioner="algebraic")).build("cpu"), "expected more than 300 points"),
     (
         lambda: simulate(square(9), Newton(), contact=RigidBall(0.05, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
         "contact = RigidBall",

@@ -68,12 +68,7 @@ def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """As `edge_vectors` [m], shape (N, 2), from the edges of the sheet.
-
-    Args:
-        points: Reference positions [m], shape (N, 2).
-        edges: Pairs of points with the sheet on the left, shape (B, 2).
-    """
+    """As `edge_vectors` [m], shape (N, 2), from edges, pairs of points with the sheet on the left, shape (B, 2)."""
     along = points[edges[:, 1]] - points[edges[:, 0]]
     half = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
     vectors = np.zeros((len(points), 2))
@@ -129,17 +124,7 @@ def plain_weights(
 
 
 def reached_points(neighbours: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Points whose balance the families of the chosen points affect: the chosen points and their members.
-
-    For points whose families are severed by a cut, these are the balances that plain weights do not satisfy.
-
-    Args:
-        neighbours: Index of each family member, -1 for none, shape (N, n).
-        chosen: Mask of the chosen points, shape (N,).
-
-    Returns:
-        shape (N,), bool.
-    """
+    """Mask of the points whose balance the families of the chosen points affect: these points and their members."""
     reached = chosen.copy()
     members = neighbours[chosen]
     reached[members[members >= 0]] = True

@@ -17,11 +17,7 @@ HOPELESS = 1e4
 
 
 def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
-    """Ratios s above the floor with the smallest change that satisfy matrix (plain (s - 1)) = gap.
-
-    Returns:
-        Ratios, shape (U,).
-    """
+    """Ratios s, shape (U,), above the floor with the smallest change that satisfy matrix (plain (s - 1)) = gap."""
     if np.abs(gap).max(initial=0.0) <= BALANCED:
         return np.ones(len(plain))
     problem = _Dual(matrix, matrix.T.tocsr(), plain, gap, floor)

@@ -77,15 +77,9 @@ class TorchStep:
 
 
 def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], None]) -> Callable[[], None]:
-    """Capture launches and calls in a CUDA graph owned by Torch, whose memory pool then owns the temporaries.
+    """Capture `body`, launches and calls, in a CUDA graph of Torch, whose memory pool owns the temporaries; its replay.
 
-    Args:
-        device: The Warp device.
-        warm_up: Runs the calls once.
-        body: Function to capture, which runs launches and calls.
-
-    Returns:
-        Function that replays them on Warp's stream, in order with other work.
+    `warm_up` runs the calls once. The replay runs on Warp's stream, in order with other work.
     """
     # Torch allocates and chooses its algorithms on the first call, which no capture allows.
     warm_up()

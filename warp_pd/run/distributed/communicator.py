@@ -49,11 +49,7 @@ class TorchCommunicator(Communicator):
     """
 
     def __init__(self, cuda: bool) -> None:
-        """Join the process group.
-
-        Args:
-            cuda: Whether the sheet is on GPUs, one per process.
-        """
+        """Join the process group; `cuda`: the sheet is on GPUs, one per process."""
         if cuda:
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
             # An exchange goes before the launches of the interior that fill the device meanwhile.
@@ -210,10 +206,7 @@ class TorchCommunicator(Communicator):
     def _find_routes(self, partition: Partition, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """For each other process: its rank, the owned points that it needs, and the ghost points that it owns.
 
-        Args:
-            partition: The part of the sheet in this process.
-            near: Whether to count only points whose families are complete in the receiving process; other ghost points
-                have no bond data.
+        With `near` only points whose families are complete in the receiving process; others have no bond data.
         """
         outside = partition.ghost & partition.near if near else partition.ghost
         halos: list[Any] = [None] * self.size

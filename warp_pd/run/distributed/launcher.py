@@ -49,8 +49,7 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
 def _code(codes: Mapping[int, int]) -> int:
     """Exit code of a failed run; prints which process was killed unless another process reported the error.
 
-    Args:
-        codes: Exit code of each process that failed, minus the number of the signal if it was killed.
+    The code of a killed process is minus the number of the signal.
     """
     said = next((code for code in codes.values() if code > 0 and code != LOST), None)
     if said is not None:

@@ -44,15 +44,10 @@ class Message:
     """The parts of one field that this process exchanges with another process."""
 
     def __init__(self, source: Array, target: Array, rank: int, mine: np.ndarray, theirs: np.ndarray, tag: int) -> None:
-        """Share the arrays with Torch.
+        """Share the arrays, (N,) or (members, N), with Torch.
 
-        Args:
-            source: Array to send from, (N,) or (members, N).
-            target: Array to receive into, usually `source` itself.
-            rank: Rank of the other process.
-            mine: Entries of `source` to send.
-            theirs: Entries of `target` to receive.
-            tag: Distinguishes the fields of one exchange.
+        Entries `mine` of `source` go to the process `rank`; entries `theirs` of `target`, usually the same array, come
+        from it. `tag` distinguishes the fields of one exchange.
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
         self._source, self._target = _signed(source), _signed(target)

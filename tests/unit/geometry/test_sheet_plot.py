@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import NEO
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.image import imread
 from small_runs import cli, simulate
 from warp._src.context import user_modules
 
-from warp_pd import InputError, Sheet, draw_sheet
+from warp_pd import ByRegion, Gent, InputError, Sheet, draw_sheet
 from warp_pd.geometry import shape_plot
 from warp_pd.geometry.curves import Circle
+from warp_pd.output import plots
+from warp_pd.output.picture_frames import Shown
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
@@ -120,6 +123,27 @@ def test_stiffened_points_are_shown_with_their_factor(curved):
     axes = drawn(sheet.stiffened([3, 4, 5], 2.5).stiffened([5], 4.0))
     assert np.allclose(markers(axes, "2.5 times as stiff, 2 points"), sheet.positions[[3, 4], : 2 + curved])
     assert np.allclose(markers(axes, "10 times as stiff, 1 points"), sheet.positions[[5], : 2 + curved])
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_regions_of_materials_are_shown(curved):
+    sheet = tube() if curved else Sheet.rectangle(0.1, 0.1, points=11, **FLAT).as_cloud()
+    half = sheet.positions[:, 0] > 0.0101
+    simulation = simulate(sheet, material=ByRegion(NEO, [(half, Gent(mu=2e6, bulk=1e9, lock=50.0))]))
+    (axes,) = simulation.draw().axes
+    assert np.allclose(markers(axes, f"region 1: Gent, {half.sum()} points"), sheet.positions[half, : 2 + curved])
+
+
+def test_pictures_of_a_run_outline_the_regions():
+    """Of a region that is torn off at its right, only what its triangles still span."""
+    sheet = Sheet.rectangle(0.1, 0.1, points=11, **FLAT)
+    frame = Shown("", sheet.positions, sheet.positions, sheet.triangles, {})
+    region = sheet.where(lambda x, y: (x > 0.049) & (y > 0.049))
+    outlines = [plots._outlines(replace(frame, regions=r)) for r in ([], [region], [region, sheet.edges("left")])]
+    assert [len(edges) for edges, _ in outlines] == [40, 60, 60]
+    torn = sheet.triangles[sheet.points[sheet.triangles].mean(axis=1)[:, 0] < 0.08]
+    edges, owners = plots._outlines(replace(frame, triangles=torn, regions=[region]))
+    assert len(edges) == 36 + 16 and owners.max() < len(torn)
 
 
 def test_a_bar():

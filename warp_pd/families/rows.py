@@ -1,0 +1,112 @@
+"""Tables of families with one row per point, computed by kernels on all cores of the host."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.cores import available_cores, cores, load_kernel, start_warp
+from ..kernels.families import WORD
+from ..kernels.intersections import common_members, intersection_shapes
+from ..kernels.neighbours import near_points, reverse_members
+
+# Fewest rows that are worth a thread.
+ROWS = 4096
+# Most cells for each point: the points may fill little of the box around them.
+CELLS = 4.0
+
+
+def near_by_row(points: np.ndarray, distance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours within a distance [m], ascending (-1: none), and their reverse indices (0: none), int32, (N, n)."""
+    size, low = len(points), points.min(axis=0)
+    extent = np.maximum(np.ptp(points, axis=0), distance)
+    edge = max(distance, float(np.sqrt(extent.prod() / (CELLS * size))))
+    places = (points - low) / edge
+    cells = places.astype(np.int64)
+    columns, rows = (cells.max(axis=0) + 1).tolist()
+    cell = cells[:, 1] * columns + cells[:, 0]
+    starts = np.zeros(columns * rows + 1, np.int32)
+    np.cumsum(np.bincount(cell, minlength=columns * rows), out=starts[1:])
+    order = np.argsort(cell, kind="stable").astype(np.int32)
+    read = [
+        _on_host(places, wp.vec2d), _on_host(order, wp.int32), _on_host(starts, wp.int32), columns, rows,
+        (distance / edge) ** 2,
+    ]  # fmt: skip
+    sizes = np.empty(size, np.int32)
+    _run_on_host(near_points(True), size, read, [_on_host(sizes, wp.int32), None])
+    near = np.empty((size, int(sizes.max())), np.int32)
+    _run_on_host(near_points(False), size, read, [None, _on_host(near, wp.int32)])
+    reverses = np.empty_like(near)
+    _run_on_host(
+        reverse_members(), size, [_on_host(near, wp.int32), _on_host(sizes, wp.int32)], [_on_host(reverses, wp.int32)]
+    )
+    return near, reverses
+
+
+def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horizons: np.ndarray | None) -> np.ndarray:
+    """Masks of the intersections, uint32, shape (R, n, words).
+
+    Args:
+        bonds: X / horizon, shape (R, n, 2) or (R, n, 3).
+        exists: Mask of existing members, which come first in each row, shape (R, n).
+        tolerance: Relative tolerance of the horizon.
+        horizons: Horizons of the members divided by the horizon, shape (R, n), on graded sheets; otherwise None.
+    """
+    (rows, n), dimension = exists.shape, bonds.shape[2]
+    common = np.zeros((rows, n, -(-n // WORD)), np.uint32)
+    read = [
+        _on_host(bonds, wp.types.vector(length=dimension, dtype=wp.float64)),
+        None if horizons is None else _on_host(horizons, wp.float64),
+        _sizes(exists),
+        (1.0 + tolerance) ** 2,
+    ]
+    _run_on_host(common_members(dimension, horizons is not None), rows, read, [_on_host(common, wp.uint32)])
+    return common
+
+
+def shapes_by_row(
+    bonds: np.ndarray, influence: np.ndarray, areas: np.ndarray, exists: np.ndarray, common: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse shape tensors, shape (R, n, 3), and sizes, shape (R, n), as for `Families.inverse_shapes`.
+
+    Args:
+        bonds: X / horizon, shape (R, n, 2).
+        influence: w, shape (R, n).
+        areas: Areas of the members, shape (R, n).
+        exists: Mask of existing members, which come first in each row, shape (R, n).
+        common: Masks of the intersections, shape (R, n, words).
+    """
+    rows, n = exists.shape
+    inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
+    read = [
+        _on_host(bonds, wp.vec2d), _on_host(influence, wp.float64), _on_host(areas, wp.float64), _sizes(exists),
+        _on_host(common, wp.uint32),
+    ]  # fmt: skip
+    _run_on_host(intersection_shapes(), rows, read, [_on_host(inverse, wp.vec3d), _on_host(size, wp.float64)])
+    return inverse, size
+
+
+def _sizes(exists: np.ndarray) -> Any:
+    return _on_host(exists.sum(axis=1).astype(np.int32), wp.int32)
+
+
+def _on_host(values: np.ndarray, dtype: Any) -> Any:
+    """Wrap a NumPy array as a Warp array on the same memory."""
+    start_warp()
+    return wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu", copy=False)
+
+
+def _run_on_host(kernel: wp.Kernel, rows: int, read: list[Any], written: list[Any]) -> None:
+    """Run a kernel with the given inputs and outputs for `rows` rows on all cores."""
+    parts = min(available_cores(), max(1, rows // ROWS))
+    bounds = np.linspace(0, rows, parts + 1).astype(int)
+    load_kernel(kernel, wp.get_device("cpu"))
+    commands: list[Any] = [
+        wp.launch(kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True)
+        for begin, end in itertools.pairwise(bounds)
+    ]
+    for _ in cores().map(lambda command: command.launch(), commands):
+        pass
