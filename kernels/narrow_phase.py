@@ -80,21 +80,24 @@ def nearest_pair(pair: int, x: wp.mat33d, entry: int, of: Segments):
 
 
 @wp.func
-def passes_through(x: wp.mat33d, entry: int, of: Segments):
-    """Whether a segment passes through a triangle."""
-    ends = of.ends[entry]
-    begin = of.vertices[ends[0]] - x[0]
-    end = of.vertices[ends[1]] - x[0]
+def crosses(begin: wp.vec3d, end: wp.vec3d, x: wp.mat33d):
+    """Whether the segment from `begin` to `end` passes through a triangle."""
     normal = wp.cross(x[1] - x[0], x[2] - x[0])
-    below = wp.dot(normal, begin)
-    above = wp.dot(normal, end)
-    passes = bool(False)
+    below = wp.dot(normal, begin - x[0])
+    above = wp.dot(normal, end - x[0])
+    found = bool(False)
     if below * above < wp.float64(0.0):
-        met = x[0] + (above * begin - below * end) / (above - below)
+        met = (above * begin - below * end) / (above - below)
         w = weights_of_nearest(met, x[0], x[1], x[2])
         # All weights are positive for a point inside the triangle.
-        passes = wp.min(w) > wp.float64(0.0)
-    return passes
+        found = wp.min(w) > wp.float64(0.0)
+    return found
+
+
+@wp.func
+def passes_through(x: wp.mat33d, entry: int, of: Segments):
+    """Whether a segment passes through a triangle."""
+    return crosses(of.vertices[of.ends[entry][0]], of.vertices[of.ends[entry][1]], x)
 
 
 @wp.func

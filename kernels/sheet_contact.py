@@ -4,12 +4,15 @@ A pair is a point and a triangle, or two sides of triangles. Its nearest points 
 weights w_k of its four points (positive on one side, negative on the other, sum 0), are at the distance g along the
 normal n. If the pair comes too near on its way through the step, an impulse lambda w_k n acts on each of its points, so
 that at the end the distance along n is at least that to be kept, d (the position constraint of RATTLE; d < g may be
-approached). n is along the line between the nearest points, so the impulses change neither momentum nor angular
-momentum.
+approached).
 
-Each point, triangle and side has a list of its pairs; so a pair is in two lists. Both find it by the same operations
-on the same numbers, and so agree in all bits. Impulses are found by the projected Jacobi method with mass splitting and
-Nesterov momentum, as in kernels/surface_contact.py; points gather from their lists in a fixed order.
+Friction opposes the slip sum_k w_k v_k - W x g n. The spin W = J^-1 sum_k r_k x v_k is that of the pair, with r_k from
+its centre and J = sum_k (|r_k|^2 I - r_k r_k^T), so a pair that turns as a whole does not slip. The impulse of friction
+f acts on its points as w_k f - (J^-1 (g n x f)) x r_k, the transpose of the slip: no moment is left across the gap.
+
+Points and sides list their pairs. Impulses are found by the projected Jacobi method with mass splitting and Nesterov
+momentum, as in kernels/surface_contact.py. They are summed as integers, whose sum does not depend on the order of the
+threads: in all bits, and momentum is exact.
 
 Fail-safe: points whose pair would still come within a tenth of its distance stay where they are for this step. They
 keep their velocities, and so momentum and, since the drift that is left out is along the velocity, angular momentum.
@@ -23,14 +26,15 @@ import warp as wp
 
 from .body_search import wide_places
 from .effects import Kernel, kernel
-from .face_tree import next_node, overlaps
+from .face_tree import next_face
 from .integrate import half_step
+from .narrow_phase import crosses
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 from .sheet_pairs import ZERO, comes_near, largest_approach, mat43d, nearest, sheet_pairs
 from .surface_contact import MENDED
 
-# Pairs of a point, triangle or side.
+# Pairs of a point or side.
 SLOTS = 12
 # Entries of the status: whether boxes are stale, any triangles are close, or pairs were left that would pass through
 # each other; then one entry per round of solution, and one per round of the fail-safe.
@@ -41,20 +45,21 @@ SAFE = wp.constant(wp.float64(0.1))
 
 @dataclass(frozen=True)
 class SheetContact:
-    """Kernels of one configuration; entities are points, then triangles, then sides.
+    """Kernels of one configuration; entities are points, then sides.
 
     Attributes:
         Surface, Pairs, Taken: Structs of the kernels and of `take`.
         watch: Marks boxes as stale if a triangle has been cut.
         look: Marks boxes as stale if a point has left them.
         bound: Makes the boxes of triangles.
-        mark: Finds triangles with another one close.
+        mark: Finds entities with a triangle or side close.
+        cross: Finds triangles f and g that cross: 1 + f F + g, the largest of F triangles; 0 without.
         find: Adds the pairs of each entity that come near to its list; if it is full, the earliest.
-        agree: Removes new pairs that had no room in one of their two lists.
         press: Computes one iteration of the impulses.
-        gather: Computes the velocity changes of the points.
-        check: Marks entities with a pair that would still pass.
-        stay: Marks the points of such entities, which stay.
+        spread: Sums the impulses on each point.
+        settle: Computes the velocity changes of the points.
+        check: Marks points of pairs that would still pass.
+        stay: Makes marked points stay.
         take: Pointwise stage that applies the impulses and sums the losses.
         clear: Resets entries of the status.
     """
@@ -66,14 +71,24 @@ class SheetContact:
     look: Kernel
     bound: Kernel
     mark: Kernel
+    cross: Kernel
     find: Kernel
-    agree: Kernel
     press: Kernel
-    gather: Kernel
+    spread: Kernel
+    settle: Kernel
     check: Kernel
     stay: Kernel
     take: Pointwise
     clear: Kernel
+
+
+@wp.func
+def spin_of_pair(x: mat43d, moments: wp.vec3d):
+    """J^-1 times a vector; rows of x are from the centre of the pair."""
+    J = wp.mat33d()
+    for k in range(4):
+        J += wp.dot(x[k], x[k]) * wp.identity(n=3, dtype=wp.float64) - wp.outer(x[k], x[k])
+    return wp.inverse(J) * moments
 
 
 @functools.cache
@@ -96,9 +111,8 @@ def sheet_contact(
     real, vec3 = types.real, types.vec3
     wide, _ = wide_places(bits, curved)
     pairs = sheet_pairs(bits, curved, held, torn)
-    Surface = pairs.Surface
-    start, ease, way, whole, shares_corner = pairs.start, pairs.ease, pairs.way, pairs.whole, pairs.shares_corner
-    is_close, corners_of, box_of, pair_of = pairs.is_close, pairs.corners_of, pairs.box_of, pairs.pair_of
+    Surface, start, ease, path, pair_of = pairs.Surface, pairs.start, pairs.ease, pairs.path, pairs.pair_of
+    box_of, box_of_entity, whole = pairs.box_of, pairs.box_of_entity, pairs.whole
     distance_kept, constraint = pairs.distance_kept, pairs.constraint
     half_kick, half_loss = half_step(bits, loaded, damped)
 
@@ -106,8 +120,8 @@ def sheet_contact(
     class Pairs:
         """Pairs of entity g: entries SLOTS g to SLOTS g + count[g].
 
-        rooms: (distance - that to be kept) / step [m/s]. others: the other entity. whens: fraction of the way at which
-        a new pair comes near, -1 for older pairs.
+        rooms: (distance - that to be kept) / step [m/s]. others: the triangle or side. whens: fraction of the way at
+        which a pair comes near.
         """
 
         count: wp.array(dtype=wp.int32)
@@ -129,168 +143,129 @@ def sheet_contact(
     @kernel(per="list")
     def look(a: Surface, listed_at: wp.array(dtype=wp.vec3d), first: int, status: wp.array(dtype=wp.int32)):
         i = wp.tid() + first
-        x = start(i, a)
-        moved = wp.max(wp.length(x - listed_at[i]), wp.length(x + way(i, a) - listed_at[i]))
+        x, motion = path(wp.vec4i(i, i, i, i), a)
+        moved = wp.max(wp.length(x[0] - listed_at[i]), wp.length(x[0] + motion[0] - listed_at[i]))
         # A position that is not finite counts as moved.
         if not moved < wp.float64(0.5) * a.skin:
             status[wp.static(STALE)] = 1
 
     @kernel(per="list")
     def bound(a: Surface, first: int, listed_at: wp.array(dtype=wp.vec3d), lower: wp.array(dtype=wp.vec3),
-              upper: wp.array(dtype=wp.vec3), spheres: wp.array(dtype=wp.vec4)):  # fmt: skip
+              upper: wp.array(dtype=wp.vec3)):  # fmt: skip
         leaf = wp.tid() + first
         if leaf < a.mass.shape[0]:
-            listed_at[leaf] = start(leaf, a) + way(leaf, a)
-        node = a.tree.leaves + leaf
-        lower[node] = wp.vec3(wp.float32(1e30))
-        upper[node] = wp.vec3(wp.float32(-1e30))
-        if leaf < a.triangles.shape[0]:
-            f = a.tree.order[leaf]
-            if whole(f, a):
-                reach = wp.float64(0.5) * (a.kept + a.skin)
-                low, high = box_of(a.triangles[f], reach, a)
-                lower[node] = low
-                upper[node] = high
-                centre = wp.vec3d()
-                for k in range(3):
-                    i = a.triangles[f][k]
-                    centre += (start(i, a) + wp.float64(0.5) * way(i, a)) / wp.float64(3.0)
-                radius = wp.float64(0.0)
-                for k in range(3):
-                    i = a.triangles[f][k]
-                    x = start(i, a)
-                    radius = wp.max(radius, wp.max(wp.length(x - centre), wp.length(x + way(i, a) - centre)))
-                size = wp.float64(1e-6) * wp.length(centre)
-                spheres[f] = wp.vec4(
-                    wp.float32(centre[0]), wp.float32(centre[1]), wp.float32(centre[2]),
-                    wp.float32(radius + reach + size),
-                )  # fmt: skip
-
-    @wp.func
-    def within(sides: bool, points: wp.vec4i, a: Surface):
-        """Whether a pair may come near before the boxes are made anew."""
-        x = mat43d()
-        motion = mat43d()
-        for k in range(4):
-            x[k] = start(points[k], a)
-            motion[k] = way(points[k], a)
-        gap = wp.length(wp.transpose(x) * nearest(sides, x))
-        return gap <= a.kept + a.skin + largest_approach(sides, motion)
-
-    @kernel(per="face")
-    def mark(a: Surface, first: int, close: wp.array(dtype=wp.uint8), status: wp.array(dtype=wp.int32)):
-        f = wp.tid() + first
-        found = bool(False)
+            x, motion = path(wp.vec4i(leaf, leaf, leaf, leaf), a)
+            listed_at[leaf] = x[0] + motion[0]
+        low = wp.vec3(wp.float32(1e30))
+        high = -low
+        f = a.tree.order[leaf]
         if whole(f, a):
-            own = a.tree.spheres[f]
-            centre = wp.vec3(own[0], own[1], own[2])
-            size = wp.vec3(own[3])
-            node = wp.int32(1)
-            while node != 0 and not found:
-                entered = overlaps(node, centre - size, centre + size, a.tree)
-                if entered and node >= a.tree.leaves:
-                    g = a.tree.order[node - a.tree.leaves]
-                    other = a.tree.spheres[g]
-                    apart = wp.length(centre - wp.vec3(other[0], other[1], other[2]))
-                    if apart < own[3] + other[3] and not shares_corner(f, g, a):
-                        t = a.triangles[f]
-                        h = a.triangles[g]
-                        for each in range(15):
-                            k = each % 3
-                            pair = wp.vec4i(t[k], h[0], h[1], h[2])
-                            if each >= 12:
-                                pair = wp.vec4i(h[k], t[0], t[1], t[2])
-                            elif each >= 3:
-                                m = each / 3 - 1
-                                pair = wp.vec4i(t[k], t[(k + 1) % 3], h[m], h[(m + 1) % 3])
-                            found = found or within(each >= 3 and each < 12, pair, a)
-                node = next_node(node, entered, a.tree.leaves)
-        close[f] = wp.where(found, wp.uint8(1), wp.uint8(0))
+            low, high = box_of(a.triangles[f], wp.float64(0.5) * (a.kept + a.skin), a)
+        lower[a.tree.leaves + leaf] = low
+        upper[a.tree.leaves + leaf] = high
+
+    @kernel(per="list")
+    def mark(a: Surface, first: int, near: wp.array(dtype=wp.uint8), status: wp.array(dtype=wp.int32)):
+        g = wp.tid() + first
+        found = bool(False)
+        lower, upper = box_of_entity(g, a.kept + a.skin, a)
+        f, node = next_face(0, lower, upper, a.tree)
+        while f >= 0:
+            for which in range(3):
+                pair, other = pair_of(g, f, which, a)
+                if other >= 0 and not found:
+                    sides = g >= a.mass.shape[0]
+                    x, motion = path(pair, a)
+                    gap = wp.length(wp.transpose(x) * nearest(sides, x))
+                    # The pair may come near before the boxes are made anew.
+                    found = gap <= a.kept + a.skin + largest_approach(sides, motion)
+            f, node = next_face(node, lower, upper, a.tree)
+        near[g] = wp.where(found, wp.uint8(1), wp.uint8(0))
         if found:
             status[wp.static(CLOSE)] = 1
+
+    @kernel(per="list")
+    def cross(a: Surface, first: int, crossed: wp.array(dtype=wp.int64)):
+        e = a.sides[wp.tid() + first]
+        lower, upper = box_of_entity(a.mass.shape[0] + wp.tid() + first, a.kept, a)
+        f, node = next_face(0, lower, upper, a.tree)
+        while f >= 0:
+            one, met_one = pair_of(e[0], f, 0, a)
+            two, met_two = pair_of(e[1], f, 0, a)
+            if met_one >= 0 and met_two >= 0:
+                x, _motion = path(one, a)
+                y, _motion = path(two, a)
+                if crosses(x[0], y[0], wp.matrix_from_rows(x[1], x[2], x[3])):
+                    both = wp.int64(e[2]) * wp.int64(a.triangles.shape[0]) + wp.int64(f)
+                    wp.atomic_max(crossed, 0, wp.int64(1) + both)
+            f, node = next_face(node, lower, upper, a.tree)
 
     @kernel(per="list")
     def find(
         a: Surface, number: int, first: int, count: wp.array(dtype=wp.int32), points: wp.array(dtype=wp.vec4i),
         weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d), rooms: wp.array(dtype=wp.float64),
-        others: wp.array(dtype=wp.int32), whens: wp.array(dtype=wp.float64), left_out: wp.array(dtype=wp.float64),
-        pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
+        others: wp.array(dtype=wp.int32), whens: wp.array(dtype=wp.float64), pushes: wp.array(dtype=wp.vec4d),
+        turns: wp.array(dtype=wp.vec3d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
         status: wp.array(dtype=wp.int32),
     ):  # fmt: skip
-        """`left_out`: when the earliest pair comes near that has no room in the list."""
         g = wp.tid() + first
-        own = a.mass.shape[0]
-        sides = g >= own + a.triangles.shape[0]
         listed = wp.where(number == 0, 0, count[g])
         more = wp.int32(listed)
-        earliest = wp.float64(2.0)
-        node = wp.where(is_close(g, a), 1, 0)
-        lower, upper = box_of(corners_of(g, a), wp.float64(0.5) * a.kept, a)
-        while node != 0:
-            entered = overlaps(node, lower, upper, a.tree)
-            if entered and node >= a.tree.leaves:
-                f = a.tree.order[node - a.tree.leaves]
-                for which in range(3):
-                    pair, other = pair_of(g, f, which, a)
-                    known = other < 0
-                    for slot in range(listed):
-                        known = known or others[wp.static(SLOTS) * g + slot] == other
-                    if not known:
-                        target = wp.where(g >= own and not sides, g - own, f)
-                        w, n, gap, kept, when = constraint(target, sides, pair, a)
-                        slot = more
-                        if more == wp.static(SLOTS):
-                            latest = when
-                            for k in range(wp.static(SLOTS)):
-                                if whens[wp.static(SLOTS) * g + k] > latest:
-                                    slot = k
-                                    latest = whens[wp.static(SLOTS) * g + k]
-                            earliest = wp.min(earliest, latest)
-                        if when < wp.float64(2.0) and slot < wp.static(SLOTS):
-                            s = wp.static(SLOTS) * g + slot
-                            points[s] = pair
-                            weights[s] = w
-                            normals[s] = n
-                            left = (gap - kept) / wp.float64(a.step[0])
-                            rooms[s] = wp.where(gap < kept, MENDED * left, left)
-                            others[s] = other
-                            whens[s] = when
-                            pushes[s] = wp.vec4d()
-                            pressed[s] = wp.uint8(0)
-                            earlier[s] = wp.float64(0.0)
-                            more = wp.max(more, slot + 1)
-            node = next_node(node, entered, a.tree.leaves)
+        f = wp.int32(-1)
+        node = wp.int32(0)
+        lower, upper = box_of_entity(g, a.kept, a)
+        if a.near[g] != wp.uint8(0):
+            f, node = next_face(0, lower, upper, a.tree)
+        while f >= 0:
+            for which in range(3):
+                pair, other = pair_of(g, f, which, a)
+                for slot in range(listed):
+                    if others[wp.static(SLOTS) * g + slot] == other:
+                        other = wp.int32(-1)
+                if other >= 0:
+                    w, n, gap, kept, when = constraint(f, g >= a.mass.shape[0], pair, a)
+                    slot = more
+                    if more == wp.static(SLOTS):
+                        # The latest new pair gives way.
+                        latest = when
+                        for k in range(listed, wp.static(SLOTS)):
+                            if whens[wp.static(SLOTS) * g + k] > latest:
+                                slot = k
+                                latest = whens[wp.static(SLOTS) * g + k]
+                    if when < wp.float64(2.0) and slot < wp.static(SLOTS):
+                        s = wp.static(SLOTS) * g + slot
+                        points[s] = pair
+                        weights[s] = w
+                        normals[s] = n
+                        left = (gap - kept) / wp.float64(a.step[0])
+                        rooms[s] = wp.where(gap < kept, MENDED * left, left)
+                        others[s] = other
+                        whens[s] = when
+                        pushes[s] = wp.vec4d()
+                        turns[s] = wp.vec3d()
+                        pressed[s] = wp.uint8(0)
+                        earlier[s] = wp.float64(0.0)
+                        more = wp.max(more, slot + 1)
+            f, node = next_face(node, lower, upper, a.tree)
         count[g] = more
-        left_out[g] = earliest
         if more > listed:
             status[wp.static(ROUND) + number] = 1
 
-    @kernel(per="list")
-    def agree(
-        left_out: wp.array(dtype=wp.float64), first: int, count: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec4i), weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec3d),
-        rooms: wp.array(dtype=wp.float64), others: wp.array(dtype=wp.int32), whens: wp.array(dtype=wp.float64),
-    ):  # fmt: skip
-        g = wp.tid() + first
-        kept = wp.int32(0)
-        for slot in range(count[g]):
-            s = wp.static(SLOTS) * g + slot
-            if whens[s] < wp.min(left_out[g], left_out[others[s]]):
-                t = wp.static(SLOTS) * g + kept
-                points[t] = points[s]
-                weights[t] = weights[s]
-                normals[t] = normals[s]
-                rooms[t] = rooms[s]
-                others[t] = others[s]
-                whens[t] = wp.float64(-1.0)
-                kept += 1
-        count[g] = kept
+    @wp.func
+    def from_centre(points: wp.vec4i, a: Surface):
+        x, _motion = path(points, a)
+        centre = wp.float64(0.25) * (x[0] + x[1] + x[2] + x[3])
+        for k in range(4):
+            x[k] -= centre
+        return x
 
     @kernel(per="list")
     def press(
         a: Surface, c: Pairs, pressing: wp.array(dtype=wp.int32), momentum: wp.float64, first: int,
-        pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
+        pushes: wp.array(dtype=wp.vec4d), turns: wp.array(dtype=wp.vec3d), pressed: wp.array(dtype=wp.uint8),
+        earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
+        """`pushes`: the impulse of friction (three components) and that along the normal [N s]."""
         g = wp.tid() + first
         for slot in range(c.count[g]):
             s = wp.static(SLOTS) * g + slot
@@ -301,9 +276,11 @@ def sheet_contact(
             full = zero
             full_slip = zero
             sure = bool(True)
+            v = mat43d()
             for k in range(4):
                 i = c.points[s][k]
-                moving += w[k] * (wide(a.velocity[i]) + a.given[i])
+                v[k] = wide(a.velocity[i]) + a.given[i]
+                moving += w[k] * v[k]
                 e = ease(i, a)
                 share = w[k] * w[k] * wp.float64(wp.max(pressing[i], 1))
                 full += share * wp.dot(wp.cw_mul(n, n), e)
@@ -316,83 +293,104 @@ def sheet_contact(
             if sure and full > zero:
                 much = wp.max(much - rate / full, zero)
                 if wp.static(rubs):
-                    rub -= (moving - wp.dot(moving, n) * n) / full_slip
+                    x = from_centre(c.points[s], a)
+                    spin = wp.vec3d()
+                    for k in range(4):
+                        spin += wp.cross(x[k], v[k])
+                    across = wp.transpose(x) * w
+                    slip = moving - wp.cross(spin_of_pair(x, spin), across)
+                    rub -= (slip - wp.dot(slip, n) * n) / full_slip
                     size = wp.length(rub)
                     if size > a.friction * much:
                         rub = (a.friction * much / size) * rub
+                    turns[s] = spin_of_pair(x, wp.cross(across, rub))
             ahead = wp.max(much + momentum * (much - earlier[s]), zero)
             earlier[s] = much
             pushes[s] = wp.vec4d(rub[0], rub[1], rub[2], ahead)
             pressed[s] = wp.where(much > zero or rate < zero, wp.uint8(1), wp.uint8(0))
 
+    @wp.func
+    def add_up(impulses: mat43d, points: wp.vec4i, column: int, a: Surface, sums: wp.array2d(dtype=wp.int64)):
+        scale = wp.float64(a.step[0]) / a.unit
+        for c in range(3):
+            left = wp.int64(0)
+            for k in range(4):
+                part = -left
+                if k < 3:
+                    part = wp.int64(wp.rint(scale * impulses[k, c]))
+                left += part
+                wp.atomic_add(sums, points[k], column + c, part)
+
     @kernel(per="list")
-    def gather(
-        a: Surface, c: Pairs, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), first: int,
-        given: wp.array(dtype=wp.vec3d), pressing: wp.array(dtype=wp.int32), impulse: wp.array(dtype=wp.vec3d),
-        dragged: wp.array(dtype=wp.vec3d),
+    def spread(
+        a: Surface, c: Pairs, pushes: wp.array(dtype=wp.vec4d), turns: wp.array(dtype=wp.vec3d),
+        pressed: wp.array(dtype=wp.uint8), stride: int, first: int, sums: wp.array2d(dtype=wp.int64),
     ):  # fmt: skip
-        i = wp.tid() + first
-        total = wp.vec3d()
-        drag = wp.vec3d()
-        number = wp.int32(0)
-        for at in range(a.begins[i] - 1, a.begins[i + 1]):
-            g = wp.where(at < a.begins[i], i, a.entities[wp.max(at, 0)])
+        for g in range(wp.tid() + first, c.count.shape[0], stride):
             for slot in range(c.count[g]):
                 s = wp.static(SLOTS) * g + slot
                 if pressed[s] != wp.uint8(0):
                     push = pushes[s]
+                    w = c.weights[s]
+                    add_up(wp.outer(w, push[3] * c.normals[s]), c.points[s], 0, a, sums)
+                    if wp.static(rubs):
+                        x = from_centre(c.points[s], a)
+                        rub = wp.outer(w, wp.vec3d(push[0], push[1], push[2]))
+                        for k in range(4):
+                            rub[k] -= wp.cross(turns[s], x[k])
+                        add_up(rub, c.points[s], 3, a, sums)
                     for k in range(4):
-                        b = c.weights[s][k]
-                        if c.points[s][k] == i and b != wp.float64(0.0):
-                            rub = b * wp.vec3d(push[0], push[1], push[2])
-                            total += b * push[3] * c.normals[s] + rub
-                            drag += rub
-                            number += 1
+                        if w[k] != wp.float64(0.0):
+                            wp.atomic_add(sums, c.points[s][k], 6, wp.int64(1))
+
+    @kernel(per="list")
+    def settle(
+        a: Surface, first: int, sums: wp.array2d(dtype=wp.int64), given: wp.array(dtype=wp.vec3d),
+        pressing: wp.array(dtype=wp.int32), impulse: wp.array(dtype=wp.vec3d), dragged: wp.array(dtype=wp.vec3d),
+    ):  # fmt: skip
+        i = wp.tid() + first
+        unit = a.unit / wp.float64(a.step[0])
+        drag = unit * wp.vec3d(wp.float64(sums[i, 3]), wp.float64(sums[i, 4]), wp.float64(sums[i, 5]))
+        total = unit * wp.vec3d(wp.float64(sums[i, 0]), wp.float64(sums[i, 1]), wp.float64(sums[i, 2])) + drag
         given[i] = wp.cw_mul(ease(i, a), total)
-        pressing[i] = number
+        pressing[i] = wp.int32(sums[i, 6])
         impulse[i] = total
         if wp.static(rubs):
             dragged[i] = drag
+        for k in range(7):
+            sums[i, k] = wp.int64(0)
 
     @kernel(per="list")
-    def check(a: Surface, number: int, first: int, passes: wp.array(dtype=wp.uint8),
+    def check(a: Surface, number: int, first: int, halts: wp.array(dtype=wp.uint8),
               status: wp.array(dtype=wp.int32)):  # fmt: skip
+        """Threads that share a point write the same to it."""
         g = wp.tid() + first
-        sides = g >= a.mass.shape[0] + a.triangles.shape[0]
-        found = bool(False)
-        node = wp.where(is_close(g, a), 1, 0)
-        lower, upper = box_of(corners_of(g, a), wp.float64(0.5) * a.kept, a)
-        while node != 0 and not found:
-            entered = overlaps(node, lower, upper, a.tree)
-            if entered and node >= a.tree.leaves:
-                f = a.tree.order[node - a.tree.leaves]
-                for which in range(3):
-                    pair, other = pair_of(g, f, which, a)
-                    if other >= 0:
-                        x = mat43d()
-                        motion = mat43d()
-                        for k in range(4):
-                            x[k] = start(pair[k], a)
-                            motion[k] = way(pair[k], a)
-                        gap = wp.length(wp.transpose(x) * nearest(sides, x))
-                        if gap > ZERO * a.kept and gap <= a.kept + largest_approach(sides, motion):
-                            kept = distance_kept(sides, pair, a)
-                            if kept > ZERO * a.kept:
-                                limit = wp.max(SAFE * wp.min(gap, kept), ZERO * a.kept)
-                                found = found or comes_near(sides, x, motion, limit) < wp.float64(2.0)
-            node = next_node(node, entered, a.tree.leaves)
-        passes[g] = wp.where(found, wp.uint8(1), wp.uint8(0))
-        if found:
-            status[number] = 1
+        sides = g >= a.mass.shape[0]
+        f = wp.int32(-1)
+        node = wp.int32(0)
+        lower, upper = box_of_entity(g, a.kept, a)
+        if a.near[g] != wp.uint8(0):
+            f, node = next_face(0, lower, upper, a.tree)
+        while f >= 0:
+            for which in range(3):
+                pair, other = pair_of(g, f, which, a)
+                if other >= 0:
+                    x, motion = path(pair, a)
+                    gap = wp.length(wp.transpose(x) * nearest(sides, x))
+                    if gap > ZERO * a.kept and gap <= a.kept + largest_approach(sides, motion):
+                        kept = distance_kept(sides, pair, a)
+                        limit = wp.max(SAFE * wp.min(gap, kept), ZERO * a.kept)
+                        if kept > ZERO * a.kept and comes_near(sides, x, motion, limit) < wp.float64(2.0):
+                            status[number] = 1
+                            for k in range(4):
+                                halts[pair[k]] = wp.uint8(1)
+            f, node = next_face(node, lower, upper, a.tree)
 
     @kernel(per="list")
-    def stay(a: Surface, passes: wp.array(dtype=wp.uint8), first: int, stays: wp.array(dtype=wp.uint8)):
+    def stay(first: int, halts: wp.array(dtype=wp.uint8), stays: wp.array(dtype=wp.uint8)):
         i = wp.tid() + first
-        found = passes[i] != wp.uint8(0)
-        for at in range(a.begins[i], a.begins[i + 1]):
-            found = found or passes[a.entities[at]] != wp.uint8(0)
-        if found and wp.max(ease(i, a)) > wp.float64(0.0):
-            stays[i] = wp.uint8(1)
+        stays[i] = wp.max(stays[i], halts[i])
+        halts[i] = wp.uint8(0)
 
     @wp.struct
     class Taken:
@@ -470,5 +468,5 @@ def sheet_contact(
             status[k] = 0
 
     return SheetContact(
-        Surface, Pairs, Taken, watch, look, bound, mark, find, agree, press, gather, check, stay, take, clear
+        Surface, Pairs, Taken, watch, look, bound, mark, cross, find, press, spread, settle, check, stay, take, clear
     )

@@ -84,19 +84,17 @@ def comes_near(sides: bool, x: mat43d, motion: mat43d, limit: wp.float64):
 class SheetPairs:
     """Struct and Warp functions of one configuration; `a` is the struct.
 
-    Entities are points, then triangles, then sides. The pairs of an entity are with features of other triangles.
+    Entities are points, then sides. The pairs of a point are with triangles, those of a side with later sides.
 
     Attributes:
         Surface: Points, triangles and sides.
         start: (i, a) -> position of a point at the beginning of the step [m].
         ease: (i, a) -> velocity change per impulse along each axis [1/kg].
-        way: (i, a) -> displacement of a point in the step [m].
         whole: (f, a) -> whether f is a triangle that is not cut.
-        shares_corner: (f, g, a) -> whether two triangles share a corner.
-        is_close: (g, a) -> whether an entity has a triangle with another one close.
-        corners_of: (g, a) -> points of an entity.
+        path: (points, a) -> positions of the points of a pair at the beginning of the step, and their ways in it [m].
         box_of: (points, reach, a) -> box around the ways of three points.
-        pair_of: (g, f, which, a) -> points of a pair, and the other entity.
+        box_of_entity: (g, apart, a) -> the same of an entity, with a reach of half of `apart`.
+        pair_of: (g, f, which, a) -> points of a pair, and the triangle or side that g meets.
         distance_kept: (sides, points, a) -> distance that a pair keeps [m].
         constraint: (f, sides, points, a) -> weights, normal, distances, and when the pair comes near.
     """
@@ -104,12 +102,10 @@ class SheetPairs:
     Surface: Any
     start: wp.Function
     ease: wp.Function
-    way: wp.Function
     whole: wp.Function
-    shares_corner: wp.Function
-    is_close: wp.Function
-    corners_of: wp.Function
+    path: wp.Function
     box_of: wp.Function
+    box_of_entity: wp.Function
     pair_of: wp.Function
     distance_kept: wp.Function
     constraint: wp.Function
@@ -126,10 +122,10 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
     class Surface:
         """Points, triangles and sides.
 
-        sides: corners of a side, and its triangles (-1: none). across: triangle across from each corner. owned: bits of
-        the corners (1, 2, 4) and of the sides across from them (8, 16, 32) that a triangle owns; each has one owner.
-        of_face: the sides across from the corners. begins, entities: the entities of point i, without itself, are
-        entries begins[i] to begins[i + 1].
+        sides: corners of a side, and its triangles (-1: none). across, of_face: triangles and sides across from the
+        corners of a triangle. owned: bits of the sides (1, 2, 4) that a triangle owns; each has one owner. begins,
+        faces: the triangles of point i are entries begins[i] to begins[i + 1]. near: whether an entity may have pairs.
+        unit: impulses times the step are summed as integer multiples of this [kg m].
         """
 
         reference: wp.array(dtype=vec3 if curved else types.vec2)
@@ -148,12 +144,13 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
         owned: wp.array(dtype=wp.int32)
         of_face: wp.array(dtype=wp.vec3i)
         begins: wp.array(dtype=wp.int32)
-        entities: wp.array(dtype=wp.int32)
-        close: wp.array(dtype=wp.uint8)
+        faces: wp.array(dtype=wp.int32)
+        near: wp.array(dtype=wp.uint8)
         tree: FaceTree
         kept: wp.float64
         skin: wp.float64
         friction: wp.float64
+        unit: wp.float64
 
     @wp.func
     def start(i: int, a: Surface):
@@ -178,6 +175,15 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
                 if e[c] > wp.float64(0.0):
                     found[c] = wp.float64(0.0)
         return found
+
+    @wp.func
+    def path(points: wp.vec4i, a: Surface):
+        x = mat43d()
+        motion = mat43d()
+        for k in range(4):
+            x[k] = start(points[k], a)
+            motion[k] = way(points[k], a)
+        return x, motion
 
     @wp.func
     def whole(f: int, a: Surface):
@@ -208,47 +214,10 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
     @wp.func
     def point_meets(i: int, f: int, a: Surface):
         """Whether a triangle of a point shares a corner with triangle f."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
         found = bool(False)
         for at in range(a.begins[i], a.begins[i + 1]):
-            g = a.entities[at] - points
-            if g < faces and not found:
-                if whole(g, a):
-                    found = shares_corner(f, g, a)
-        return found
-
-    @wp.func
-    def is_close(g: int, a: Surface):
-        """Whether an entity has a triangle with another one close."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = bool(False)
-        if g < points:
-            for at in range(a.begins[g], a.begins[g + 1]):
-                f = a.entities[at] - points
-                if f < faces:
-                    found = found or a.close[f] != wp.uint8(0)
-        elif g < points + faces:
-            found = a.close[g - points] != wp.uint8(0)
-        else:
-            e = a.sides[g - points - faces]
-            for k in range(2, 4):
-                if e[k] >= 0:
-                    found = found or a.close[e[k]] != wp.uint8(0)
-        return found
-
-    @wp.func
-    def corners_of(g: int, a: Surface):
-        """Points of an entity; the last is repeated."""
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
-        found = wp.vec3i(g, g, g)
-        if g >= points + faces:
-            e = a.sides[g - points - faces]
-            found = wp.vec3i(e[0], e[1], e[1])
-        elif g >= points:
-            found = a.triangles[g - points]
+            if whole(a.faces[at], a) and not found:
+                found = shares_corner(f, a.faces[at], a)
         return found
 
     @wp.func
@@ -264,35 +233,33 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
         return rounded(low, high, reach)
 
     @wp.func
-    def pair_of(g: int, f: int, which: int, a: Surface):
-        """The pair of entity g with a feature of triangle f: its points, and the other entity, -1 if it does not count.
+    def box_of_entity(g: int, apart: wp.float64, a: Surface):
+        corners = wp.vec3i(g, g, g)
+        if g >= a.mass.shape[0]:
+            e = a.sides[g - a.mass.shape[0]]
+            corners = wp.vec3i(e[0], e[1], e[1])
+        return box_of(corners, wp.float64(0.5) * apart, a)
 
-        A point meets the triangle itself (`which` = 0), a triangle its corner, a side its side.
-        """
-        points = a.mass.shape[0]
-        faces = a.triangles.shape[0]
+    @wp.func
+    def pair_of(g: int, f: int, which: int, a: Surface):
+        """The pair of a point with triangle f (`which` = 0), or of a side with a later one of f: its points, and the
+        triangle or side; -1 if it does not count."""
         found = wp.vec4i()
         other = wp.int32(-1)
-        corners = a.triangles[f]
-        if g < points:
+        t = a.triangles[f]
+        own = g - a.mass.shape[0]
+        if own < 0:
             if which == 0 and not point_meets(g, f, a):
-                found = wp.vec4i(g, corners[0], corners[1], corners[2])
-                other = points + f
-        elif g < points + faces:
-            t = a.triangles[g - points]
-            i = corners[which]
-            if (a.owned[f] >> which) & 1 == 1 and not point_meets(i, g - points, a):
-                found = wp.vec4i(i, t[0], t[1], t[2])
-                other = i
+                found = wp.vec4i(g, t[0], t[1], t[2])
+                other = f
         else:
-            own = g - points - faces
             side = a.of_face[f][which]
-            if (a.owned[f] >> (3 + which)) & 1 == 1 and own != side:
-                e = a.sides[wp.min(own, side)]
-                h = a.sides[wp.max(own, side)]
+            if (a.owned[f] >> which) & 1 == 1 and own < side:
+                e = a.sides[own]
+                h = a.sides[side]
                 if not faces_meet(e, h, a):
                     found = wp.vec4i(e[0], e[1], h[0], h[1])
-                    other = points + faces + side
+                    other = side
         return found, other
 
     @wp.func
@@ -308,14 +275,11 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
     @wp.func
     def away_from(i: int, a: Surface):
         """Sum of the vectors from a point to the other corners of its triangles."""
-        points = a.mass.shape[0]
         total = wp.vec3d()
         for at in range(a.begins[i], a.begins[i + 1]):
-            f = a.entities[at] - points
-            if f < a.triangles.shape[0]:
-                if whole(f, a):
-                    for k in range(3):
-                        total += start(a.triangles[f][k], a) - start(i, a)
+            if whole(a.faces[at], a):
+                for k in range(3):
+                    total += start(a.triangles[a.faces[at]][k], a) - start(i, a)
         return total
 
     @wp.func
@@ -369,11 +333,7 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
     @wp.func
     def constraint(f: int, sides: bool, points: wp.vec4i, a: Surface):
         """Weights, normal and distance of a pair, that to be kept, and when it comes near (2: not in this step)."""
-        x = mat43d()
-        motion = mat43d()
-        for k in range(4):
-            x[k] = start(points[k], a)
-            motion[k] = way(points[k], a)
+        x, motion = path(points, a)
         w = nearest(sides, x)
         n = wp.transpose(x) * w
         gap = wp.length(n)
@@ -397,16 +357,5 @@ def sheet_pairs(bits: int, curved: bool, held: bool, torn: bool) -> SheetPairs:
         return w, n, gap, kept, when
 
     return SheetPairs(
-        Surface,
-        start,
-        ease,
-        way,
-        whole,
-        shares_corner,
-        is_close,
-        corners_of,
-        box_of,
-        pair_of,
-        distance_kept,
-        constraint,
+        Surface, start, ease, whole, path, box_of, box_of_entity, pair_of, distance_kept, constraint
     )

@@ -20,7 +20,6 @@ from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
-from ..kernels.sheet_contact import PASSED
 from .sheet_surface import SheetSurface
 
 OWNER = "SelfContact"
@@ -54,8 +53,8 @@ class SelfContact(Contact):
             the thickness times the modulus in pure shear. A larger stiffness shortens the time step.
         friction: Coefficient of Coulomb friction. Sticking contacts creep: under a tangential force T they slip at
             about n T dt / m, with n contacts at a point.
-        surface: Whether triangles have contact instead of points, by impulses in each step: apart from neighbours
-            stretched or fast, and the time step is not shortened (see kernels/sheet_contact.py). The default of
+        surface: Whether triangles have contact instead of points, by impulses in each step: apart from
+            neighbours within about two spacings nothing passes, however stretched or fast, and the time step is not shortened (see kernels/sheet_contact.py). The default of
             `distance` is then a tenth of the spacing, and `stiffness` must be None.
 
     Raises:
@@ -297,9 +296,11 @@ class BuiltSurfaceContact(BuiltContact):
         self._surface = SheetSurface(context, law, self.distance, part.friction)
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches after the drift."""
+        """Add the launches after the drift, and those that look for triangles that cross at the start."""
         if phase is Phase.PROJECT:
             self._surface.add(stage)
+        elif phase is Phase.START:
+            self._surface.add_start(stage)
 
     def sums(self) -> Mapping[str, Array]:
         """Energy lost in impacts and by friction."""
@@ -307,16 +308,14 @@ class BuiltSurfaceContact(BuiltContact):
         return {name: array for name, array in found.items() if array is not None}
 
     def end_frame(self) -> None:
-        """Check that no triangles passed through each other.
+        """Check that no triangles cross at the start or passed through each other.
 
         Raises:
             InputError: if some may have.
         """
-        if self._surface.status.numpy()[PASSED]:
-            raise InputError(
-                "SelfContact.surface = True: triangles would pass through each other: expected a smaller step, or no "
-                "prescribed motion through the sheet"
-            )
+        problem = self._surface.problem()
+        if problem:
+            raise InputError(f"SelfContact.surface = True: {problem}")
 
 
 def membrane_stiffness(name: str, factor: float, law: BuiltLaw, sheet: Sheet) -> float:
