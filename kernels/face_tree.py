@@ -65,9 +65,9 @@ def rounded(low: wp.vec3d, high: wp.vec3d, reach: wp.float64):
     return lower, upper
 
 
-@kernel(per="list")
-def merge_boxes(first: int, lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3)):
+@kernel(per="list", writes=("tree.lower", "tree.upper"))
+def merge_boxes(tree: FaceTree, first: int):
     """Box of a node from those of its children; a thread is a node."""
     node = wp.tid() + first
-    lower[node] = wp.min(lower[2 * node], lower[2 * node + 1])
-    upper[node] = wp.max(upper[2 * node], upper[2 * node + 1])
+    tree.lower[node] = wp.min(tree.lower[2 * node], tree.lower[2 * node + 1])
+    tree.upper[node] = wp.max(tree.upper[2 * node], tree.upper[2 * node + 1])

@@ -306,7 +306,7 @@ def test_a_sheet_without_contact_has_no_array_and_no_launch_of_it():
     assert "friction" not in frictionless
     assert "friction_impulse" in simulate(square(9), contact=SelfContact(friction=0.1)).plan("cpu")
     surface = simulate(square(9), contact=SelfContact(surface=True)).plan("cpu")
-    assert "surface_close" in surface and "near_points" not in surface and "surface_dragged" not in surface
+    assert "surface_near" in surface and "near_points" not in surface and "surface_dragged" not in surface
 
 
 def test_a_ball_and_self_contact_act_together():

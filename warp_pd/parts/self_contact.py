@@ -53,9 +53,9 @@ class SelfContact(Contact):
             the thickness times the modulus in pure shear. A larger stiffness shortens the time step.
         friction: Coefficient of Coulomb friction. Sticking contacts creep: under a tangential force T they slip at
             about n T dt / m, with n contacts at a point.
-        surface: Whether triangles have contact instead of points, by impulses in each step: apart from
-            neighbours within about two spacings nothing passes, however stretched or fast, and the time step is not shortened (see kernels/sheet_contact.py). The default of
-            `distance` is then a tenth of the spacing, and `stiffness` must be None.
+        surface: Whether triangles have contact instead of points, by impulses in each step (kernels/sheet_contact.py):
+            apart from neighbours within about two spacings nothing passes, and the time step is not shortened. The
+            default of `distance` is then a tenth of the spacing, and `stiffness` must be None.
 
     Raises:
         InputError: if distance or stiffness is not positive, friction is negative, or `surface` is not a bool or comes

@@ -16,11 +16,12 @@ from ..interfaces.context import Context
 from ..kernels import sheet_contact as kernels
 from ..kernels.damage import face_damage
 from ..kernels.face_tree import FaceTree, merge_boxes
+from ..kernels.sheet_pairs import Surface
 
 OWNER = "SelfContact"
 # Skin of the boxes in spacings; rounds of solution, iterations of each, and rounds of the fail-safe.
 SKIN, ROUNDS, ITERATIONS, CHECKS = 0.2, 3, 24, 8
-# Unit of the sums of impulses over mass, spacing and 1 / step: a point may be moved by 8000 spacings in a step.
+# Unit of the sums of impulses, over mass and spacing: contact can move a point by 8000 spacings in a step.
 UNIT = 2.0**-50
 
 
@@ -36,70 +37,54 @@ class SheetSurface:
         sheet, f = context.sheet, context.features
         triangles = np.asarray(sheet.triangles, np.int32)
         points, faces, rubs = sheet.size, len(triangles), friction > 0.0
-        made = self._kernels = kernels.sheet_contact(
-            context.bits, sheet.frames is not None, f.held, f.loaded, f.damped and f.half_steps, f.tracked,
-            law.intact is not None, rubs,
-        )  # fmt: skip
         tables = _tables(triangles, points)
         sides = len(tables["sides"])
         slots = kernels.SLOTS * (points + sides)
+        leaves = 1 << (max(faces, points, 2) - 1).bit_length()
 
-        def room(what: str, dtype: Any, shape: Any, per: str = "table", **kind: Any) -> Array:
-            return context.array(f"surface_{what}", OWNER, dtype, shape=shape, per=per, **kind)
+        def room(shape: Any, per: str = "table", **types: Any) -> dict[str, Any]:
+            return {
+                name: context.array(f"surface_{name}", OWNER, dtype, shape=shape, per=per)
+                for name, dtype in types.items()
+            }
 
-        def table(what: str, dtype: Any, values: np.ndarray) -> Array:
-            return context.array(f"surface_{what}", OWNER, dtype, values, per="table")
+        def table(name: str, dtype: Any, values: np.ndarray) -> Array:
+            return context.array(f"surface_{name}", OWNER, dtype, values, per="table")
 
         pieces = np.zeros(points, np.int32) if sheet.pieces is None else sheet.pieces
-        leaves = 1 << (max(faces, points, 2) - 1).bit_length()
-        tree: Any = FaceTree()
-        tree.leaves = leaves
-        tree.order = table("order", wp.int32, np.pad(_order(sheet, pieces), (0, leaves - faces), constant_values=-1))
-        self._boxes: dict[str, Any] = {what: room(what, wp.vec3, 2 * leaves) for what in ("lower", "upper")}
-        with_values(tree, self._boxes)
-        dtypes = {"sides": wp.vec4i, "across": wp.vec3i, "owned": wp.int32, "of_face": wp.vec3i, "begins": wp.int32}
-        self._triangles = table("triangles", wp.vec3i, triangles)
-        self._near = room("near", wp.uint8, points + sides)
-        self._intact = self._seen = None
-        if law.intact is not None:
-            self._intact, self._seen = room("intact", wp.uint8, faces), room("seen", wp.uint8, faces)
-        places = sheet.points if sheet.frames is None else sheet.positions
-        self._points: dict[str, Any] = {
-            "given": room("given", wp.vec3d, points, "point"),
-            "impulse": room("impulse", wp.vec3d, points, "point"),
-            "dragged": room("dragged", wp.vec3d, points, "point") if rubs else None,
-            "pressing": room("pressing", wp.int32, points, "point"),
-        }
-        self._sums = room("sums", wp.int64, (points, 7), "point")
-        self._stays, self._halts = (room(what, wp.uint8, points, "point") for what in ("stays", "halts"))
-        real = context.types
-        self._surface = with_values(made.Surface(), {
+        order = np.pad(_order(sheet, pieces), (0, leaves - faces), constant_values=-1)
+        tree = {"leaves": leaves, "order": table("order", wp.int32, order)}
+        tree |= room(2 * leaves, lower=wp.vec3, upper=wp.vec3)
+        dtypes = {"sides": wp.vec4i, "across": wp.vec3i, "of_face": wp.vec3i, "begins": wp.int32, "faces": wp.int32}
+        torn = {} if law.intact is None else room(faces, intact=wp.uint8, seen=wp.uint8)
+        self._surface = with_values(Surface(), {
             **{name: table(name, dtype, tables[name]) for name, dtype in dtypes.items()},
-            "faces": table("faces", wp.int32, tables["faces"]),
-            "reference": table("reference", real.vec2 if sheet.frames is None else real.vec3, places),
-            "piece": table("pieces", wp.int32, pieces), "given": self._points["given"], "stays": self._stays,
-            "triangles": self._triangles, "intact": self._intact, "near": self._near, "tree": tree, "kept": kept,
-            "skin": SKIN * sheet.spacing, "friction": friction,
-            "unit": UNIT * sheet.spacing**3 * float(np.max(sheet.thickness * sheet.density)),
+            **room(points, "point", begin=wp.vec3d, drift=wp.vec3d, ease=wp.vec3d, given=wp.vec3d, stays=wp.uint8),
+            **room(points, listed_at=wp.vec3d), **room(points + sides, near=wp.uint8), **torn,
+            "reference": table("reference", wp.vec3d, sheet.positions), "piece": table("pieces", wp.int32, pieces),
+            "triangles": table("triangles", wp.vec3i, triangles), "tree": with_values(FaceTree(), tree), "kept": kept,
+            "skin": SKIN * sheet.spacing,
         })  # fmt: skip
-        pairs: dict[str, Any] = {
-            "points": wp.vec4i, "weights": wp.vec4d, "normals": wp.vec3d, "rooms": wp.float64,
-            "others": wp.int32, "whens": wp.float64,
-        }  # fmt: skip
-        self._pairs: dict[str, Any] = {name: room(name, dtype, slots) for name, dtype in pairs.items()}
-        self._pairs["count"] = room("count", wp.int32, points + sides)
-        self._constraints = with_values(made.Pairs(), self._pairs)
-        impulses = {"pushes": wp.vec4d, "turns": wp.vec3d, "pressed": wp.uint8, "earlier": wp.float64}
-        self._impulses: dict[str, Any] = {name: room(name, dtype, slots) for name, dtype in impulses.items()}
-        self._listed_at = room("listed_at", wp.vec3d, points)
         fresh = np.zeros(kernels.ROUND + ROUNDS + CHECKS, np.int32)
         fresh[kernels.STALE] = 1
         self.status = context.array("surface_status", OWNER, wp.int32, fresh, per="once")
-        self._crossed = room("crossed", wp.int64, 1, "once")
+        self._crossed = context.array("surface_crossed", OWNER, wp.int64, shape=1, per="once")
+        self._pairs = with_values(kernels.Pairs(), {
+            **room(
+                slots, points=wp.vec4i, weights=wp.vec4d, normals=wp.vec3d, rooms=wp.float64, others=wp.int32,
+                whens=wp.float64, pushes=wp.vec4d, earlier=wp.float64, pressed=wp.uint8,
+            ),
+            **room(points + sides, count=wp.int32), **room((points, 7), "point", sums=wp.int64),
+            **room(points, "point", impulse=wp.vec3d, pressing=wp.int32, halts=wp.uint8),
+            **({**room(slots, turns=wp.vec3d), **room(points, "point", dragged=wp.vec3d)} if rubs else {}),
+            "friction": friction, "unit": UNIT * sheet.spacing**3 * float(np.max(sheet.thickness * sheet.density)),
+        })  # fmt: skip
+        self._take = kernels.take_impulses(context.bits, f.held, f.loaded, f.damped and f.half_steps, f.tracked, rubs)
         self.lost = self.rubbed = None
         if f.tracked:
-            self.lost = room("lost", wp.float64, points, "point", restart=True)
-            self.rubbed = room("rubbed", wp.float64, points, "point", restart=True) if rubs else None
+            self.lost = context.array("surface_lost", OWNER, wp.float64, shape=points, restart=True)
+            if rubs:
+                self.rubbed = context.array("surface_rubbed", OWNER, wp.float64, shape=points, restart=True)
         self._sizes = points, faces, sides, leaves
 
     def problem(self) -> str:
@@ -120,80 +105,69 @@ class SheetSurface:
 
     def add_start(self, stage: Stage) -> None:
         """Add the launches that look for triangles that cross."""
-        self._bind()
         self._add_boxes(stage, {})
-        stage.launch(OWNER, self._kernels.cross, self._sizes[2], a=self._surface, crossed=self._crossed)
+        stage.launch(OWNER, kernels.cross, self._sizes[2], a=self._surface, crossed=self._crossed)
 
     def add(self, stage: Stage) -> None:
         """Add the launches of a step, after the drift."""
-        self._bind()
-        context, made, state, a = self.context, self._kernels, self.context.state, self._surface
+        context, state, a, c = self.context, self.context.state, self._surface, self._pairs
         points, faces, sides, _ = self._sizes
-        entities = points + sides
-        if self._intact is not None:
+        entities, both = points + sides, {"a": a, "c": c}
+        if self._law.intact is not None:
             stage.launch(
                 OWNER, face_damage(context.layout), faces, family=self._law.struct, intact=self._law.intact,
-                triangles=self._triangles, intact_faces=self._intact,
+                triangles=a.triangles, intact_faces=a.intact,
             )  # fmt: skip
-            stage.launch(OWNER, made.watch, faces, intact=self._intact, seen=self._seen, status=self.status)
+            stage.launch(OWNER, kernels.watch, faces, a=a, status=self.status)
         needed: dict[str, Any] = {}
-        both: dict[str, Any] = {"a": a, "c": self._constraints}
-        last = {name: self._impulses[name] for name in ("pushes", "turns", "pressed")}
         # Warp's atomics are none between the threads of a CPU.
         threads = entities if context.device.is_cuda else 1
         for number in range(ROUNDS):
             self._add_boxes(stage, needed)
-            stage.launch(
-                OWNER, made.find, entities, a=a, number=number, **self._pairs, **self._impulses, status=self.status,
-                **(needed or self._flag(kernels.CLOSE)),
-            )  # fmt: skip
+            needed = needed or self._flag(kernels.CLOSE)
+            stage.launch(OWNER, kernels.find, entities, **both, number=number, status=self.status, **needed)
             needed = self._flag(kernels.ROUND + number)
             for iteration in range(1 + ITERATIONS):
                 momentum = max(iteration - 1, 0) / (iteration + 2) if iteration < ITERATIONS else 0.0
-                stage.launch(
-                    OWNER, made.press, entities, **both, pressing=self._points["pressing"], momentum=momentum,
-                    **self._impulses, **needed,
-                )  # fmt: skip
-                stage.launch(OWNER, made.spread, threads, **both, **last, stride=threads, sums=self._sums, **needed)
-                stage.launch(
-                    OWNER, made.settle, points, a=a, sums=self._sums, **self._points, **needed
-                )
+                stage.launch(OWNER, kernels.press, entities, **both, momentum=momentum, **needed)
+                stage.launch(OWNER, kernels.spread, threads, **both, stride=threads, **needed)
+                stage.launch(OWNER, kernels.settle, points, **both, **needed)
         self._add_boxes(stage, needed)
         # With pairs in the lists, or without, sheets that are close may have come too near.
         needed = self._flag(kernels.CLOSE)
         for number in range(CHECKS):
             alarm = kernels.PASSED if number + 1 == CHECKS else kernels.ROUND + ROUNDS + number
-            stage.launch(OWNER, made.check, entities, a=a, number=alarm, halts=self._halts, status=self.status, **needed)
+            stage.launch(OWNER, kernels.check, entities, **both, number=alarm, status=self.status, **needed)
             needed = self._flag(alarm)
-            stage.launch(OWNER, made.stay, points, halts=self._halts, stays=self._stays, **needed)
+            stage.launch(OWNER, kernels.stay, points, **both, **needed)
         stage.pointwise(
-            OWNER, made.take, points, mass=state.mass, held_mask=state.held_mask, step=state.step,
+            OWNER, self._take, points, mass=state.mass, held_mask=state.held_mask, step=state.step,
             damping=state.damping, force=state.force, external=state.external, displacement=state.displacement,
-            velocity=state.velocity, stays=self._stays, work=state.work, dissipated=state.dissipated, lost=self.lost,
-            rubbed=self.rubbed, **self._points, **self._flag(kernels.CLOSE),
+            velocity=state.velocity, work=state.work, dissipated=state.dissipated, lost=self.lost, rubbed=self.rubbed,
+            given=a.given, stays=a.stays, impulse=c.impulse, dragged=c.dragged, pressing=c.pressing,
+            **self._flag(kernels.CLOSE),
         )  # fmt: skip
         self._add_clear(stage, kernels.ROUND, ROUNDS + CHECKS)
 
-    def _bind(self) -> None:
-        """Enter the arrays of the state, which is made after the parts."""
-        names = ("mass", "held_mask", "displacement", "velocity", "step")
-        with_values(self._surface, {name: getattr(self.context.state, name) for name in names})
-
     def _add_boxes(self, stage: Stage, needed: dict[str, Any]) -> None:
         """Add the launches that make boxes anew if points have left them."""
-        made, a = self._kernels, self._surface
+        context, state, a = self.context, self.context.state, self._surface
         points, _, sides, leaves = self._sizes
-        stage.launch(OWNER, made.look, points, a=a, listed_at=self._listed_at, status=self.status, **needed)
+        stage.launch(
+            OWNER, kernels.enter(context.bits, context.features.held), points, a=a, displacement=state.displacement,
+            velocity=state.velocity, mass=state.mass, held_mask=state.held_mask, step=state.step, status=self.status,
+            **needed,
+        )  # fmt: skip
         stale = self._flag(kernels.STALE)
-        stage.launch(OWNER, made.bound, leaves, a=a, listed_at=self._listed_at, **self._boxes, **stale)
+        stage.launch(OWNER, kernels.bound, leaves, a=a, **stale)
         for level in reversed(range(leaves.bit_length() - 1)):
-            stage.launch(OWNER, merge_boxes, 1 << level, begin=1 << level, **self._boxes, **stale)
+            stage.launch(OWNER, merge_boxes, 1 << level, begin=1 << level, tree=a.tree, **stale)
         self._add_clear(stage, kernels.CLOSE, **stale)
-        stage.launch(OWNER, made.mark, points + sides, a=a, near=self._near, status=self.status, **stale)
+        stage.launch(OWNER, kernels.mark, points + sides, a=a, status=self.status, **stale)
         self._add_clear(stage, kernels.STALE, **stale)
 
     def _add_clear(self, stage: Stage, start: int, size: int = 1, **needed: Any) -> None:
-        stage.launch(OWNER, self._kernels.clear, 1, start=start, end=start + size, status=self.status, **needed)
+        stage.launch(OWNER, kernels.clear, 1, start=start, end=start + size, status=self.status, **needed)
 
 
 def _order(sheet: Any, pieces: np.ndarray) -> np.ndarray:
@@ -216,10 +190,7 @@ def _tables(triangles: np.ndarray, points: int) -> dict[str, np.ndarray]:
     sides = np.column_stack([edges[first], face[first], np.where(uses > 1, face[final], -1)])
     of_face = np.roll(number.reshape(3, faces).T, -1, axis=1)
     across = np.where(sides[of_face, 2] == np.arange(faces)[:, None], sides[of_face, 3], sides[of_face, 2])
-    owned = (sides[of_face, 2] == np.arange(faces)[:, None]) @ [1, 2, 4]
     order = np.argsort(triangles.ravel(), kind="stable")
     begins = np.searchsorted(triangles.ravel()[order], np.arange(points + 1))
-    found = {
-        "sides": sides, "across": across, "owned": owned, "of_face": of_face, "begins": begins, "faces": order // 3,
-    }  # fmt: skip
+    found = {"sides": sides, "across": across, "of_face": of_face, "begins": begins, "faces": order // 3}
     return {name: np.ascontiguousarray(values, np.int32) for name, values in found.items()}
