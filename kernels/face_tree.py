@@ -29,9 +29,9 @@ class FaceTree:
 def next_face(after: int, lower: wp.vec3, upper: wp.vec3, tree: FaceTree):
     """The next triangle whose box overlaps another one, depth first, and its node; triangle -1 after the last.
 
-    `after`: the node before, 0 for the first.
+    `after`: the node before, 0 for the first, -1 to find none.
     """
-    node = wp.int32(wp.max(after, 1))
+    node = wp.where(after < 0, 0, wp.max(after, 1))
     # Whether the children of the node are still to come.
     down = after == 0
     found = wp.int32(-1)
@@ -54,15 +54,6 @@ def next_face(after: int, lower: wp.vec3, upper: wp.vec3, tree: FaceTree):
                 node = wp.where(node == 1, 0, node)
                 down = True
     return found, node
-
-
-@wp.func
-def rounded(low: wp.vec3d, high: wp.vec3d, reach: wp.float64):
-    """Box enlarged by `reach`, in float32."""
-    wider = reach + wp.float64(1e-6) * (wp.length(low) + wp.length(high))
-    lower = wp.vec3(wp.float32(low[0] - wider), wp.float32(low[1] - wider), wp.float32(low[2] - wider))
-    upper = wp.vec3(wp.float32(high[0] + wider), wp.float32(high[1] + wider), wp.float32(high[2] + wider))
-    return lower, upper
 
 
 @kernel(per="list", writes=("tree.lower", "tree.upper"))

@@ -180,16 +180,6 @@ def cross(a: Surface, first: int, crossed: wp.array(dtype=wp.int64)):
         f, node = next_face(node, lower, upper, a.tree)
 
 
-@wp.func
-def first_face(g: int, lower: wp.vec3, upper: wp.vec3, a: Surface):
-    """`next_face` for the first time, of an entity that may have pairs."""
-    f = wp.int32(-1)
-    node = wp.int32(0)
-    if a.near[g] != wp.uint8(0):
-        f, node = next_face(0, lower, upper, a.tree)
-    return f, node
-
-
 LISTED = tuple(f"c.{name}" for name in (
     "count", "points", "weights", "normals", "rooms", "others", "whens", "pushes", "earlier", "turns", "pressed"
 ))  # fmt: skip
@@ -202,7 +192,7 @@ def find(a: Surface, c: Pairs, number: int, first: int, status: wp.array(dtype=w
     listed = wp.where(number == 0, 0, c.count[g])
     more = wp.int32(listed)
     lower, upper = box_of_entity(g, a.kept, a)
-    f, node = first_face(g, lower, upper, a)
+    f, node = next_face(wp.where(a.near[g] != wp.uint8(0), 0, -1), lower, upper, a.tree)
     while f >= 0:
         for which in range(3):
             pair, other = pair_of(g, f, which, a)
@@ -355,7 +345,7 @@ def check(a: Surface, c: Pairs, number: int, first: int, status: wp.array(dtype=
     g = wp.tid() + first
     sides = g >= a.begin.shape[0]
     lower, upper = box_of_entity(g, a.kept, a)
-    f, node = first_face(g, lower, upper, a)
+    f, node = next_face(wp.where(a.near[g] != wp.uint8(0), 0, -1), lower, upper, a.tree)
     while f >= 0:
         for which in range(3):
             pair, other = pair_of(g, f, which, a)

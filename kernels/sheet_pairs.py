@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from .distances import weights_of_nearest
-from .face_tree import FaceTree, rounded
+from .face_tree import FaceTree
 from .narrow_phase import between_segments
 from .surface_contact import NEAREST
 
@@ -155,7 +155,7 @@ def share_corner(f: int, g: int, a: Surface):
 
 @wp.func
 def box_of(corners: wp.vec3i, apart: wp.float64, a: Surface):
-    """Box around the ways of three points, enlarged by half of `apart`."""
+    """Box in float32 around the ways of three points, enlarged by half of `apart`."""
     low = a.begin[corners[0]]
     high = low
     for k in range(3):
@@ -163,7 +163,13 @@ def box_of(corners: wp.vec3i, apart: wp.float64, a: Surface):
         y = x + way(corners[k], a)
         low = wp.min(low, wp.min(x, y))
         high = wp.max(high, wp.max(x, y))
-    return rounded(low, high, wp.float64(0.5) * apart)
+    wider = wp.float64(0.5) * apart + wp.float64(1e-6) * (wp.length(low) + wp.length(high))
+    lower = wp.vec3()
+    upper = wp.vec3()
+    for c in range(3):
+        lower[c] = wp.float32(low[c] - wider)
+        upper[c] = wp.float32(high[c] + wider)
+    return lower, upper
 
 
 @wp.func

@@ -32,8 +32,6 @@ DISTANCE, SKIN = 1.5, 0.3
 KEPT_FRACTION = 0.7
 # Stiffness of a pair over thickness times the modulus of pure shear.
 STIFFNESS = 0.1
-# Distance that triangles keep, in spacings.
-SURFACE_DISTANCE = 0.1
 # Layers of sheet that may lie within the reach of a point.
 LAYERS = 4
 
@@ -98,7 +96,9 @@ class SelfContact(Contact):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""
-        return BuiltSurfaceContact(self, context, law) if self.surface else BuiltSelfContact(self, context, law)
+        if self.surface:
+            return SheetSurface(context, law, self.distance, self.friction)
+        return BuiltSelfContact(self, context, law)
 
 
 class BuiltSelfContact(BuiltContact):
@@ -271,51 +271,6 @@ class BuiltSelfContact(BuiltContact):
                 f"{self.distance + self._skin:.4g} m of one: expected a sheet that is not crushed; raise the stiffness "
                 f"({self.stiffness:.4g} N/m) or lower the distance"
             )
-
-
-class BuiltSurfaceContact(BuiltContact):
-    """Self-contact of triangles on a device.
-
-    Attributes:
-        distance: Distance that triangles keep [m].
-    """
-
-    label = "contact = SelfContact"
-
-    def __init__(self, part: SelfContact, context: Context, law: BuiltLaw) -> None:
-        """Allocate the lists.
-
-        Raises:
-            InputError: with rigid inclusions.
-        """
-        if (context.held & RIGID).any():
-            raise InputError(
-                "SelfContact.surface = True: expected False with rigid inclusions, which do not support it"
-            )
-        self.distance = SURFACE_DISTANCE * context.sheet.spacing if part.distance is None else part.distance
-        self._surface = SheetSurface(context, law, self.distance, part.friction)
-
-    def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches after the drift, and those that look for triangles that cross at the start."""
-        if phase is Phase.PROJECT:
-            self._surface.add(stage)
-        elif phase is Phase.START:
-            self._surface.add_start(stage)
-
-    def sums(self) -> Mapping[str, Array]:
-        """Energy lost in impacts and by friction."""
-        found = {"contact": self._surface.lost, "sheet_friction": self._surface.rubbed}
-        return {name: array for name, array in found.items() if array is not None}
-
-    def end_frame(self) -> None:
-        """Check that no triangles cross at the start or passed through each other.
-
-        Raises:
-            InputError: if some may have.
-        """
-        problem = self._surface.problem()
-        if problem:
-            raise InputError(f"SelfContact.surface = True: {problem}")
 
 
 def membrane_stiffness(name: str, factor: float, law: BuiltLaw, sheet: Sheet) -> float:

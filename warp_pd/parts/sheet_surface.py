@@ -2,37 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import warp as wp
 from scipy.spatial import cKDTree
 
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..geometry.topology import directed_edges, undirected
-from ..interfaces import BuiltLaw
+from ..interfaces import BuiltContact, BuiltLaw
 from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels import sheet_contact as kernels
 from ..kernels.damage import face_damage
 from ..kernels.face_tree import FaceTree, merge_boxes
+from ..kernels.integrate import RIGID
 from ..kernels.sheet_pairs import Surface
 
 OWNER = "SelfContact"
 # Skin of the boxes in spacings; rounds of solution, iterations of each, and rounds of the fail-safe.
 SKIN, ROUNDS, ITERATIONS, CHECKS = 0.2, 3, 24, 8
+# Distance that triangles keep, in spacings.
+DISTANCE = 0.1
 # Unit of the sums of impulses, over mass and spacing: contact can move a point by 8000 spacings in a step.
 UNIT = 2.0**-50
 
 
-class SheetSurface:
+class SheetSurface(BuiltContact):
     """Contact of triangles of one sheet; see kernels/sheet_contact.py.
 
     Attributes:
         lost, rubbed: Energy lost at each point in impacts and by friction [J], (N,) float64, or None.
     """
 
-    def __init__(self, context: Context, law: BuiltLaw, kept: float, friction: float) -> None:
+    label = "contact = SelfContact"
+
+    def __init__(self, context: Context, law: BuiltLaw, distance: float | None, friction: float) -> None:
+        """Allocate the tables and lists; `distance` is to be kept [m], by default a tenth of the spacing.
+
+        Raises:
+            InputError: with rigid inclusions.
+        """
+        if (context.held & RIGID).any():
+            raise InputError(
+                "SelfContact.surface = True: expected False with rigid inclusions, which do not support it"
+            )
         self.context, self._law = context, law
         sheet, f = context.sheet, context.features
         triangles = np.asarray(sheet.triangles, np.int32)
@@ -62,8 +79,8 @@ class SheetSurface:
             **room(points, "point", begin=wp.vec3d, drift=wp.vec3d, ease=wp.vec3d, given=wp.vec3d, stays=wp.uint8),
             **room(points, listed_at=wp.vec3d), **room(points + sides, near=wp.uint8), **torn,
             "reference": table("reference", wp.vec3d, sheet.positions), "piece": table("pieces", wp.int32, pieces),
-            "triangles": table("triangles", wp.vec3i, triangles), "tree": with_values(FaceTree(), tree), "kept": kept,
-            "skin": SKIN * sheet.spacing,
+            "triangles": table("triangles", wp.vec3i, triangles), "tree": with_values(FaceTree(), tree),
+            "skin": SKIN * sheet.spacing, "kept": DISTANCE * sheet.spacing if distance is None else distance,
         })  # fmt: skip
         fresh = np.zeros(kernels.ROUND + ROUNDS + CHECKS, np.int32)
         fresh[kernels.STALE] = 1
@@ -87,29 +104,42 @@ class SheetSurface:
                 self.rubbed = context.array("surface_rubbed", OWNER, wp.float64, shape=points, restart=True)
         self._sizes = points, faces, sides, leaves
 
-    def problem(self) -> str:
-        """What is wrong, or an empty string."""
+    def sums(self) -> Mapping[str, Array]:
+        """Energy lost in impacts and by friction."""
+        found = {"contact": self.lost, "sheet_friction": self.rubbed}
+        return {name: array for name, array in found.items() if array is not None}
+
+    def end_frame(self) -> None:
+        """Check that no triangles cross at the start or passed through each other.
+
+        Raises:
+            InputError: if some may have.
+        """
         crossed = int(self._crossed.numpy()[0])
         if crossed:
             one, other = divmod(crossed - 1, self._sizes[1])
-            return f"triangles {one} and {other} cross at the start: expected a sheet that does not cross itself"
-        if self.status.numpy()[kernels.PASSED]:
-            return (
-                "triangles would pass through each other: expected a smaller step, or no prescribed motion through the "
-                "sheet"
+            raise InputError(
+                f"SelfContact.surface = True: triangles {one} and {other} cross at the start: expected a sheet that "
+                "does not cross itself"
             )
-        return ""
+        if self.status.numpy()[kernels.PASSED]:
+            raise InputError(
+                "SelfContact.surface = True: triangles would pass through each other: expected a smaller step, or no "
+                "prescribed motion through the sheet"
+            )
 
     def _flag(self, index: int) -> dict[str, Any]:
         return {"only_if": self.status[index : index + 1], "grouped": True}
 
-    def add_start(self, stage: Stage) -> None:
-        """Add the launches that look for triangles that cross."""
-        self._add_boxes(stage, {})
-        stage.launch(OWNER, kernels.cross, self._sizes[2], a=self._surface, crossed=self._crossed)
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches after the drift, and those that look for triangles that cross at the start."""
+        if phase is Phase.START:
+            self._add_boxes(stage, {})
+            stage.launch(OWNER, kernels.cross, self._sizes[2], a=self._surface, crossed=self._crossed)
+        elif phase is Phase.PROJECT:
+            self._add_step(stage)
 
-    def add(self, stage: Stage) -> None:
-        """Add the launches of a step, after the drift."""
+    def _add_step(self, stage: Stage) -> None:
         context, state, a, c = self.context, self.context.state, self._surface, self._pairs
         points, faces, sides, _ = self._sizes
         entities, both = points + sides, {"a": a, "c": c}
