@@ -8,7 +8,8 @@ from resumed_runs import require_same_when_stopped
 from scipy.spatial import cKDTree
 from small_runs import simulate
 
-from warp_pd import Explicit, Place, SelfContact, Sheet, placed, together
+from warp_pd import Explicit, InputError, Place, SelfContact, Sheet, placed, together
+from warp_pd.geometry.topology import directed_edges, undirected
 from warp_pd.parts import sheet_surface
 
 # Speed of waves in the sheets of `square` [m/s], and their stable step [s].
@@ -52,9 +53,19 @@ def followed(simulation, precision=64):
     return simulation.run(device="cpu", precision=precision, writers=[steps]), steps
 
 
-def momenta(result, steps):
+def momenta(result, steps, points=slice(None)):
+    mass = result.built.to_numpy(result.built.state.mass)[points, None]
+    return np.array([(mass * velocity[points]).sum(axis=0) for velocity in steps.velocities])
+
+
+def require_same_momenta(result, steps):
+    """Momentum and angular momentum, also with friction."""
+    found = momenta(result, steps)
+    assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
     mass = result.built.to_numpy(result.built.state.mass)[:, None]
-    return np.array([(mass * velocity).sum(axis=0) for velocity in steps.velocities])
+    pairs = zip(steps.places, steps.velocities, strict=True)
+    turning = np.array([(mass * np.cross(place, velocity)).sum(axis=0) for place, velocity in pairs])
+    assert np.abs(turning - turning[0]).max() < 1e-14 * np.abs(found[0]).max()
 
 
 @pytest.mark.parametrize("speed", [3.0, 0.2])
@@ -63,8 +74,7 @@ def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed):
     result, steps = followed(simulation)
     triangles = simulation.sheet.triangles
     assert [pair for place in steps.places for pair in crossing(place, triangles)] == []
-    found = momenta(result, steps)
-    assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
+    require_same_momenta(result, steps)
     first, rows = result.history[0], result.history
     lost = np.array([row["contact"] + row["sheet_friction"] for row in rows])
     assert lost[-1] > 0.05 * first["kinetic"]
@@ -72,6 +82,29 @@ def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed):
     assert np.diff([row["sheet_friction"] for row in rows]).min() > -1e-12 * first["kinetic"]
     assert max(abs(row["balance_error"]) for row in rows) < 5e-3
     assert result.summary["stable_dt"] == pytest.approx(STABLE, rel=0.02)
+
+
+def test_friction_is_that_of_coulomb():
+    """While all of a sheet slides, by a tenth of a spacing in a step, the ratio of the impulses is the coefficient."""
+    simulation = collision(0.5 * WAVES, sideways=0.2 * WAVES, steps=8)
+    result, steps = followed(simulation)
+    given = np.diff(momenta(result, steps, simulation.sheet.pieces == 2)[[0, -1]], axis=0)[0]
+    assert given[2] > 0.0
+    assert given[0] / given[2] == pytest.approx(-CONTACT.friction, rel=0.03)
+
+
+def test_a_sheet_that_crosses_itself_at_the_start_is_refused():
+    sheet = together(square(11), square(7, 0.058))
+    start = placed(sheet, Place(), Place((0.017, 0.012, 0.0), (1.0, 1.0, 0.0), 30.0))
+    simulation = simulate(sheet, Explicit(STABLE, frames=1), contact=CONTACT, initial_displacement=start)
+    with pytest.raises(InputError, match=r"triangles [0-9]+ and [0-9]+ cross at the start: expected") as found:
+        simulation.run(device="cpu", precision=64)
+    one, other = (int(word) for word in str(found.value).split() if word.isdigit())
+    pairs = crossing(sheet.positions + start, sheet.triangles)
+    corners = set(sheet.triangles[one])
+    edges = np.sort(directed_edges(sheet.triangles), axis=1)
+    first = np.unique(undirected(edges), return_index=True)[1]
+    assert any(face == other and set(edges[first[side]]) <= corners for side, face in pairs)
 
 
 def test_the_test_of_crossing_sees_a_side_that_crosses():
@@ -94,8 +127,7 @@ def test_the_fail_safe_alone_lets_nothing_pass(monkeypatch):
     simulation = collision(0.5 * WAVES, steps=16)
     result, steps = followed(simulation)
     assert [pair for place in steps.places for pair in crossing(place, simulation.sheet.triangles)] == []
-    found = momenta(result, steps)
-    assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
+    require_same_momenta(result, steps)
 
 
 def test_crack_faces_touch():
