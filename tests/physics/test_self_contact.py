@@ -367,7 +367,7 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: SelfContact(distance=0.0), "SelfContact.distance = 0.0: expected a positive number"),
         (lambda: SelfContact(stiffness=-1.0), "SelfContact.stiffness = -1.0: expected a positive number"),
         (lambda: SelfContact(friction=-0.1), "SelfContact.friction = -0.1: expected"),
-        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "more than one SelfContact"),
+        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "two or more SelfContact"),
         (lambda: simulate(square(9), Newton(), contact=SelfContact()).build(
             "cpu"
         ), "not supported by the solver Newton"),
