@@ -371,7 +371,7 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: SelfContact(friction=-0.1), "SelfContact.friction = -0.1: expected"),
         (lambda: SelfContact(surface=1), "SelfContact.surface = 1: expected True or False"),
         (lambda: SelfContact(stiffness=1.0, surface=True), "stiffness = 1.0: expected None with surface = True"),
-        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "more than one SelfContact"),
+        (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "two or more SelfContact"),
         (lambda: simulate(square(9), Newton(), contact=SelfContact()).build(
             "cpu"
         ), "not supported by the solver Newton"),

@@ -98,8 +98,8 @@ class FieldRegister:
             raise ValueError(f"field {declared.name!r} already exists: expected a new name for a restart field")
         for other in (s for s in self.shown() if s.field.output == declared.output):
             raise InputError(
-                f"{declared.owner}: output = {declared.output!r}: {other.owner} shows a field of this name; expected "
-                "another one"
+                f"{declared.owner}: output = {declared.output!r}: {other.owner} already has an output of this name; "
+                "expected another one"
             )
         if values is None:
             array = wp.zeros(shape, dtype=dtype, device=self.device)

@@ -149,23 +149,26 @@ class CpuLaunch:
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
     """Run launches once, now; on CUDA launches of the side stream run in parallel with independent launches."""
     items = list(items)
-    if not device.is_cuda or not any(item.side_stream for item in items):
-        for condition, group in itertools.groupby(items, _condition):
-            if condition is not None and device.is_cuda and wp.is_conditional_graph_supported():
-                wp.capture_if(condition, on_true=functools.partial(_run_in_order, list(group), device))
-            else:
-                _run_in_order(group, device)
-        return
-    main, side = device.stream, _side_stream(device.alias)
+    conditional = device.is_cuda and wp.is_conditional_graph_supported()
+    aside = device.is_cuda and any(item.side_stream for item in items)
+    main: Any = device.stream if aside else None
+    side: Any = _side_stream(device.alias) if aside else None
     waits = side_stream_waits(items)
-    for item, wait in zip(items, waits, strict=False):
-        if wait:
-            main.wait_stream(side)
-        if item.side_stream:
-            # What is on the side stream waits for everything that stands before it.
-            side.wait_stream(main)
-        _run(item, device, side if item.side_stream else main)
-    if waits[-1]:
+    for condition, group in itertools.groupby(zip(items, waits, strict=False), lambda pair: _condition(pair[0])):
+        pairs = list(group)
+        if condition is not None and conditional:
+            if pairs[0][1]:
+                main.wait_stream(side)
+            wp.capture_if(condition, on_true=functools.partial(_run_in_order, [item for item, _ in pairs], device))
+            continue
+        for item, wait in pairs:
+            if wait and aside:
+                main.wait_stream(side)
+            if item.side_stream and aside:
+                # What is on the side stream waits for everything that stands before it.
+                side.wait_stream(main)
+            _run(item, device, side if item.side_stream else main)
+    if waits[-1] and aside:
         main.wait_stream(side)
 
 
@@ -180,11 +183,15 @@ def _condition(item: Item) -> Array | None:
 
 
 def side_stream_waits(items: Sequence[Item]) -> list[bool]:
-    """Whether the main stream waits for the side stream before each item and at the end (one entry more than items)."""
+    """Whether the main stream waits for the side stream before each item and at the end (one entry more than items).
+
+    It waits before launches on a condition: CUDA ends the capture of a graph there, with a single stream.
+    """
     waits: list[bool] = []
     parallel: list[Item] = []
     for item in items:
-        waits.append(any(_must_wait(item, earlier) for earlier in parallel))
+        alone = _condition(item) is not None
+        waits.append(any(alone or _must_wait(item, earlier) for earlier in parallel))
         if waits[-1]:
             parallel = []
         if item.side_stream:

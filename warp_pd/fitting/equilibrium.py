@@ -64,7 +64,7 @@ def require_newton(scene: Simulation) -> None:
             "take differences over runs"
         )
     if scene.contacts:
-        raise InputError("contact: expected None for derivatives at equilibrium, as points that touch make jumps")
+        raise InputError("contact: expected None for derivatives at equilibrium, because contact makes the forces jump")
     if scene.damage is not None:
         raise InputError("damage: expected None for derivatives at equilibrium, because breaking bonds cause jumps")
 

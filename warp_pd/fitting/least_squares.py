@@ -211,7 +211,7 @@ class Problem:
         try:
             outputs = self.outputs(q)
         except NoEquilibriumError as error:
-            raise InputError(f"start values: {error}; expected others, or smaller loads") from None
+            raise InputError(f"start values: {error}; expected other start values, or smaller loads") from None
         notes = [
             f"{test.name or 'a test'}: stresses up to {np.abs(data).max():.3g} Pa: check the unit, expected pascals"
             for test, data in zip(self.tests, self._measured, strict=True)

@@ -89,7 +89,7 @@ class SupportForce:
         points = point_indices("SupportForce.points", self.points, len(unit))
         unit[points, AXES.index(self.axis)] = 1.0
         if (state.free & (unit > 0.0)).any():
-            raise InputError(f"SupportForce.points: expected points that are held along {self.axis}")
+            raise InputError(f"SupportForce.points: expected points that are supported along {self.axis}")
         return state.internal_product(unit)
 
 

@@ -76,5 +76,7 @@ def _column(history: list[dict[str, float]], test: Curve, times: np.ndarray) -> 
         raise InputError(f"{test.name}: time {times.max():g} s: expected at most the {at[-1]:g} s of the scene")
     found = np.asarray(np.interp(times, at, [row[test.measure] for row in history]))
     if not np.isfinite(found).all():
-        raise InputError(f"measure = {test.measure!r}: it is missing in a frame of the run that the test needs")
+        raise InputError(
+            f"measure = {test.measure!r}: expected a number in every frame that the test uses, but one has none"
+        )
     return found

@@ -84,7 +84,7 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
     longest = max((piece.length for piece in pieces), default=0.0)
     pieces = [piece for piece in pieces if piece.length > 1e-6 * longest]
     if len(pieces) != 1:
-        raise InputError(f"{name} = {said(corners.tolist())}: expected one piece of it inside the sheet")
+        raise InputError(f"{name} = {said(corners.tolist())}: expected a line that enters the sheet only once")
     clipped = np.array(pieces[0].coords)
     if line.project(shapely.Point(clipped[0])) > line.project(shapely.Point(clipped[-1])):
         clipped = clipped[::-1]
@@ -107,7 +107,8 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
     touching = shapely.distance(shapely.points(np.vstack([middle, clipped[1:-1]])), edge)
     if (touching <= ON_EDGE * at(np.vstack([middle, clipped[1:-1]]))).any():
         raise InputError(
-            f"{name} = {said(corners.tolist())}: expected it inside the sheet, with only its ends on the edge"
+            f"{name} = {said(corners.tolist())}: expected a line inside the sheet that touches the edge only with its "
+            "ends"
         )
     return clipped, (mouths[0], mouths[1])
 

@@ -26,7 +26,9 @@ def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
     free = boundary_edges(triangles)
     begins, times = np.unique(free[:, 0], return_counts=True)
     if (times > 1).any():
-        raise InputError(f"triangles: two edges of the sheet meet at point {begins[times > 1][0]}: expected one")
+        raise InputError(
+            f"triangles: two boundaries of the sheet meet at point {begins[times > 1][0]}: expected separate boundaries"
+        )
     # In order of their first points, so that the rings, and the caps on them, do not depend on that of the triangles.
     return [ring.astype(np.int32) for ring in boundary_rings(free[np.argsort(free[:, 0])])]
 

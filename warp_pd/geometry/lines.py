@@ -105,7 +105,7 @@ def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:
     for index, (name, shape) in enumerate(shapes):
         if not shapely.contains_properly(whole, shape):
             spans = tuple(float(f"{bound:.6g}") for bound in shape.bounds)
-            raise InputError(f"{name} spans {spans} m: expected it inside {outer.name}, away from its edge")
+            raise InputError(f"{name} spans {spans} m: expected a curve inside {outer.name}, away from its edge")
         met = np.sort(tree.query(shape, predicate="intersects"))
         if len(met) and met[0] < index:
             raise InputError(f"{name} meets {shapes[met[0]][0]}: expected separate holes and inclusions")

@@ -25,7 +25,7 @@ def rectangle(
     width, height = positive("width", width), positive("height", height)
     one_of("centred", centred, (True, False))
     if not 1.0 / MAX_POINTS < height / width < MAX_POINTS:
-        raise InputError(f"width = {width:g}, height = {height:g}: expected sides that points can resolve both")
+        raise InputError(f"width = {width:g}, height = {height:g}: expected sides that the points can both resolve")
     x0, y0 = vector("origin", origin, 2)
     if isinstance(points, tuple | list):
         columns, rows = counts("points", points, 3)

@@ -416,6 +416,10 @@ class Sheet(SelectableShape):
                 sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
+        if len(members) == self.size:
+            raise InputError(
+                f"inclusion at {centre!r} of radius {radius!r} contains the whole sheet: expected a smaller one"
+            )
         if self.frames is not None and (patches := len(np.unique(joined(self.triangles, members)))) > 1:
             raise InputError(
                 f"inclusion at {centre!r} of radius {radius!r} contains {patches} patches that do not hang together: "

@@ -132,7 +132,7 @@ class Exchanges:
                 if not self.fields[k].field.halo:
                     raise InputError(
                         f"{self.fields[k].owner}: {self.fields[k].name} is not known around the own points, "
-                        "which several processes cannot yet do"
+                        "which is not supported on several processes"
                     )
                 depth[k] = _depth_of(self.fields[k])
             for k in sorted(shallow):

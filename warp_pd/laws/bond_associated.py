@@ -121,7 +121,7 @@ class BondAssociatedForce(FamilyLaw):
         self.shown_stress = law.material
         if self.weights == "published":
             if context.partition is not None:
-                raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
+                raise InputError("weights = 'published': not supported on several processes; expected 'plain'")
             # Their kernels compute the weights themselves.
             require_one_material(sheet, "weights 'published'")
         regions = capabilities(law.material).regions

@@ -19,7 +19,7 @@ class FrameFields(dict[str, NDArray[Any]]):
 
     def __missing__(self, name: str) -> NDArray[Any]:
         """Raise the error for a field that the frames do not have."""
-        raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of them")
+        raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of these")
 
 
 def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[str, NDArray[Any]]:

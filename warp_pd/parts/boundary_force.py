@@ -56,7 +56,7 @@ class BoundaryForce(Load):
     def check(self, others: Sequence[Part]) -> None:
         """Check that there is only one BoundaryForce. Raises InputError if there is a second one."""
         if any(getattr(other, "mends_edges", False) for other in others):
-            raise InputError("loads: more than one BoundaryForce; expected one, with the points of all")
+            raise InputError("loads: two or more BoundaryForce: expected one with all the points")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
         """Indices of the points that have the force while no bond is broken, int32, shape (P,); `horizon` [m]."""

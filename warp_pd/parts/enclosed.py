@@ -50,7 +50,9 @@ class Enclosed(Load):
     def check(self, others: Sequence[Part]) -> None:
         """Check that no other part encloses a volume. Raises InputError if another part does."""
         if any(getattr(other, "encloses", False) for other in others):
-            raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes; expected one")
+            raise InputError(
+                f"loads: {type(self).__name__} and another load enclose a volume; expected only one of them"
+            )
 
     def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
         """Pressure law and its constants (at most four), for the initial volume `volume` [m^3]."""

@@ -92,7 +92,7 @@ class SelfContact(Contact):
             InputError: if it has one.
         """
         if any(getattr(other, "within_sheet", False) for other in others):
-            raise InputError("contact: more than one SelfContact; expected one")
+            raise InputError("contact: two or more SelfContact: expected at most one")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""

@@ -135,7 +135,7 @@ def parts_of(scene: Scene) -> list[Part]:
 def _require_divisible(built: Built) -> None:
     """Check that the solver supports several processes if the run has several. Raises InputError if it does not."""
     if built.context.partition is not None and not built.solver.divides:
-        raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
+        raise InputError(f"{built.solver.label}: not supported on several processes; expected Explicit or Relaxation")
 
 
 def _check_columns(scene: Scene, built: Built) -> None:

@@ -19,5 +19,7 @@ def test_rows_that_warp_cannot_address_are_refused():
 def test_two_fields_of_one_name_in_frames_are_refused():
     register = FieldRegister(wp.get_device("cpu"))
     register.allocate(Field("shown", "law", output="heat"), wp.float32, shape=3)
-    with pytest.raises(InputError, match="mine: output = 'heat': law shows a field of this name; expected another one"):
+    with pytest.raises(
+        InputError, match="mine: output = 'heat': law already has an output of this name; expected another one"
+    ):
         register.allocate(Field("other", "mine", output="heat"), wp.float32, shape=3)

@@ -187,6 +187,16 @@ def test_every_conflict_waits(touches):
     assert side_stream_waits(list(made)) == [False, True, False]
 
 
+def test_launches_on_a_condition_wait_for_the_side_stream():
+    a, b, c, d = (array(0.0, 0.0) for _ in range(4))
+    needed = wp.array([1], dtype=wp.int32, device="cpu")
+    made = stage()
+    made.launch("side", add_kernel(), 2, side_stream=True, a=a, b=b)
+    for name in ("first", "second"):
+        made.launch(name, add_kernel(), 2, only_if=needed, grouped=True, a=c, b=d)
+    assert side_stream_waits(list(made)) == [False, True, False, False]
+
+
 def test_a_stage_ends_with_the_side_stream():
     a, b = array(0.0, 0.0), array(0.0, 0.0)
     made = stage()

@@ -90,7 +90,7 @@ def test_wrong_input_is_one_line(arguments, message):
     [
         ([BoundaryForce(1.0, points=[81])], "BoundaryForce.points contains point 81: expected 0 to 80"),
         ([BoundaryForce(1.0, points=[])], "BoundaryForce.points = []: expected at least one point"),
-        ([BoundaryForce(1.0), BoundaryForce(2.0)], "loads: more than one BoundaryForce; expected one"),
+        ([BoundaryForce(1.0), BoundaryForce(2.0)], "loads: two or more BoundaryForce: expected one"),
     ],
 )
 def test_wrong_points_are_one_line(loads, message):
