@@ -2,8 +2,8 @@
 
 Triangles are the leaves of a complete binary tree, in an order that keeps neighbours of the reference state together;
 node k has the children 2 k and 2 k + 1. Its shape never changes, so a query meets triangles in the same order in every
-run (Ericson, Real-Time Collision Detection, 2005, section 6.6). `wp.Bvh` cannot be refitted in a part of a CUDA graph
-that is skipped while nothing has moved.
+run (Ericson, Real-Time Collision Detection, 2005, section 6.6). The boxes are made by launches, which are skipped while
+nothing has moved; the refit of a `wp.Bvh` is a call, which a stage cannot skip.
 """
 
 import warp as wp
