@@ -105,7 +105,10 @@ class BondAssociatedKernels:
 
 @functools.cache
 def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
-    """Kernels of the bond-associated law; `material` makes (stress, energy), `form` is "variational" or "published"."""
+    """Kernels of the bond-associated law.
+
+    `material` is a factory of (stress, energy); `form` is "variational" or "published".
+    """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)

@@ -106,7 +106,10 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 def bond_associated_tangent(
     layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
 ) -> TangentKernels:
-    """Kernels of the tangent; arguments as for `bond_associated`; `response` makes stress and moduli."""
+    """Kernels of the tangent; arguments as for `bond_associated`.
+
+    `response` is a factory of the function that returns stress and moduli.
+    """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33

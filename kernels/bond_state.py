@@ -68,8 +68,8 @@ def bond_state(layout: Layout) -> BondState:
 def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points] over both ends of the bonds to the internal force [N].
 
-    In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py, if
-    `softens`; without it, `bond_force` already contains this.
+    If `softens`, each family's force is multiplied by g(damage) here, in a softened layout (kernels/damage_field.py);
+    otherwise `bond_force` already includes it.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)

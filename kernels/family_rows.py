@@ -47,8 +47,8 @@ def family_rows(
         near: Factory of stress_near, called with `bits`, or None.
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
-            "viscous", which also advances the state of a viscous law by a step, unless this is zero, and adds its work
-            or loss to viscous_work [points], J.
+            "viscous", which also advances the viscous state by one step (none if `step` is 0) and adds to
+            viscous_work [points], J: the dissipated energy of Maxwell elements, the work of Prony stresses.
         response: That of the viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
     """
     types, bits = layout.types, layout.bits

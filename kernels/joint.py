@@ -35,10 +35,10 @@ class JointKernels:
     """Kernels of one precision.
 
     Attributes:
-        Pairs: Warp struct of all pairs, an entry of each array for a pair.
+        Pairs: Warp struct of arrays, one entry per pair.
         damage: Damage of each pair, and the energy that it releases, stored at its point.
-        pull: Force on the place of each pair, and the moment of its gap as forces on the corners 1 and 2.
-        add: Adds the forces of all pairs to the points that have one.
+        pull: Force at each pair's place; the moment due to the gap is given as forces on corners 1 and 2.
+        add: Adds all pair forces to the joined points.
         energy: Energy of each pair, stored at its point.
     """
 

@@ -114,7 +114,7 @@ def point_family(layout: Layout) -> PointFamily:
 
 @functools.cache
 def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
-    """Kernels of the nodal law; `material` makes (stress, energy)."""
+    """Kernels of the nodal law; `material` is a factory of (stress, energy)."""
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)

@@ -21,9 +21,9 @@ def stiffness_left(bits: int) -> wp.Function:
 
 @functools.cache
 def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Functions (d, m) -> g, -dg/dd and the second derivative of g, with m = -dg/dd at d = 0.
+    """Functions of (d, m) that return g, -dg/dd and d²g/dd², where m is -dg/dd at d = 0.
 
-    `weak`: g is that of Lorentz, which initially falls faster; otherwise g = (1 - d)^2 and m = 2.
+    `weak`: Lorentz's g, which falls faster at first; otherwise (1 - d)^2, with m = 2.
     """
     real = numeric(bits).real
 

@@ -224,11 +224,11 @@ def test_derivatives_at_equilibrium_refuse_contact():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"friction": 0.3}, "friction = 0.3: expected 0.0 at rest, or Explicit"),
-        ({"surface": True}, "surface = True: expected False at rest, or Explicit"),
+        ({"friction": 0.3}, "friction = 0.3: expected 0 with a static solver; friction needs Explicit"),
+        ({"surface": True}, "surface = True: expected False with a static solver; surface needs Explicit"),
         (
             {"motion": Free(0.1, (0.0, 0.0, ABOVE))},
-            "motion = Free: expected a BodyPath at rest, or Explicit",
+            "motion = Free: expected a BodyPath with a static solver; Free needs Explicit",
         ),
         ({"solver": ArcLength(increment=0.1)}, "ArcLength has no contact; expected Newton, Relaxation or Explicit"),
         ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),

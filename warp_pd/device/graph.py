@@ -183,9 +183,10 @@ def _condition(item: Item) -> Array | None:
 
 
 def side_stream_waits(items: Sequence[Item]) -> list[bool]:
-    """Whether the main stream waits for the side stream before each item and at the end (one entry more than items).
+    """For each item, and for the end, whether the main stream must wait for the side stream (one entry more than
+    items).
 
-    It waits before launches on a condition: CUDA ends the capture of a graph there, with a single stream.
+    It always waits before conditional launches, where graph capture allows only one stream.
     """
     waits: list[bool] = []
     parallel: list[Item] = []

@@ -40,7 +40,7 @@ class Silent:
     def row(self, now: float, dt: float) -> None:
         """Record nothing."""
 
-    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
+    def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
         """Report nothing."""
 
     def keep_going(self) -> None:

@@ -32,13 +32,13 @@ ByPoint = float | np.ndarray | Callable[..., np.ndarray]
 class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
-    Create a sheet with `rectangle`, `outline` or another constructor; `cut`, `hole`, `inclusion`, `stiffened` and
-    `turned` return modified copies. All constructors accept thickness and density as a number, an array with one value
-    per point, or a function of x and y (on a curved sheet of x, y and z).
+    Create a sheet with `rectangle`, `outline` or another constructor; `cut`, `slit`, `hole`, `inclusion`, `rigid`,
+    `stiffened` and `turned` return modified copies. All constructors accept thickness and density as a number, an array
+    with one value per point, or a function of x and y (on a curved sheet of x, y and z).
 
     Attributes:
         thickness: Thickness [m], a number or shape (N,); for a bar, whose `areas` are lengths [m], the cross section
-            [m^2]. If it varies, a family has the thickness of its centre point.
+            [m^2]. Where it varies, all bonds of a point's family use the thickness at that point.
         density: Mass per reference volume [kg/m^3], a number or shape (N,).
         stiffness: Factor on the moduli of the material at each point, shape (N,); None for 1 everywhere.
         stretch: In-plane deformation gradient from the stress-free sheet to this one, shape (2, 2); None if this sheet
@@ -454,9 +454,9 @@ class Sheet(SelectableShape):
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
         """A copy in which all moduli of the material are multiplied by `factor` at `points`.
 
-        A family has the material of its centre point. A bond between two materials therefore gets half of its energy
-        from each: W_ij Psi_i(F_ij) + W_ji Psi_j(F_ji) in the bond-associated law, the mean of both ends in bond-based
-        laws.
+        All bonds of a point's family use the material at that point. A bond between two materials therefore gets half
+        of its energy from each: W_ij Psi_i(F_ij) + W_ji Psi_j(F_ji) in the bond-associated law, the mean of both ends
+        in bond-based laws.
 
         Raises:
             InputError: if the factor is not positive, or an index does not exist.

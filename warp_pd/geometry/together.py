@@ -19,6 +19,15 @@ from .triangulation import doubled_normals
 # Largest distance of two points that become one, in spacings, and least cosine of the angle at which sheets may meet: a
 # family across the seam has one tangent plane.
 COINCIDENT, STRAIGHT = 1e-4, 0.9
+# Fields of a sheet that `glued` does not join, and what a sheet with one is or has.
+NOT_GLUED = {
+    "stretch": "is prestretched",
+    "spacings": "has graded spacing",
+    "pieces": "consists of pieces",
+    "bodies": "contains rigid bodies",
+    "cuts": "has cuts",
+    "inclusions": "contains rigid bodies",
+}
 
 
 def together(*sheets: Sheet) -> Sheet:
@@ -140,9 +149,12 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
 
 
 def _require_plain(name: str, sheet: Sheet) -> None:
-    for what in ("stretch", "spacings", "pieces", "bodies", "cuts", "inclusions"):
-        if getattr(sheet, what) is not None and len(getattr(sheet, what)):
-            raise InputError(f"glued: {name} has {what}: expected a stress-free sheet of one spacing, without cuts")
+    for field, fault in NOT_GLUED.items():
+        if getattr(sheet, field) is not None and len(getattr(sheet, field)):
+            raise InputError(
+                f"glued: {name} {fault}: expected a sheet of uniform spacing, not prestretched, without cuts, rigid "
+                "bodies or pieces"
+            )
     if len(sheet.triangles) == 0:
         raise InputError(f"glued: {name} has no triangles: expected a sheet")
 

@@ -60,8 +60,8 @@ class Reporter(Protocol):
         """Called when a frame has been recorded."""
         ...
 
-    def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
-        """Called between the frames of a static solver; `rounds` of rupture came before at this load."""
+    def residual(self, steps: int, residual: float, tolerance: float, round_of: str) -> None:
+        """Called between the frames of a static solver; `round_of` as in "round 2 of contact", or ""."""
         ...
 
     def close(self) -> None:

@@ -46,8 +46,8 @@ class FrameSink(Protocol):
         """Record a row of the history between frames, after a step of dt [s]; the host reads nothing."""
         ...
 
-    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
-        """Report the progress of a static solver between frames; `rounds` of rupture came before at this load."""
+    def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
+        """Report the progress of a static solver between frames; `round_of` as in "round 2 of contact", or ""."""
         ...
 
     def keep_going(self) -> None:
@@ -100,7 +100,7 @@ class System:
                     raise InputError(f"{part.label}: not supported by the solver {solver}; expected Explicit")
 
     def refuse_contact(self, solver: str) -> None:
-        """Refuse contact at rest for a solver that does not settle it.
+        """Refuse static contact for a solver that cannot solve it.
 
         Raises:
             InputError: if there is any.

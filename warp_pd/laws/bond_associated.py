@@ -177,7 +177,7 @@ class BondAssociatedForce(FamilyLaw):
         self.path.add_energy(stage, displacement, out)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
-        """Add the launches that fill the fields of frames, means over the bonds of a point."""
+        """Add the launches that fill the point fields shown in frames: means over each point's bonds."""
         kernel = shown.of_bonds(self.key, self.material, self.response)
         shown.add_principal(stage, kernel, factors=factors(self.context), terms=self.terms, state=self.state)
         shown.add_counts(stage)

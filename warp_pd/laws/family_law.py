@@ -170,7 +170,7 @@ class FamilyLaw(BuiltLaw):
             stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
-        """Add the launches that fill the fields of frames, by default from the gradient of each family."""
+        """Add the launches that fill the point fields shown in frames, by default from each family's gradient."""
         shown.add_principal(stage, shown.of_family(self.shown_stress))
         shown.add_counts(stage)
 

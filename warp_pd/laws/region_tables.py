@@ -44,8 +44,8 @@ def region_tables(
 ) -> Tables:
     """Families and their tables; arguments and results as for `law_tables`.
 
-    The family of a point on an interface consists of its families in all regions, one after the other, so neighbours
-    along the interface occur in each. An intersection has members of one region only. A fraction of the area of a point
+    A point on an interface has one family per region, stored one after the other; a neighbour on the interface is
+    therefore listed in each. An intersection has members of one region only. A fraction of the area of a point
     belongs to each region; the device has one area per point, and the influence function includes the fraction.
 
     Raises:

@@ -24,7 +24,7 @@ from ..materials import Maxwell, Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
 from .force_paths import ForcePath, Reference, RowSums
-from .prony import at_once, check_prony, prony_array
+from .prony import at_once, prony_array, store_terms
 
 
 @dataclass(frozen=True)
@@ -53,22 +53,21 @@ class Visco(BondAssociated):
             has none.
     """
 
-    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
-    branches: tuple[Maxwell, ...] = field(default=(), kw_only=True)
+    prony: Sequence[Prony] = field(default=(), kw_only=True)
+    branches: Sequence[Maxwell] = field(default=(), kw_only=True)
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_prony(self.prony)
+        store_terms(self, "prony", Prony)
         known = capabilities(self.material)
         if self.prony and known.goes_slack:
             raise InputError(
                 f"prony = {self.prony!r}: expected () with a TensionField material, which takes `branches` instead"
             )
-        if not isinstance(self.branches, tuple) or not all(isinstance(each, Maxwell) for each in self.branches):
-            raise InputError(f"branches = {self.branches!r}: expected a tuple of Maxwell elements")
+        store_terms(self, "branches", Maxwell)
         if self.branches and self.prony:
             raise InputError(f"prony = {self.prony!r}: expected () with branches")
         if self.branches and known.goes_slack and (known.resisting is None or known.response is None):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -18,7 +19,7 @@ from ..kernels.effects import Kernel
 from ..kernels.visco_bonds import visco_bonds
 from ..materials import Prony, Yeoh
 from .family_law import FamilyLaw, require_one_material, whole_sheet
-from .prony import at_once, check_prony, prony_array
+from .prony import at_once, prony_array, store_terms
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,14 @@ class ViscoBondBased:
 
     material: Yeoh
     horizon: float = 3.015
-    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    prony: Sequence[Prony] = field(default=(), kw_only=True)
 
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
-        check_prony(self.prony)
+        store_terms(self, "prony", Prony)
         if not isinstance(self.material, Yeoh) or self.material.c30 != 0.0:
             raise InputError(f"material = {self.material!r}: expected Yeoh with c30 = 0")
 

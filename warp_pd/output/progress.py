@@ -53,14 +53,14 @@ class Progress:
         self._reached, self._step = 100.0 * report.fraction, 100.0 / max(1, report.frames)
         self._show(self._reached, text, every=max(1, report.frames // 10))
 
-    def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
+    def residual(self, steps: int, residual: float, tolerance: float, round_of: str) -> None:
         """Show the residual of a static run; its decades lead the bar on to the next frame."""
         percent = self._reached
         if math.isfinite(residual) and residual > 0.0:
             percent += self._step * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
         text = f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})"
-        if rounds:
-            text = f"{text}, round {rounds} of rupture"
+        if round_of:
+            text = f"{text}, {round_of}"
         self._show(min(percent, 99.9), text, every=10)
 
     def close(self) -> None:

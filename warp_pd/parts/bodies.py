@@ -337,11 +337,14 @@ class BodyAtRest(BuiltBody, BuiltLoad):
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
-            raise InputError(f"RigidBody {part.name!r}: motion = Free: expected a BodyPath at rest, or Explicit")
-        for name, value, wanted in (("friction", part.friction, 0.0), ("surface", part.surface, False)):
+            raise InputError(
+                f"RigidBody {part.name!r}: motion = Free: expected a BodyPath with a static solver; Free needs Explicit"
+            )
+        for name, value, wanted in (("friction", part.friction, 0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
-                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with a static solver; {name} "
+                    "needs Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types
@@ -396,7 +399,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
 
     def stiffen(self, stiffness: float) -> None:
-        """Set the contact stiffness [Pa/m], unless it is set."""
+        """Set the contact stiffness [Pa/m], unless already set."""
         if not self._stiffness.numpy()[0]:
             self._stiffness.assign(np.array([stiffness]))
         self._softest = float(self._stiffness.numpy()[0])

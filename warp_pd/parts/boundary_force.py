@@ -59,7 +59,7 @@ class BoundaryForce(Load):
             raise InputError("loads: two or more BoundaryForce: expected one with all the points")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
-        """Indices of the points that have the force while no bond is broken, int32, shape (P,); `horizon` [m]."""
+        """Indices of the points on which the force acts while no bond is broken, int32, (P,); `horizon` [m]."""
         if self.points is None:
             return near_edges(sheet, horizon)
         return point_indices("BoundaryForce.points", self.points, sheet.size)

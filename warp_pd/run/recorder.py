@@ -111,12 +111,12 @@ class Recorder:
         """Start counting the seconds spent in steps."""
         self._clock = perf_counter()
 
-    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
+    def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
         """Report the progress of a static solver, and stop it if the user asked to."""
         if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
-            self.reporter.residual(steps, residual, tolerance, rounds)
+            self.reporter.residual(steps, residual, tolerance, round_of)
 
     def ask_to_stop(self) -> None:
         """Make the run end at the next frame, or during a long one."""

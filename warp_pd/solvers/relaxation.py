@@ -291,13 +291,15 @@ class Relaxing:
             if not settles and not breaks and entry["residuals"][-1] <= tolerance:
                 break
             entry["rounds"] += breaks or settles
-            converged = self._relax(entry, max(tolerance, rupture.close_enough) if breaks else tolerance, ramp=False)
+            round_of = f"round {entry['rounds']} of {'contact' if settles else 'rupture'}" if entry["rounds"] else ""
+            enough = max(tolerance, rupture.close_enough) if breaks else tolerance
+            converged = self._relax(entry, enough, ramp=False, round_of=round_of)
         converged = converged and not rupture.goes_on(entry)
         converged = converged and not sum(contact.passed() for contact in self.built.contacts)
         entry.update(steps=self.done - entry["steps"], converged=converged)
         return bool(entry["converged"])
 
-    def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool) -> bool:
+    def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool, round_of: str = "") -> bool:
         """Take steps until the residual is small, checking it at least once; return whether it became small."""
         start, solver = self.done, self.solver
         ramp_steps = solver.ramp_steps if ramp else 0
@@ -311,7 +313,7 @@ class Relaxing:
             self.residual_launches.run()
             residual = self.built.residual()
             entry["residuals"].append(residual)
-            self.sink.progress(self.done, residual, tolerance, entry["rounds"])
+            self.sink.progress(self.done, residual, tolerance, round_of)
             if not math.isfinite(residual):
                 return False
             if residual <= tolerance and self.done - start >= ramp_steps:

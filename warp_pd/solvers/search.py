@@ -162,7 +162,8 @@ class Search(StaticSystem):
             if breaks and not settles:
                 self._kept_factor = None
             tolerance = max(self.tolerance, self.rupture.close_enough) if breaks and not settles else self.tolerance
-            found, whole = self._descend(0, factor, sink, tolerance, entry["rounds"]), entry["lattices"][-1]
+            round_of = f"round {entry['rounds']} of {'contact' if settles else 'rupture'}" if entry["rounds"] else ""
+            found, whole = self._descend(0, factor, sink, tolerance, round_of), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]
             converged, residual = found["converged"] and not self.rupture.goes_on(entry), found["residuals"][-1]

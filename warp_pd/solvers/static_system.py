@@ -85,41 +85,55 @@ class StaticSystem:
         self.sizes = Sizes(**state["sizes"])
 
     def _preconditioner(self, tangent: Tangent) -> str:
-        wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
+        wanted, context = self.settings.preconditioner, self.system.context
         for load in self.system.external.following:
             if load.at_rest is not None and wanted not in ("auto", "direct"):
                 raise InputError(f"preconditioner = {wanted!r}: expected 'auto' or 'direct' with {load.label}")
             if load.at_rest is not None:
                 return "direct"
-        sheet, held = context.sheet, context.held
-        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and law.intact is None and law.coarsens
-        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth and not sheet.cuts else []
-        possible = bool(lattices)
-        if sheet.lattice is not None and possible:
-            nearest = coarse_points(lattices[-1], sheet.lattice)
-            # A support that no coarse point sees would leave the coarse sheet loose.
-            possible = bool((np.bitwise_or.reduce(held) & ~np.bitwise_or.reduce(held[nearest])) == 0)
-        if possible:
-            possible = all(load.coarsens for load in self.system.external.following)
-        if wanted == "multigrid" and not possible:
-            raise InputError(
-                "preconditioner = 'multigrid': expected an uncut rectangle of more than 300 points, a horizon up to "
-                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'algebraic' or 'direct'"
-            )
-        if wanted == "algebraic" and not (smooth and sheet.size > MAX_COARSEST):
-            raise InputError(
-                f"preconditioner = 'algebraic': expected more than {MAX_COARSEST} points, a horizon up to "
-                f"{MAX_MULTIGRID_HORIZON}, the law BondAssociated, and bonds that do not break; take 'direct'"
-            )
+        sheet, no_aggregates = context.sheet, self._no_aggregates()
+        no_lattices = no_aggregates or self._no_lattices()
+        if wanted == "multigrid" and no_lattices:
+            others = "'direct'" if no_aggregates else "'algebraic' or 'direct'"
+            raise InputError(f"preconditioner = 'multigrid': {no_lattices}; use {others}")
+        if wanted == "algebraic" and no_aggregates:
+            raise InputError(f"preconditioner = 'algebraic': {no_aggregates}; use 'direct'")
         if wanted != "auto":
             return wanted
         if sheet.size <= self.factorised:
             return "direct"
-        if possible:
+        if not no_lattices:
             return "multigrid"
-        if smooth and sheet.size > ALGEBRAIC_FROM:
+        if not no_aggregates and sheet.size > ALGEBRAIC_FROM:
             return "algebraic"
         return "direct" if context.device.is_cpu or sheet.size <= tangent.direct_points else "jacobi"
+
+    def _no_aggregates(self) -> str:
+        """Why the preconditioner cannot be algebraic, as text of a message, or ""."""
+        law, size = self.system.law, self.system.context.sheet.size
+        if law.horizon_ratio > MAX_MULTIGRID_HORIZON:
+            return f"horizon = {law.horizon_ratio:.6g}: expected at most {MAX_MULTIGRID_HORIZON}"
+        if law.intact is not None:
+            return "damage: expected None, because bonds must not break"
+        if not law.coarsens:
+            return "force: expected BondAssociated"
+        return f"sheet of {size} points: expected more than {MAX_COARSEST} points" if size <= MAX_COARSEST else ""
+
+    def _no_lattices(self) -> str:
+        """Why the preconditioner cannot be multigrid though it can be algebraic, as text of a message, or ""."""
+        sheet, held = self.system.context.sheet, self.system.context.held
+        if sheet.lattice is None or sheet.cuts:
+            return "sheet: expected an uncut rectangle"
+        lattices = coarser(sheet.lattice)
+        if not lattices:
+            return f"sheet of {sheet.lattice.columns} x {sheet.lattice.rows} points: expected more on each side"
+        nearest = coarse_points(lattices[-1], sheet.lattice)
+        if np.bitwise_or.reduce(held) & ~np.bitwise_or.reduce(held[nearest]):
+            return "supports: expected each on a point of the coarsest lattice too, or the coarse sheet would be loose"
+        for load in self.system.external.following:
+            if not load.coarsens:
+                return f"{load.label}: expected loads that can be built on coarser lattices"
+        return ""
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet to a load factor."""
@@ -165,11 +179,13 @@ class StaticSystem:
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
 
-    def _descend(self, index: int, factor: float, sink: FrameSink, tolerance: float, rounds: int = 0) -> dict[str, Any]:
+    def _descend(
+        self, index: int, factor: float, sink: FrameSink, tolerance: float, round_of: str = ""
+    ) -> dict[str, Any]:
         """Run Newton steps on a lattice at a load factor, and return the report entry."""
 
         def told(steps: int, residual: float) -> None:
-            sink.progress(steps, residual, tolerance, rounds)
+            sink.progress(steps, residual, tolerance, round_of)
 
         return Descent(
             self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),

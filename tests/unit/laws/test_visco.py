@@ -73,8 +73,8 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
         (lambda: Visco(POLYUREA, prony=[TERMS]), "^prony = "),
         (lambda: Visco(TensionField(POLYUREA), prony=TERMS), r"^prony = .*: expected \(\) with a TensionField"),
         (
-            lambda: Visco(POLYUREA, branches=[Maxwell(1.0, 1.0)]),
-            r"^branches = .*: expected a tuple of Maxwell elements",
+            lambda: Visco(POLYUREA, branches=Maxwell(1.0, 1.0)),
+            r"^branches = .*: expected a sequence of Maxwell",
         ),
         (
             lambda: Visco(POLYUREA, prony=TERMS, branches=(Maxwell(1.0, 1.0),)),
@@ -90,6 +90,10 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
 def test_wrong_arguments_are_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+def test_branches_may_be_a_list():
+    assert Visco(POLYUREA, branches=[Maxwell(1.0, 1.0)]) == Visco(POLYUREA, branches=(Maxwell(1.0, 1.0),))
 
 
 def test_what_a_step_retains_is_right_near_no_step():

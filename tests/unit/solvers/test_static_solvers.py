@@ -53,8 +53,19 @@ WRONG = [
     (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
     (lambda: Relaxation(load_steps=0), "load_steps = 0"),
     (lambda: Relaxation(most_steps=0), "most_steps = 0"),
-    (lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"), "preconditioner = 'multigrid'"),
+    (
+        lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"),
+        "preconditioner = 'multigrid': sheet of 81 points: expected more than 300 points; use 'direct'",
+    ),
     (lambda: simulate(square(9), Newton(preconditioner="algebraic")).build("cpu"), "expected more than 300 points"),
+    (
+        lambda: simulate(square(21).as_cloud(), Newton(preconditioner="multigrid")).build("cpu"),
+        "expected an uncut rectangle; use 'algebraic' or 'direct'",
+    ),
+    (
+        lambda: simulate(square(9), Newton(preconditioner="algebraic"), horizon=3.015).build("cpu"),
+        "horizon = 3.015: expected at most 2.5; use 'direct'",
+    ),
     (
         lambda: simulate(square(9), Newton(), contact=RigidBall(0.05, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
         "contact = RigidBall",
