@@ -54,15 +54,16 @@ def test_examples_of_fits_run(code, capsys):
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["bodies", "contact", "self-contact"])
-def test_examples_of_contact_can_be_built(page):
+@pytest.mark.parametrize("page", ["bodies", "contact", "self-contact", "solvers", "visco"])
+def test_examples_of_a_page_can_be_built(page):
     if page == "bodies":
         pytest.importorskip("newton", reason="newton, the extra `bodies`, is not installed")
     names = {}
     for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL):
-        exec(compile(code, page, "exec"), names)
-    part = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}[page]
-    assert part in names["simulation"].plan("cpu")
+        exec(compile(textwrap.dedent(code), page, "exec"), names)
+    parts = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}
+    parts |= {"solvers": "every V-cycle", "visco": "branches"}
+    assert parts[page] in names["simulation"].plan("cpu")
     if page == "contact":
         assert "settle_contact" in names["indentation"].plan("cpu")
 
