@@ -7,9 +7,21 @@ import h5py
 import numpy as np
 import pytest
 from helpers import GENT, build, jittered, square
-from small_runs import BALL, cli
+from small_runs import BALL, cli, run
 
-from warp_pd import BondAssociated, Explicit, Fixed, Motion, NeoHookean, Pressure, Simulation, TensionField
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    Motion,
+    NeoHookean,
+    Place,
+    Pressure,
+    Simulation,
+    TensionField,
+    placed,
+    together,
+)
 from warp_pd.__main__ import build_scene
 from warp_pd.families.partition import partition_sheet
 from warp_pd.parts.frame_checks import FrameChecks
@@ -118,3 +130,13 @@ def test_the_likely_cause_fits_the_scene():
     assert result.status == "diverged"
     assert "try a smaller load" in result.summary["message"]
     assert "torn" not in result.summary["message"] and "safety" not in result.summary["message"]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_sheet_that_was_placed_and_waits_does_not_diverge(precision):
+    """All its energy is round-off of the placement."""
+    sheet = together(square(9), square(9))
+    start = placed(sheet, Place(), Place((0.0, 0.0, 0.05), degrees=15.0))
+    result = run(sheet, Explicit(0.01, frames=2), precision=precision, initial_displacement=start)
+    assert result.status == "finished"
+    assert result.history[-1]["strain"] > 0.0
