@@ -172,6 +172,8 @@ SQUARE = square(9)
         ((SQUARE, [40], SQUARE, [40]), "points along an edge of both sheets"),
         ((SQUARE.prestretched(1.1), "right", SQUARE, "left"), "first has stretch"),
         ((SQUARE, "rigth", SQUARE, "left"), "edge = 'rigth'"),
+        ((SQUARE, "right", SQUARE, "left", (0.1, 0, 0)), r"^place = \(0.1, 0, 0\): expected a Place"),
+        ((SQUARE, "right", "A", "left"), "^second = 'A': expected a Sheet"),
     ],
 )
 def test_sheets_that_cannot_become_one_are_refused(arguments, message):

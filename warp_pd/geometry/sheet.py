@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, by_point, finite, numbers, point_indices, positive, truth_values, vector
+from ..device.checks import InputError, by_point, called, finite, numbers, point_indices, positive, truth_values, vector
 from .clouds import cloud
 from .edits import punched, slit, turned
 from .files import flat_shape, read_mesh
@@ -361,7 +361,7 @@ class Sheet(SelectableShape):
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
         if len(path) == 1 and callable(path[0]):
-            level = numbers("slit: level(x, y, z)", path[0](*self.points.T))
+            level = numbers("slit: level(x, y, z)", called("slit: level(x, y, z)", path[0], self.points.T))
             if level.shape != (self.size,):
                 raise InputError(f"slit: level(x, y, z): expected {self.size} numbers, got shape {level.shape}")
             inside = None if where is None else truth_values("slit: where", where, *self.points.T)
@@ -416,6 +416,8 @@ class Sheet(SelectableShape):
                 sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
+        if not len(members):
+            raise InputError(f"inclusion at {centre!r} of radius {radius!r} contains no points: expected a larger one")
         if len(members) == self.size:
             raise InputError(
                 f"inclusion at {centre!r} of radius {radius!r} contains the whole sheet: expected a smaller one"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, point_indices
+from ..device.checks import InputError, of_kind, point_indices
 from .clouds import cloud
 from .pieces import Place, side_by_side
 from .sheet import Sheet
@@ -32,6 +32,8 @@ def together(*sheets: Sheet) -> Sheet:
     Raises:
         InputError: for fewer than two sheets, a mixture of flat and curved sheets, or prestretched sheets.
     """
+    for index, sheet in enumerate(sheets):
+        of_kind(f"sheets[{index}]", sheet, Sheet)
     shape = side_by_side(sheets)
     for index, sheet in enumerate(sheets):
         if sheet.stretch is not None:
@@ -72,6 +74,8 @@ def placed(sheet: Sheet, *places: Place) -> np.ndarray:
         raise InputError("sheet: expected a sheet of several pieces, from `together`")
     if len(places) != len(sheet.origins):
         raise InputError(f"places: expected {len(sheet.origins)}, one per piece, got {len(places)}")
+    for index, place in enumerate(places):
+        of_kind(f"places[{index}]", place, Place)
     positions = sheet.positions
     displacement = np.zeros_like(positions)
     for number, (place, origin) in enumerate(zip(places, sheet.origins, strict=True), start=1):
@@ -100,8 +104,11 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         InputError: for edges whose points do not coincide, sheets that meet at an angle or overlap, prestretched or
             graded sheets, and sheets with cuts, rigid inclusions or pieces.
     """
+    if place is not None:
+        of_kind("place", place, Place)
     sheets, edges = (first, second), []
     for name, sheet, given in (("first", first, edge), ("second", second, other_edge)):
+        of_kind(name, sheet, Sheet)
         _require_plain(name, sheet)
         points = sheet.edges(given) if isinstance(given, str) else given
         edges.append(point_indices(f"glued: edge of {name}", points, sheet.size))

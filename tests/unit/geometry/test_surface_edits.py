@@ -190,6 +190,7 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
     (lambda: TUBE.slit(lambda x, y, z: z - 9.0), "slit: level.* changes its sign nowhere"),
     (lambda: TUBE.slit(lambda x, y, z: y * (z - 1.5)), "slit: level.* expected lines of zeros that do not meet"),
     (lambda: TUBE.slit(lambda x, y, z: 1.0), r"slit: level.* expected 288 numbers, got shape \(\)"),
+    (lambda: TUBE.slit(lambda x, y: y), r"slit: level\(x, y, z\): TypeError: .*; expected a function of arrays"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), where=lambda x, y, z: z > 0), "slit: expected one function before where"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 2.0), (1.0, 0.0, 1.5)), ".*meets itself or an edge"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* contains no points"),
