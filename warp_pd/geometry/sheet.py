@@ -412,8 +412,8 @@ class Sheet(SelectableShape):
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
-            InputError: if it contains fewer than three points, only collinear points or all of them, or, on a curved
-                sheet, patches that do not hang together, such as both sides of a tube.
+            InputError: if it contains fewer than three points, only collinear points, points of another rigid body or
+                all of them, or, on a curved sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
         if not len(members):
@@ -437,15 +437,21 @@ class Sheet(SelectableShape):
             mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
 
         Raises:
-            InputError: if there are fewer than three points, only collinear points or all points of the sheet, or the
-                mass is not positive.
+            InputError: if there are fewer than three points, only collinear points, points of another rigid body or all
+                points of the sheet, or the mass is not positive.
         """
         members = point_indices("rigid: points", points, self.size)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            raise InputError(f"rigid: points = {len(members)} points: expected three or more that are not collinear")
+            raise InputError(
+                f"rigid: got {len(members)} points on a line: expected three or more that are not collinear"
+            )
         if len(members) == self.size:
             raise InputError("rigid: points contain the whole sheet: expected fewer")
+        if len(shared := np.intersect1d(members, np.concatenate([[], *self.inclusions]))):
+            raise InputError(
+                f"rigid: point {int(shared[0])} is in another rigid body: expected bodies that share no point"
+            )
         density = self.density
         if mass is not None:
             volume = (self.areas * self.thickness)[members].sum()
