@@ -396,11 +396,18 @@ class Sheet(SelectableShape):
         curved sheet, triangles that lost a corner are removed.
 
         Raises:
-            InputError: if the hole contains no points or removes the whole sheet.
+            InputError: if the hole contains no points, removes the whole sheet, or takes part of a rigid body.
         """
         offset = self.points - vector("centre", centre, self.points.shape[1])
         inside = np.linalg.norm(offset, axis=1) < positive("radius", radius) * (1.0 - 1e-9)
-        smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
+        name = f"hole at {centre!r} of radius {radius!r}"
+        smaller, kept = punched(self, inside, name)
+        touched = ~kept
+        touched[kept] = ~np.isclose(smaller.areas, self.areas[kept], rtol=1e-9, atol=0.0)
+        if any(touched[members].any() for members in self.inclusions):
+            raise InputError(
+                f"{name} changes the mass of a rigid body: expected a hole beside it; or make the hole first"
+            )
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:

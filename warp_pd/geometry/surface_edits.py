@@ -52,7 +52,8 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
         size, longest = float(np.linalg.norm(across)), float(np.linalg.norm(along))
         if size < 1e-3 * longest or not longest:
             raise InputError(
-                f"slit: path[{k}] and path[{k + 1}]: expected places apart on one side of the sheet; give more between"
+                f"slit: path[{k}] = {tuple(path[k].tolist())} and path[{k + 1}] = {tuple(path[k + 1].tolist())}: "
+                "expected places apart on one side of the sheet; give more between"
             )
         # Points on the far side of a closed sheet are in the same plane.
         level = (placed.points - placed.points[a]) @ across / size
@@ -109,8 +110,8 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
         Changed attributes of the shape, and what gives the values of its points from those of the points before.
 
     Raises:
-        InputError: if a slit meets itself or another one, touches an edge of the sheet except at its ends, is only one
-            edge of a triangle long, or distorts a triangle too much.
+        InputError: if a slit meets itself or another one, touches an edge of the sheet except at its ends, passes
+            through a rigid body, is only one edge of a triangle long, or distorts a triangle too much.
     """
     on_edge = np.unique(boundary_edges(shape.triangles))
     lines = [line for line, _ in slits]
@@ -118,6 +119,8 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     inner = np.concatenate([line[1:-1] for line in lines])
     if len(np.unique(every)) < len(every) or np.isin(inner, on_edge).any():
         raise InputError(f"{name} meets itself or an edge: expected a line in the sheet with at most its ends on edges")
+    if np.isin(inner, np.concatenate([np.zeros(0, int), *shape.inclusions])).any():
+        raise InputError(f"{name} passes through a rigid body: expected a slit beside it")
     if min(map(len, lines)) < 3:
         raise InputError(f"{name} is shorter than two edges of triangles: expected a longer slit")
     moved = {point: mixture for _, places in slits for point, mixture in places.items()}

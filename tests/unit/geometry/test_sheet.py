@@ -29,6 +29,7 @@ WRONG = [
         "5 points on a line: expected three or more that are not collinear",
     ),
     (lambda: square(5).rigid([0, 1, 5]).rigid([5, 6, 10]), "^rigid: point 5 is in another rigid body"),
+    (lambda: square(9).rigid([0, 1, 9], 0.1).hole((0.01, 0.01), 0.01), "^hole at .* changes the mass of a rigid body"),
     (lambda: square(5).rigid([0, 1, 5], mass=0.0), "rigid: mass = 0.0"),
     (lambda: square(5).edges("middle"), "edge = 'middle'"),
     (
