@@ -136,6 +136,7 @@ def test_sheets_glued_along_an_edge_are_one_sheet():
     whole = Sheet.rectangle(0.1, 0.05, thickness=1e-3, density=1000.0, points=13).as_cloud()
     parts = [Sheet.rectangle(w, 0.05, thickness=1e-3, density=1000.0, points=n) for w, n in ((0.05, 7), (0.05, 7))]
     sheet = glued(parts[0], "right", parts[1], "left", Place((0.05, 0.0, 0.0)))
+    np.testing.assert_allclose(sheet.points[sheet.edges("sheet 2")], parts[1].points + (0.05, 0.0), atol=1e-12)
     order = np.lexsort(sheet.points.round(9).T)
     np.testing.assert_allclose(sheet.points[order], whole.points, atol=1e-12)
     np.testing.assert_allclose(sheet.areas[order], whole.areas, rtol=1e-12)
@@ -171,7 +172,10 @@ SQUARE = square(9)
         ((SQUARE, "right", SQUARE, "right"), "same side of the seam"),
         ((SQUARE, [40], SQUARE, [40]), "points along an edge of both sheets"),
         ((SQUARE.prestretched(1.1), "right", SQUARE, "left"), "first has stretch"),
-        ((SQUARE, "rigth", SQUARE, "left"), "edge = 'rigth'"),
+        ((SQUARE, "rigth", SQUARE, "left"), "^glued: first: edge = 'rigth'"),
+        ((SQUARE, 3, SQUARE, "left"), "^glued: edge of first = 3: expected a name or point indices"),
+        ((SQUARE, "right", SQUARE, "left", (0.1, 0, 0)), r"^place = \(0.1, 0, 0\): expected a Place"),
+        ((SQUARE, "right", "A", "left"), "^second = 'A': expected a Sheet"),
     ],
 )
 def test_sheets_that_cannot_become_one_are_refused(arguments, message):
@@ -185,6 +189,8 @@ def test_sheets_that_cannot_become_one_are_refused(arguments, message):
         ({"strength": -1.0}, "Joint.strength = -1.0: expected a positive number"),
         ({"energy": None, "shear_energy": None, "shear_strength": None}, "Joint.strength without an energy"),
         ({"energy": "much"}, "Joint.energy = 'much'"),
+        ({"energy": -1.0}, "Joint.energy = -1.0: expected a positive number"),
+        ({"energy": True}, "Joint.energy = True: expected a positive number"),
         ({"stiffness": 1e5}, "Joint.strength = 4000 Pa: expected less than sqrt"),
         ({"reach": 1e-3}, "none of its points lies on a triangle"),
     ],

@@ -254,7 +254,7 @@ WRONG = {
     ),
     "two names": (
         lambda: on_trampoline([contacts_of()[0], *contacts_of()]).build("cpu"),
-        "contact: two bodies have the name 'ball_00'; expected different names",
+        "contact: two bodies have the name 'ball_00'; expected different names: give each a name=...",
     ),
     "times": (
         lambda: on_trampoline(contacts_of(), frames=(0.01, 0.16)).build("cpu"),

@@ -382,7 +382,10 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: together(square(9), Sheet.tube(0.1, 0.1, thickness=1e-3, density=1000.0, points=20)), "is curved"),
         (lambda: placed(square(9), Place()), "expected a sheet of several pieces"),
         (lambda: placed(together(square(9), square(9)), Place()), "places: expected 2, one per piece, got 1"),
+        (lambda: placed(together(square(9), square(9)), Place(), "x"), r"^places\[1\] = 'x': expected a Place"),
+        (lambda: together(square(9), "b"), r"^sheets\[1\] = 'b': expected a Sheet"),
         (lambda: Place(axis=(0.0, 0.0, 0.0)), "expected a nonzero vector"),
+        (lambda: Place(degrees=float("nan")), "^Place.degrees = nan: expected a finite number"),
     ],
 )  # fmt: skip
 def test_wrong_input_is_refused_in_one_line(make, message):

@@ -148,12 +148,16 @@ def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
     """
     if callable(value):
         name = f"{name}({', '.join('xyz'[: places.shape[1]])})"
-        with user_code(lambda error: f"{name}: {kind_and_text(error)}; expected a function of arrays"):
-            value = value(*places.T.copy())
-        return one_each(name, value, len(places))
+        return one_each(name, called(name, value, places.T.copy()), len(places))
     if isinstance(value, str) or not np.iterable(value):
         return positive(name, value)
     return one_each(name, value, len(places))
+
+
+def called(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarray]) -> Any:
+    """Result of a user's function of arrays. Raises InputError instead of any other error."""
+    with user_code(lambda error: f"{name}: {kind_and_text(error)}; expected a function of arrays"):
+        return function(*arguments)
 
 
 def corners(name: str, value: Any, points: int) -> np.ndarray:
@@ -176,6 +180,12 @@ def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> fl
             f"{name} = {length!r}: expected at least {least:g} spacings, {least * spacing:.3g} m; use more points"
         )
     return length
+
+
+def of_kind(name: str, value: Any, kind: type) -> None:
+    """Raise InputError unless `value` is an instance of `kind`."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} = {said(value)}: expected a {kind.__name__}")
 
 
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
@@ -250,11 +260,12 @@ def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarra
     """Values of a condition on arrays of equal shape, one boolean per entry.
 
     Raises:
-        InputError: if it is not a function, or does not return such booleans.
+        InputError: if it is not a function, fails, or does not return such booleans.
     """
     if not callable(condition):
         raise InputError(f"{name} = {condition!r}: expected a function")
-    holds, shape = np.asarray(condition(*arguments)), arguments[0].shape
+    holds = np.asarray(called(f"{name}({', '.join('xyz'[: len(arguments)])})", condition, arguments))
+    shape = arguments[0].shape
     if holds.dtype != bool or holds.shape != shape:
         raise InputError(f"{name} returned {holds.dtype} of shape {holds.shape}: expected bool of shape {shape}")
     return holds

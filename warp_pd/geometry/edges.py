@@ -13,8 +13,13 @@ SIDES = ("left", "right", "bottom", "top")
 
 
 def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
-    """Indices of the points on the named edges, ascending; arguments as for `Sheet.edges`."""
+    """Indices of the points on the named edges; arguments as for `Sheet.edges`.
+
+    They are ascending, except those of one part, which are in its order.
+    """
     known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
+    if len(names) == 1 and names[0] in shape.parts:
+        return np.asarray(shape.parts[names[0]])
     chosen = np.zeros(shape.size, bool)
     for name in names or ("all",):
         if name == "all" and name not in known:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.checks import InputError, vector
+from ..device.checks import InputError, finite, vector
 from .shape import Shape
 
 # Gap between pieces that lie side by side, in spacings of the wider one.
@@ -24,7 +24,7 @@ class Place:
         degrees: Angle of the rotation, counter-clockwise about the axis.
 
     Raises:
-        InputError: if a vector does not have three finite components, or the axis is zero.
+        InputError: if a vector does not have three finite components, the axis is zero, or the angle is not finite.
     """
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -32,7 +32,8 @@ class Place:
     degrees: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the vectors."""
+        """Check the vectors and the angle."""
+        finite("Place.degrees", self.degrees)
         vector("Place.offset", self.offset, 3)
         if not np.linalg.norm(vector("Place.axis", self.axis, 3)) > 0.0:
             raise InputError(f"Place.axis = {self.axis!r}: expected a nonzero vector")

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..device.checks import InputError, point_indices, said
+from ..device.checks import InputError, of_kind, point_indices, said
 from .picture_files import new_figure, save
 from .shape import Shape
 from .sheet import Sheet
@@ -58,8 +58,7 @@ def draw_sheet(
     Raises:
         InputError: if `sheet` is not a Sheet, or the path cannot be written.
     """
-    if not isinstance(sheet, Sheet):
-        raise InputError(f"sheet = {said(sheet)}: expected a Sheet")
+    of_kind("sheet", sheet, Sheet)
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
     varying = np.asarray(sheet.thickness) if np.ndim(sheet.thickness) else None

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, by_point, finite, numbers, point_indices, positive, truth_values, vector
+from ..device.checks import InputError, by_point, called, finite, numbers, point_indices, positive, truth_values, vector
 from .clouds import cloud
 from .edits import punched, slit, turned
 from .files import flat_shape, read_mesh
@@ -361,7 +361,7 @@ class Sheet(SelectableShape):
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
         if len(path) == 1 and callable(path[0]):
-            level = numbers("slit: level(x, y, z)", path[0](*self.points.T))
+            level = numbers("slit: level(x, y, z)", called("slit: level(x, y, z)", path[0], self.points.T))
             if level.shape != (self.size,):
                 raise InputError(f"slit: level(x, y, z): expected {self.size} numbers, got shape {level.shape}")
             inside = None if where is None else truth_values("slit: where", where, *self.points.T)
@@ -396,11 +396,18 @@ class Sheet(SelectableShape):
         curved sheet, triangles that lost a corner are removed.
 
         Raises:
-            InputError: if the hole contains no points or removes the whole sheet.
+            InputError: if the hole contains no points, removes the whole sheet, or takes part of a rigid body.
         """
         offset = self.points - vector("centre", centre, self.points.shape[1])
         inside = np.linalg.norm(offset, axis=1) < positive("radius", radius) * (1.0 - 1e-9)
-        smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
+        name = f"hole at {centre!r} of radius {radius!r}"
+        smaller, kept = punched(self, inside, name)
+        touched = ~kept
+        touched[kept] = ~np.isclose(smaller.areas, self.areas[kept], rtol=1e-9, atol=0.0)
+        if any(touched[members].any() for members in self.inclusions):
+            raise InputError(
+                f"{name} changes the mass of a rigid body: expected a hole beside it; or make the hole first"
+            )
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
@@ -412,10 +419,12 @@ class Sheet(SelectableShape):
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
-            InputError: if it contains fewer than three points, only collinear points or all of them, or, on a curved
-                sheet, patches that do not hang together, such as both sides of a tube.
+            InputError: if it contains fewer than three points, only collinear points, points of another rigid body or
+                all of them, or, on a curved sheet, patches that do not hang together, such as both sides of a tube.
         """
         members = self.within(centre, radius)
+        if not len(members):
+            raise InputError(f"inclusion at {centre!r} of radius {radius!r} contains no points: expected a larger one")
         if len(members) == self.size:
             raise InputError(
                 f"inclusion at {centre!r} of radius {radius!r} contains the whole sheet: expected a smaller one"
@@ -435,15 +444,21 @@ class Sheet(SelectableShape):
             mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
 
         Raises:
-            InputError: if there are fewer than three points, only collinear points or all points of the sheet, or the
-                mass is not positive.
+            InputError: if there are fewer than three points, only collinear points, points of another rigid body or all
+                points of the sheet, or the mass is not positive.
         """
         members = point_indices("rigid: points", points, self.size)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            raise InputError(f"rigid: points = {len(members)} points: expected three or more that are not collinear")
+            raise InputError(
+                f"rigid: got {len(members)} points on a line: expected three or more that are not collinear"
+            )
         if len(members) == self.size:
             raise InputError("rigid: points contain the whole sheet: expected fewer")
+        if len(shared := np.intersect1d(members, np.concatenate([[], *self.inclusions]))):
+            raise InputError(
+                f"rigid: point {int(shared[0])} is in another rigid body: expected bodies that share no point"
+            )
         density = self.density
         if mass is not None:
             volume = (self.areas * self.thickness)[members].sum()

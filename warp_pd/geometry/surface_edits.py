@@ -19,6 +19,8 @@ from .triangulation import doubled_normals, voronoi_areas
 # A level below this fraction of its largest difference along an edge is zero, and a place may be this fraction of the
 # longest edge off the sheet. No triangle may shrink to less than the last fraction of its area.
 ROUND_OFF, OFF, LEAST_SHARE, GOOD_SHARE = 1e-6, 0.5, 0.1, 0.3
+# Least distance from another slit, over the square root of the area of a point.
+ROOM = 0.4
 PER_POINT = ("frames", "spacings", "pieces")
 # A point in a triangle or on an edge: the points around it, and their weights.
 Mixture = tuple[np.ndarray, np.ndarray]
@@ -33,7 +35,7 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
     shape its ends are at points of that edge.
 
     Raises:
-        InputError: if a place is off the sheet, or the slit leaves the sheet between two places.
+        InputError: if a place is off the sheet, or the slit leaves the sheet or crosses another one between two places.
     """
     edges = _edges(shape)
     stops, moved = [], {}
@@ -50,13 +52,16 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
         size, longest = float(np.linalg.norm(across)), float(np.linalg.norm(along))
         if size < 1e-3 * longest or not longest:
             raise InputError(
-                f"slit: path[{k}] and path[{k + 1}]: expected places apart on one side of the sheet; give more between"
+                f"slit: path[{k}] = {tuple(path[k].tolist())} and path[{k + 1}] = {tuple(path[k + 1].tolist())}: "
+                "expected places apart on one side of the sheet; give more between"
             )
         # Points on the far side of a closed sheet are in the same plane.
         level = (placed.points - placed.points[a]) @ across / size
         level[[a, b]] = 0.0
         sides, snapped = _snapped(placed, edges, level, held=stops)
         way = _way(placed, sides, a, b)
+        if (name := _crossed(placed, sides, a, b)) is not None:
+            raise InputError(f"slit: path[{k}] to path[{k + 1}] crosses {name!r}: expected slits that do not cross")
         if way is None:
             raise InputError(f"slit: path[{k}] to path[{k + 1}] leaves the sheet: expected more places between them")
         crack += way
@@ -105,8 +110,8 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
         Changed attributes of the shape, and what gives the values of its points from those of the points before.
 
     Raises:
-        InputError: if a slit meets itself or another one, touches an edge of the sheet except at its ends, is only one
-            edge of a triangle long, or distorts a triangle too much.
+        InputError: if a slit meets itself or another one, touches an edge of the sheet except at its ends, passes
+            through a rigid body, is only one edge of a triangle long, or distorts a triangle too much.
     """
     on_edge = np.unique(boundary_edges(shape.triangles))
     lines = [line for line, _ in slits]
@@ -114,6 +119,8 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     inner = np.concatenate([line[1:-1] for line in lines])
     if len(np.unique(every)) < len(every) or np.isin(inner, on_edge).any():
         raise InputError(f"{name} meets itself or an edge: expected a line in the sheet with at most its ends on edges")
+    if np.isin(inner, np.concatenate([np.zeros(0, int), *shape.inclusions])).any():
+        raise InputError(f"{name} passes through a rigid body: expected a slit beside it")
     if min(map(len, lines)) < 3:
         raise InputError(f"{name} is shorter than two edges of triangles: expected a longer slit")
     moved = {point: mixture for _, places in slits for point, mixture in places.items()}
@@ -122,8 +129,13 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     share = _shares(before, after)
     if (share < LEAST_SHARE).any():
         worst = placed.points[shape.triangles[np.argmin(share)]].mean(axis=0)
-        place = tuple(np.round(worst, 6).tolist())
-        raise InputError(f"{name} is too close to an edge or another slit near {place}: expected room for triangles")
+        raise InputError(f"{name} is too close to an edge or another slit {_near(worst)}: expected room for triangles")
+    for other in _slits(shape):
+        apart = np.linalg.norm(placed.points[inner, None] - placed.points[shape.parts[other]], axis=2).min(axis=1)
+        close = apart < ROOM * np.sqrt(shape.areas[inner])
+        if close.any():
+            place = _near(placed.points[inner[close][0]])
+            raise InputError(f"{name} is too close to {other!r} {place}: expected slits farther apart")
     triangles, source = shape.triangles, np.arange(shape.size)
     parts = dict(shape.parts)
     for line in lines:
@@ -150,6 +162,35 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
         "parts": {part: points.astype(np.int32) for part, points in parts.items()},
         "inclusions": tuple(np.flatnonzero(np.isin(source, m)).astype(np.int32) for m in shape.inclusions),
     }, values
+
+
+def _near(place: np.ndarray) -> str:
+    return f"near {tuple(np.round(place, 6).tolist())}"
+
+
+def _slits(shape: Shape) -> list[str]:
+    """Names of the slits of a shape."""
+    return [name for name in shape.parts if f"{name} left" in shape.parts and f"{name} right" in shape.parts]
+
+
+def _crossed(shape: Shape, edges: np.ndarray, start: int, end: int) -> str | None:
+    """Name of the slit that the path from `start` to `end` would cross if that slit were closed, or None.
+
+    On a closed surface there is often a longer path, round the back.
+    """
+    on_path = np.unique(edges)
+    for name in _slits(shape):
+        left, right = (np.intersect1d(on_path, shape.parts[f"{name} {side}"]) for side in ("left", "right"))
+        left, right = np.setdiff1d(left, right), np.setdiff1d(right, left)
+        if len(left) and len(right):
+            apart = np.linalg.norm(shape.points[left, None] - shape.points[right], axis=2)
+            bridges = np.argwhere(apart < shape.spacing)
+            bridges = np.column_stack([left[bridges[:, 0]], right[bridges[:, 1]]])
+            across = {frozenset(pair) for pair in bridges.tolist()}
+            way = [start, *(_way(shape, np.concatenate([edges, bridges]), start, end) or [])]
+            if any(frozenset(step) in across for step in pairwise(way)):
+                return name
+    return None
 
 
 def _edges(shape: Shape) -> np.ndarray:

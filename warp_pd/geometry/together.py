@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, point_indices
+from ..device.checks import InputError, of_kind, point_indices, said
 from .clouds import cloud
 from .pieces import Place, side_by_side
 from .sheet import Sheet
@@ -41,6 +41,8 @@ def together(*sheets: Sheet) -> Sheet:
     Raises:
         InputError: for fewer than two sheets, a mixture of flat and curved sheets, or prestretched sheets.
     """
+    for index, sheet in enumerate(sheets):
+        of_kind(f"sheets[{index}]", sheet, Sheet)
     shape = side_by_side(sheets)
     for index, sheet in enumerate(sheets):
         if sheet.stretch is not None:
@@ -81,6 +83,8 @@ def placed(sheet: Sheet, *places: Place) -> np.ndarray:
         raise InputError("sheet: expected a sheet of several pieces, from `together`")
     if len(places) != len(sheet.origins):
         raise InputError(f"places: expected {len(sheet.origins)}, one per piece, got {len(places)}")
+    for index, place in enumerate(places):
+        of_kind(f"places[{index}]", place, Place)
     positions = sheet.positions
     displacement = np.zeros_like(positions)
     for number, (place, origin) in enumerate(zip(places, sheet.origins, strict=True), start=1):
@@ -94,7 +98,8 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
     """Join two sheets along an edge to one sheet: the points of both edges become one, and families span the seam.
 
     The seam is as stiff and as strong as the sheets; it may have a `TearingEnergy` of its own. The result is a cloud.
-    Its parts are "sheet 1", "sheet 2", "seam", and those of the sheets with their prefix. Thickness and density of the
+    Its parts are "sheet 1" and "sheet 2", in the order of the points of the sheets, "seam", and those of the sheets
+    with their prefix. Thickness and density of the
     seam are means over the areas on both sides. For sheets that meet at an angle, three at one edge, grids that do not
     match and joints that break, see `Joint`.
 
@@ -109,10 +114,18 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         InputError: for edges whose points do not coincide, sheets that meet at an angle or overlap, prestretched or
             graded sheets, and sheets with cuts, rigid inclusions or pieces.
     """
+    if place is not None:
+        of_kind("place", place, Place)
     sheets, edges = (first, second), []
     for name, sheet, given in (("first", first, edge), ("second", second, other_edge)):
+        of_kind(name, sheet, Sheet)
         _require_plain(name, sheet)
-        points = sheet.edges(given) if isinstance(given, str) else given
+        try:
+            points = sheet.edges(given) if isinstance(given, str) else given
+        except InputError as error:
+            raise InputError(f"glued: {name}: {error}") from None
+        if np.ndim(points) == 0:
+            raise InputError(f"glued: edge of {name} = {said(given)}: expected a name or point indices")
         edges.append(point_indices(f"glued: edge of {name}", points, sheet.size))
     here, there = first.positions, second.positions if place is None else place.of(second.positions)
     seam, other = edges[0], _matched(here[edges[0]], there[edges[1]], first.spacing, edges[1])
@@ -134,7 +147,7 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
 
     parts = {**shape.parts, "seam": seam}
     for number, (sheet, members) in enumerate(((first, own[: first.size]), (second, index)), start=1):
-        parts |= {f"sheet {number}": np.unique(members)}
+        parts |= {f"sheet {number}": members.astype(np.int32)}
         parts |= {f"sheet {number} {name}": np.unique(members[points]) for name, points in sheet.parts.items()}
     thickness, factors = _joined("thickness", sheets), None
     if first.stiffness is not None or second.stiffness is not None:

@@ -96,7 +96,9 @@ class RigidBody(Contact):
             InputError: if another body has it.
         """
         if any(getattr(other, "name", None) == self.name for other in others):
-            raise InputError(f"contact: two bodies have the name {self.name!r}; expected different names")
+            raise InputError(
+                f"contact: two bodies have the name {self.name!r}; expected different names: give each a name=..."
+            )
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """The same part: it refers to no points of the sheet.

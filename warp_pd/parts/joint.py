@@ -80,6 +80,12 @@ class Joint(Part):
         for name in ("strength", "shear_strength", "stiffness", "reach"):
             if getattr(self, name) is not None:
                 positive(f"Joint.{name}", getattr(self, name))
+        for name in ("energy", "shear_energy"):
+            value = getattr(self, name)
+            if isinstance(value, bool):
+                raise InputError(f"Joint.{name} = {value}: expected a positive number, or None")
+            if value is not None and not callable(value):
+                by_point(f"Joint.{name}", value, np.zeros((np.size(value), 2)))
         for name in ("strength", "shear_energy", "shear_strength"):
             if self.energy is None and getattr(self, name) is not None:
                 raise InputError(f"Joint.{name} without an energy: expected an energy, or glue that holds")

@@ -18,8 +18,18 @@ WRONG = [
     (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of nonzero length"),
     (lambda: square(5).hole((5.0, 5.0), 0.01), "contains no points"),
     (lambda: square(5).hole((0.05, 0.05), 1.0), "removes the whole sheet"),
-    (lambda: square(5).inclusion((0.0, 0.0), 1e-3), "1 points: expected three or more that are not collinear"),
-    (lambda: square(5).rigid(square(5).edges("left")), "5 points: expected three or more that are not collinear"),
+    (
+        lambda: square(5).inclusion((0.0, 0.0), 1e-3),
+        "1 points on a line: expected three or more that are not collinear",
+    ),
+    (lambda: square(5).inclusion((0.01, 0.01), 1e-4), r"^inclusion at \(0.01, 0.01\) .* contains no points"),
+    (lambda: square(5).where(lambda x: x > 0.0), r"^condition\(x, y\): TypeError: .*; expected a function of arrays"),
+    (
+        lambda: square(5).rigid(square(5).edges("left")),
+        "5 points on a line: expected three or more that are not collinear",
+    ),
+    (lambda: square(5).rigid([0, 1, 5]).rigid([5, 6, 10]), "^rigid: point 5 is in another rigid body"),
+    (lambda: square(9).rigid([0, 1, 9], 0.1).hole((0.01, 0.01), 0.01), "^hole at .* changes the mass of a rigid body"),
     (lambda: square(5).rigid([0, 1, 5], mass=0.0), "rigid: mass = 0.0"),
     (lambda: square(5).edges("middle"), "edge = 'middle'"),
     (
