@@ -104,9 +104,9 @@ class StaticSystem:
             return "direct"
         if not no_lattices:
             return "multigrid"
-        if not no_aggregates and sheet.size > ALGEBRAIC_FROM:
-            return "algebraic"
-        return "direct" if context.device.is_cpu or sheet.size <= tangent.direct_points else "jacobi"
+        if context.device.is_cpu:
+            return "algebraic" if not no_aggregates and sheet.size > ALGEBRAIC_FROM else "direct"
+        return "direct" if sheet.size <= tangent.direct_points else "jacobi"
 
     def _no_aggregates(self) -> str:
         """Why the preconditioner cannot be algebraic, as text of a message, or ""."""
