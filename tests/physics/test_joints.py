@@ -171,7 +171,7 @@ SQUARE = square(9)
         ((SQUARE, "right", SQUARE, "left", Place((0.1, 0, 0), (0, 1, 0), -90.0)), "meet at 90 degrees"),
         ((SQUARE, "right", SQUARE, "right"), "same side of the seam"),
         ((SQUARE, [40], SQUARE, [40]), "points along an edge of both sheets"),
-        ((SQUARE.prestretched(1.1), "right", SQUARE, "left"), "first has stretch"),
+        ((SQUARE.prestretched(1.1), "right", SQUARE, "left"), "first is prestretched"),
         ((SQUARE, "rigth", SQUARE, "left"), "^glued: first: edge = 'rigth'"),
         ((SQUARE, 3, SQUARE, "left"), "^glued: edge of first = 3: expected a name or point indices"),
         ((SQUARE, "right", SQUARE, "left", (0.1, 0, 0)), r"^place = \(0.1, 0, 0\): expected a Place"),
