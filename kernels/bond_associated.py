@@ -91,15 +91,15 @@ class BondAssociatedKernels:
         strain_energy: Energy of each family [points], J.
         earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
             bonds.
-        partial_energy: Warp function of the part of that energy that every n-th member adds, for several threads of a
-            GPU; None for the published form.
+        partial_energy: Warp function of what every n-th member adds to this energy, so that several threads can share
+            a family, and to the sum of weights.
         mechanics: Warp functions shared with the tangent.
     """
 
     gather: Pointwise
     strain_energy: Kernel
     earlier_energy: wp.Function
-    partial_energy: wp.Function | None
+    partial_energy: wp.Function
     mechanics: FamilyMechanics
 
 
@@ -320,7 +320,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         return there, H1, H2, inverse, weight, tilt
 
     @wp.func
-    def energy_and_weight(
+    def partial_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
@@ -346,23 +346,6 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         return stored, total
 
     @wp.func
-    def partial_energy(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        inverse_horizon: real,
-        i: int,
-        lane: int,
-        lanes: int,
-    ):
-        """What the members lane, lane + lanes, ... add to `earlier_energy` now."""
-        stored, _total = energy_and_weight(
-            family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i, lane, lanes
-        )
-        return stored
-
-    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -374,7 +357,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        stored, total = energy_and_weight(
+        stored, total = partial_energy(
             family, intact, displacement, velocity, back, constants, inverse_horizon, i, wp.int32(0), wp.int32(1)
         )
         return stored * family_scale(family, i, is_undamaged(family, intact, i), total)
@@ -383,7 +366,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         gather=gather_pairs(layout),
         strain_energy=energy_of_families(layout, earlier_energy),
         earlier_energy=earlier_energy,
-        partial_energy=None if published else partial_energy,
+        partial_energy=partial_energy,
         mechanics=FamilyMechanics(
             intact_members,
             is_undamaged,

@@ -109,8 +109,8 @@ def damage_field(
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family at an earlier time.
         driving_energy: The same for the part of it that drives damage.
-        partial_energy: Warp function of what a thread adds to the driving energy now, if LANES threads share a family
-            in `drive`; None if a thread computes it alone.
+        partial_energy: Warp function of what a thread adds to the driving energy, if LANES threads share a family in
+            `drive`; None if a thread computes it alone.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -271,9 +271,10 @@ def damage_field(
             i = listed[n]
             stored = real(0.0)
             if wp.static(shared):
-                part = partial_energy(
-                    family, intact, displacement, constants, inverse_horizon, i, lane, wp.static(lanes)
-                )
+                part, _weight = partial_energy(
+                    family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i, lane,
+                    wp.static(lanes),
+                )  # fmt: skip
                 stored = wp.tile_sum(wp.tile(part, preserve_type=True))[0]
             else:
                 stored = driving_energy(

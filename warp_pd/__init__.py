@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from .geometry.curves import Circle, Polygon, Spline
     from .geometry.files import read_mesh
     from .geometry.pieces import Place
-    from .geometry.shape_plot import draw_sheet
     from .geometry.sheet import Sheet
     from .geometry.svg import read_outline
     from .geometry.together import glued, placed, together
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     )
     from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
+    from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
     from .parts import (
         BodyForce,
@@ -98,7 +98,7 @@ else:
             "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material Maxwell MooneyRivlin NeoHookean "
             "Ogden PairwiseMaterial Prony TensionField Yeoh",
             "output.frames": "Frames SavedFrame",
-            "geometry.shape_plot": "draw_sheet",
+            "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
             "geometry.together": "glued placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "

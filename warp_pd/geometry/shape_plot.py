@@ -9,10 +9,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..device.checks import InputError, of_kind, point_indices, said
+from ..device.checks import InputError, said
 from .picture_files import new_figure, save
 from .shape import Shape
-from .sheet import Sheet
 from .topology import boundary_edges, boundary_rings, pieces
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
@@ -30,43 +29,25 @@ VIEW = (28.0, -60.0)
 Parts: TypeAlias = Sequence[tuple[str, np.ndarray]]
 
 
-def draw_sheet(
-    sheet: Sheet,
+def draw_shape(
+    sheet: Shape,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     view: tuple[float, float] = VIEW,
-    regions: Sequence[tuple[Any, Any]] = (),
+    thickness: float | np.ndarray,
+    stiffness: np.ndarray | None,
+    regions: Parts = (),
 ) -> Any:
-    """Draw an undeformed sheet, flat or curved.
-
-    The picture shows triangles, points (on and off a square grid in different colours), the boundary, cuts, rigid
-    inclusions, stiffened points, regions of materials, named parts, and a varying thickness in colour. If there are too
-    many points or triangles, it shows some of them and states how many. The two faces of a crack are drawn slightly
-    apart.
-
-    Args:
-        sheet: The sheet.
-        path: File of the picture (.png, .pdf or .svg); None writes no file.
-        title: Title of the picture.
-        view: Elevation and azimuth of the viewpoint [degrees], for a curved sheet.
-        regions: Pairs of points and a material, as for `ByRegion`; `Simulation.draw` passes those of its material.
-
-    Returns:
-        The `matplotlib.figure.Figure`.
+    """Draw a shape with thickness, stiffness and regions of materials; the public function is `warp_pd.draw_sheet`.
 
     Raises:
-        InputError: if `sheet` is not a Sheet, or the path cannot be written.
+        InputError: if the path cannot be written.
     """
-    of_kind("sheet", sheet, Sheet)
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
-    varying = np.asarray(sheet.thickness) if np.ndim(sheet.thickness) else None
-    named = [
-        (f"region {k}: {type(material).__name__}", point_indices(f"regions[{k - 1}]", points, sheet.size))
-        for k, (points, material) in enumerate(regions, start=1)
-    ]
-    parts = _parts(sheet, sheet.stiffness, named)
+    varying = np.asarray(thickness) if np.ndim(thickness) else None
+    parts = _parts(sheet, stiffness, regions)
     figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
     lines = [*([title] if title else []), _described(sheet, varying)]
     axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)

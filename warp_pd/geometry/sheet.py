@@ -335,9 +335,9 @@ class Sheet(SelectableShape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the sheet; a notebook displays the picture. See `warp_pd.draw_sheet`."""
-        from .shape_plot import draw_sheet
+        from .shape_plot import draw_shape
 
-        return draw_sheet(self, path)
+        return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 
     def slit(self, *path: Any, where: Callable[..., np.ndarray] | None = None) -> Sheet:
         """A copy of a curved sheet, such as a tube, sphere or mesh, with a slit along its surface.
@@ -422,18 +422,13 @@ class Sheet(SelectableShape):
             InputError: if it contains fewer than three points, only collinear points, points of another rigid body or
                 all of them, or, on a curved sheet, patches that do not hang together, such as both sides of a tube.
         """
-        members = self.within(centre, radius)
+        members, contains = self.within(centre, radius), f"inclusion at {centre!r} of radius {radius!r} contains"
         if not len(members):
-            raise InputError(f"inclusion at {centre!r} of radius {radius!r} contains no points: expected a larger one")
+            raise InputError(f"{contains} no points: expected a larger one")
         if len(members) == self.size:
-            raise InputError(
-                f"inclusion at {centre!r} of radius {radius!r} contains the whole sheet: expected a smaller one"
-            )
+            raise InputError(f"{contains} the whole sheet: expected a smaller one")
         if self.frames is not None and (patches := len(np.unique(joined(self.triangles, members)))) > 1:
-            raise InputError(
-                f"inclusion at {centre!r} of radius {radius!r} contains {patches} patches that do not hang together: "
-                "expected a smaller one"
-            )
+            raise InputError(f"{contains} {patches} patches that do not hang together: expected a smaller one")
         return self.rigid(members)
 
     def rigid(self, points: np.ndarray, mass: float | None = None) -> Sheet:

@@ -17,8 +17,9 @@ from .topology import boundary_edges, directed_edges, undirected
 from .triangulation import doubled_normals, voronoi_areas
 
 # A level below this fraction of its largest difference along an edge is zero, and a place may be this fraction of the
-# longest edge off the sheet. No triangle may shrink to less than the last fraction of its area.
-ROUND_OFF, OFF, LEAST_SHARE, GOOD_SHARE = 1e-6, 0.5, 0.1, 0.3
+# longest edge off the sheet. No triangle may shrink to less than the third fraction of its area, and a point moves only
+# as far as its triangles keep the fourth.
+ROUND_OFF, OFF, LEAST_AREA, GOOD_AREA = 1e-6, 0.5, 0.1, 0.3
 # Least distance from another slit, over the square root of the area of a point.
 ROOM = 0.4
 PER_POINT = ("frames", "spacings", "pieces")
@@ -126,9 +127,9 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     moved = {point: mixture for _, places in slits for point, mixture in places.items()}
     placed = _mixed(shape, moved)
     before, after = (doubled_normals(points, shape.triangles) for points in (shape.points, placed.points))
-    share = _shares(before, after)
-    if (share < LEAST_SHARE).any():
-        worst = placed.points[shape.triangles[np.argmin(share)]].mean(axis=0)
+    kept = _areas_kept(before, after)
+    if (kept < LEAST_AREA).any():
+        worst = placed.points[shape.triangles[np.argmin(kept)]].mean(axis=0)
         raise InputError(f"{name} is too close to an edge or another slit {_near(worst)}: expected room for triangles")
     for other in _slits(shape):
         apart = np.linalg.norm(placed.points[inner, None] - placed.points[shape.parts[other]], axis=2).min(axis=1)
@@ -267,7 +268,7 @@ def _snapped(
         around = near[(near == point).any(axis=1)]
         moved = np.where((around == point)[..., None], shape.points[point] + way, places[around])
         after = np.cross(moved[:, 1] - moved[:, 0], moved[:, 2] - moved[:, 0])
-        return float(_shares(doubled_normals(shape.points, around), after).min())
+        return float(_areas_kept(doubled_normals(shape.points, around), after).min())
 
     for k in np.lexsort((nearest, ~first)).tolist():
         if (level[ends[k]] == 0.0).any() or not may[k].any():
@@ -276,7 +277,7 @@ def _snapped(
         least = [left(int(ends[k, e]), ways[e]) if may[k, e] else -np.inf for e in (0, 1)]
         chosen = int(np.argmax(least))
         point, way, fraction = int(ends[k, chosen]), ways[chosen], 1.0
-        while fraction and left(point, fraction * way) < GOOD_SHARE:
+        while fraction and left(point, fraction * way) < GOOD_AREA:
             fraction -= 0.25
         if fraction:
             moved = fraction * part[k, chosen]
@@ -288,7 +289,7 @@ def _snapped(
     return _between(shape.triangles, side > 0.0), snapped
 
 
-def _shares(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+def _areas_kept(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Fractions of their areas that triangles keep, from their normals before and after, shape (F,)."""
     return np.asarray((before * after).sum(axis=1) / (before**2).sum(axis=1))
 

@@ -99,9 +99,8 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
 
     The seam is as stiff and as strong as the sheets; it may have a `TearingEnergy` of its own. The result is a cloud.
     Its parts are "sheet 1" and "sheet 2", in the order of the points of the sheets, "seam", and those of the sheets
-    with their prefix. Thickness and density of the
-    seam are means over the areas on both sides. For sheets that meet at an angle, three at one edge, grids that do not
-    match and joints that break, see `Joint`.
+    with their prefix. Thickness and density of the seam are means over the areas on both sides. For sheets that meet at
+    an angle, three at one edge, grids that do not match and joints that break, see `Joint`.
 
     Args:
         first: A sheet.

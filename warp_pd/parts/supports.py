@@ -156,8 +156,6 @@ def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarr
 
 def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
     """Raise an error that names a point constrained by two parts."""
-    if name == "rigid inclusion":
-        raise InputError("two rigid inclusions share a point; expected disjoint inclusions")
     place = ", ".join(f"{x:.4g}" for x in sheet.points[point])
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
     what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
