@@ -103,7 +103,7 @@ class SheetSurface(BuiltContact):
                 self.rubbed = context.array("surface_rubbed", OWNER, wp.float64, shape=points, restart=True)
         self._sizes = points, faces, sides, leaves
 
-    def sums(self) -> Mapping[str, Array]:
+    def lost_energy(self) -> Mapping[str, Array]:
         """Energy lost in impacts and by friction."""
         found = {"contact": self.lost, "sheet_friction": self.rubbed}
         return {name: array for name, array in found.items() if array is not None}
