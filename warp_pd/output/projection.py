@@ -155,7 +155,9 @@ def _crossing(
     return np.asarray(frame.points[a] + fraction * (frame.points[b] - frame.points[a]))
 
 
-def painted(corners: np.ndarray, inks: np.ndarray, strokes: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
+def painted(
+    corners: np.ndarray, inks: np.ndarray, strokes: np.ndarray
+) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """Paint triangles and strokes as pixels, in their order; much faster than Matplotlib's polygons.
 
     Args:
@@ -182,8 +184,8 @@ def painted(corners: np.ndarray, inks: np.ndarray, strokes: np.ndarray) -> tuple
     clear = np.all(np.asarray(image) == GROUND, axis=2)
     seen = Image.fromarray(np.where(clear, 0, 255).astype(np.uint8))
     image.putalpha(seen)
-    ends = np.stack([low, low + size * pixel], axis=1).ravel()
-    return np.asarray(image.reduce(FINE)), tuple(ends.tolist())
+    across, up = (low + size * pixel).tolist()
+    return np.asarray(image.reduce(FINE)), (float(low[0]), across, float(low[1]), up)
 
 
 def raster(
