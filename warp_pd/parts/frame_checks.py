@@ -112,12 +112,14 @@ class EnergyBalance(BuiltPart):
         """Energies, work and losses, and the error of their balance."""
         return (
             "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "contact",
-            "sheet_friction", "joint", "joint_released", "balance_error",
+            "sheet_friction", "joint", "joint_released", "bending", "balance_error",
         )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Energies [J]; work and losses if tracked, 0 for kinds that the scene does not have."""
-        names = ("kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction", "joint", "joint_released")
+        names = (
+            "kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction", "joint", "joint_released", "bending",
+        )  # fmt: skip
         row = {name: totals[name] for name in names if name in totals}
         if not self.context.features.tracked:
             return row

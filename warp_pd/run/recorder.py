@@ -272,6 +272,10 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         raise InputError(f"it returned {value!r}: expected a number") from None
 
 
+# Energies that a sheet stores.
+STORED = ("kinetic", "strain", "joint", "bending")
+
+
 def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
     """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
 
@@ -280,6 +284,7 @@ def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, floa
     first = history[0] if history else row
     kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
     change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
+    change += row.get("bending", 0.0) - first.get("bending", 0.0)
     error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
     if "contact" in row:
         error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
@@ -288,5 +293,5 @@ def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, floa
     if "viscous" in row:
         error -= first["viscous"]
     rows = [*history, row]
-    scale = max(least, *(max(abs(r["external"]), abs(r["kinetic"] + r["strain"] + r.get("joint", 0.0))) for r in rows))
+    scale = max(least, *(max(abs(r["external"]), abs(sum(r.get(name, 0.0) for name in STORED))) for r in rows))
     return error / scale if scale > 0.0 else 0.0
