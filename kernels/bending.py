@@ -1,16 +1,17 @@
 """Bending: an energy of the curvature of the deformed surface, on triangles with slopes fitted at their corners.
 
-The slope of a point is the gradient G of the displacement there, from the least-squares fit of a quadratic to the points
-around it, G_c = sum_j w_cj (u_j - u_c). With the sides e_m of a triangle in the plane of corner c, d_cm = F_c e_m are the
-derivatives of the position along them, and
+The slope of a point is the gradient G of the displacement there, by the least-squares fit of a quadratic to the points
+around it: G_c = sum_j w_cj (u_j - u_c). With the sides e_m of a triangle in the plane of corner c, d_cm = F_c e_m are
+the derivatives of the position along them, and
 
-    g_lm = d_lm - d_0m (made symmetric),   r_m = (x_m - x_0) - (d_0m + d_mm) / 2,
+    g_lm = d_lm - d_0m (made symmetric),   r_m = x_m - x_0 - (d_0m + d_mm) / 2,
 
-the second derivative of the position along two sides, and what a cubic along a side leaves of the third (also for the side
-1 2). With the unit normal n of the triangle, E = D A / 2 [nu k_ll k_mm + (1 - nu) k_lm k_lm + STIFFENING sum r^2 / |e|^4],
-with the curvatures k_lm = n . g_lm and r = n . r_m, less those of the stress-free sheet, and indices raised by the metric of
-its triangle. Stretching within a plane leaves n . g at zero. See docs/bending.md for why.
+the second derivative of the position along two sides, and what a straight average of the slopes misses along a side
+(likewise along the side from 1 to 2). With the unit normal n of the triangle and its area A in the stress-free sheet,
 
+    E = D A / 2 [nu k_ll k_mm + (1 - nu) k_lm k_lm + STIFFENING sum (n . r)^2 / |e|^4],    k_lm = n . g_lm,
+
+less the values of k and n . r of the stress-free sheet, with indices raised by its metric. See docs/bending.md.
 The force is minus the gradient of E, including that of n; `change` kernels have its derivative along a direction.
 """
 
@@ -143,7 +144,11 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         """What a displacement adds to the sides and to the six vectors."""
         c = plate.triangles[t]
         first, second = displacement[c[1]] - displacement[c[0]], displacement[c[2]] - displacement[c[0]]
-        d0, d1, d2 = slope[c[0]] * plane(plate, t, 0), slope[c[1]] * plane(plate, t, 1), slope[c[2]] * plane(plate, t, 2)
+        d0, d1, d2 = (
+            slope[c[0]] * plane(plate, t, 0),
+            slope[c[1]] * plane(plate, t, 1),
+            slope[c[2]] * plane(plate, t, 2),
+        )
         return first, second, vectors(first, second, d0, d1, d2)
 
     @wp.func

@@ -16,7 +16,7 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import BendingKernels, bending
 from .bending_tangent import BendingTangent
-from .slopes import Slopes, fitted_slopes
+from .slopes import fitted_slopes
 
 OWNER = "bending"
 # Points that are held in all three components, or in a rigid inclusion.
@@ -31,8 +31,8 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
     Args:
         law: The force law on the device.
         context: Its context.
-        given: True for the stiffness of a plate of the material and the thickness, or a stiffness D [N m], at a Poisson's
-            ratio of the material; False for none.
+        given: True for the stiffness of a plate of the material and the thickness, or a stiffness D [N m], with
+            Poisson's ratio of the material; False for none.
 
     Raises:
         InputError: for several processes, bonds that break, several materials, or a material without stiffness.
@@ -93,7 +93,7 @@ class BendingForce:
         n, faces, t = context.sheet.size, len(context.sheet.triangles), context.types
         self.slope = self.point_array("slope", t.mat32)
         self.moment = self.point_array("moment", t.mat32)
-        self.moments: dict[str, Array] = {
+        self.moments: dict[str, Any] = {
             name: context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
             for name, dtype, shape in (
                 ("normal", t.vec3, faces), ("couple", t.vec2, (3, faces)), ("pull", t.vec3, (2, faces)),
@@ -200,7 +200,12 @@ class BendingForce:
     def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
         """Add the launch of the slopes of a displacement."""
         stage.launch(
-            OWNER, self.kernels.slopes, self.context.sheet.size, plate=self.plate, displacement=displacement, slope=slope
+            OWNER,
+            self.kernels.slopes,
+            self.context.sheet.size,
+            plate=self.plate,
+            displacement=displacement,
+            slope=slope,
         )
 
     def sums(self) -> Mapping[str, Array]:

@@ -34,8 +34,10 @@ class BendingTangent:
         self.force, self.law = force, law
         t, faces = force.context.types, len(force.context.sheet.triangles)
         self._here, self._along, self._out = (force.point_array(name, t.vec3) for name in ("here", "along", "image"))
-        self._slope, self._slope_change = (force.point_array(f"tangent_{name}", t.mat32) for name in ("slope", "change"))
-        self._changes: dict[str, Array] = {
+        self._slope, self._slope_change = (
+            force.point_array(f"tangent_{name}", t.mat32) for name in ("slope", "change")
+        )
+        self._changes: dict[str, Any] = {
             name: force.context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
             for name, dtype, shape in (("normal_change", t.vec3, faces), ("couple_change", t.vec2, (3, faces)))
         }
@@ -72,9 +74,9 @@ class BendingTangent:
             direction=direction, slope_change=self._slope_change, **given,
         )  # fmt: skip
         stage.launch(
-            OWNER, kernels.gather_change, n, plate=plate, **given, sign=1.0, moment=force.moment, force=change
+            OWNER, kernels.gather_change, n, plate=plate, **given, sign=-1.0, moment=force.moment, force=change
         )
-        stage.launch(OWNER, kernels.spread, n, plate=plate, moment=force.moment, sign=1.0, force=change)
+        stage.launch(OWNER, kernels.spread, n, plate=plate, moment=force.moment, sign=-1.0, force=change)
 
     def sparse(self) -> SparseTangent:
         """The tangent as a sparse matrix, from the next linearisation on."""
@@ -101,7 +103,7 @@ class BendingTangent:
                 assign(self._along, along)
                 self._out.zero_()
                 run()
-                blocks[entries, :, c] = self._out.numpy()[columns.point[entries]]
+                blocks[entries, :, c] = -self._out.numpy()[columns.point[entries]]
         return columns.assembled(blocks)
 
 
@@ -121,7 +123,9 @@ class Columns:
 
         triangles, slopes, n = force.context.sheet.triangles, force.slopes, force.context.sheet.size
         faces = np.repeat(np.arange(len(triangles)), 3)
-        corners = sparse.csr_matrix((np.ones(len(faces), np.float32), (faces, triangles.ravel())), shape=(len(triangles), n))
+        corners = sparse.csr_matrix(
+            (np.ones(len(faces), np.float32), (faces, triangles.ravel())), shape=(len(triangles), n)
+        )
         ends = np.append(slopes.point, np.arange(n)), np.append(slopes.other, np.arange(n))
         fits = sparse.csr_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(n, n))
         of_triangle = corners @ fits

@@ -1,8 +1,9 @@
-"""Slopes of a sheet: at each point the least-squares fit of a quadratic to the points around it; see docs/bending.md."""
+"""Slopes of a sheet, each by the least-squares fit of a quadratic to the points around it; see docs/bending.md."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +72,7 @@ def fitted_slopes(sheet: Sheet, clamped: np.ndarray) -> Slopes:
     return Slopes(point[order], other[order], weights[order], planes)
 
 
-def _adjacent(triangles: np.ndarray, n: int) -> object:
+def _adjacent(triangles: np.ndarray, n: int) -> Any:
     """Points that share a side of a triangle, a sparse matrix."""
     from scipy import sparse
 
@@ -80,7 +81,7 @@ def _adjacent(triangles: np.ndarray, n: int) -> object:
 
 
 def _fit(
-    positions: np.ndarray, planes: np.ndarray, points: np.ndarray, graph: object, quadratic: bool
+    positions: np.ndarray, planes: np.ndarray, points: np.ndarray, graph: Any, quadratic: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Entries of some points, see `Slopes`; `graph` has a row for each of them."""
     counts = np.diff(graph.indptr)
