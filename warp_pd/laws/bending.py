@@ -208,9 +208,9 @@ class BendingForce:
             slope=slope,
         )
 
-    def sums(self) -> Mapping[str, Array]:
-        """Those of the law, and the energy of bending."""
-        return {**self.law.sums(), "bending": self.energy}
+    def stored_energy(self) -> Mapping[str, Array]:
+        """The strain energy of the law, and the energy of bending."""
+        return {**self.law.stored_energy(), "bending": self.energy}
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """The tangent of the law and of bending, for Newton's method.

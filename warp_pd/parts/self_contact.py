@@ -254,10 +254,13 @@ class BuiltSelfContact(BuiltContact):
             dissipated=state.dissipated, rubbed=self._rubbed, only_if=self._flag(TOUCHED),
         )  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
-        """Contact energy, and energy dissipated by friction."""
-        found = {"contact": self.energy, "sheet_friction": self._rubbed}
-        return {name: array for name, array in found.items() if array is not None}
+    def stored_energy(self) -> Mapping[str, Array]:
+        """Contact energy."""
+        return {"contact": self.energy}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Energy dissipated by friction."""
+        return {} if self._rubbed is None else {"sheet_friction": self._rubbed}
 
     def end_frame(self) -> None:
         """Check that no list of pairs has overflowed.
