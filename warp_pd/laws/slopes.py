@@ -91,7 +91,7 @@ def _fit(
     row, other = row[kept], other[kept]
     away = np.einsum("ec,ecb->eb", positions[other] - positions[points[row]], planes[points[row] % len(planes)])
     distance = np.linalg.norm(away, axis=1)
-    order = np.lexsort((distance, row))
+    order = np.argsort(row + distance / (2.0 * distance.max()), kind="stable")
     row, other, away, distance = row[order], other[order], away[order], distance[order]
     begins = np.searchsorted(row, np.arange(len(points) + 1))
     if quadratic:
@@ -101,11 +101,15 @@ def _fit(
         begins = np.searchsorted(row, np.arange(len(points) + 1))
     scale = np.minimum.reduceat(distance, begins[:-1])
     x, y = (away / scale[row, None]).T
-    terms = np.column_stack([x, y, 0.5 * x * x, 0.5 * y * y, x * y]) if quadratic else np.column_stack([x, y])
+    terms = [x, y, 0.5 * x * x, 0.5 * y * y, x * y] if quadratic else [x, y]
     # Nearer points count more: a fit with equal weights is farther from the second difference.
     weight = (scale[row] / distance) ** 4
-    normal = np.add.reduceat(weight[:, None, None] * terms[:, :, None] * terms[:, None, :], begins[:-1])
-    normal += LEAST * np.diag([0.0, 0.0, 1.0, 1.0, 1.0][: terms.shape[1]])
-    solved = np.linalg.inv(normal)[:, :2]
-    weights = np.einsum("ebt,et->eb", solved[row], terms) * (weight / scale[row])[:, None]
+    normal = np.zeros((len(points), len(terms), len(terms)))
+    for i, first in enumerate(terms):
+        for j, second in enumerate(terms[: i + 1]):
+            normal[:, i, j] = normal[:, j, i] = np.add.reduceat(weight * first * second, begins[:-1])
+    normal += LEAST * np.diag([0.0, 0.0, 1.0, 1.0, 1.0][: len(terms)])
+    solved = np.linalg.inv(normal)
+    weights = np.stack([sum(solved[row, b, t] * term for t, term in enumerate(terms)) for b in range(2)], axis=1)
+    weights *= (weight / scale[row])[:, None]
     return points[row], other, weights
