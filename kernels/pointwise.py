@@ -23,16 +23,18 @@ class Pointwise:
         function: Warp function (begin, end, arguments) that works on the points begin to end - 1.
         arguments: Its Warp struct.
         effects: The arrays that it accesses, by their names in the struct.
+        rare: Whether it needs many registers, but only at few points.
     """
 
     function: wp.Function
     arguments: Any
     name: str
     effects: Effects
+    rare: bool = False
 
 
 def pointwise(
-    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
+    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = (), rare: bool = False
 ) -> Callable[[Callable[..., None]], Pointwise]:
     """Decorator that turns a function (begin, end, arguments) into a pointwise stage.
 
@@ -41,7 +43,7 @@ def pointwise(
 
     def declare(function: Callable[..., None]) -> Pointwise:
         effects = Effects("point", frozenset(writes), frozenset(gathers))
-        return Pointwise(wp.func(function), arguments, function.__name__, effects)
+        return Pointwise(wp.func(function), arguments, function.__name__, effects, rare)
 
     return declare
 
@@ -65,7 +67,8 @@ def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
         do_first(begin, end, arguments.a)
         do_second(begin, end, arguments.b)
 
-    return Pointwise(both, Both, f"{first.name}, {second.name}", Effects("point", frozenset()))
+    rare = first.rare or second.rare
+    return Pointwise(both, Both, f"{first.name}, {second.name}", Effects("point", frozenset()), rare)
 
 
 @functools.cache

@@ -110,7 +110,7 @@ class BuiltMotion:
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
         self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
-        self.motion = self._array("motion", wp.vec3d, np.zeros((2, 3)))
+        self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
 
     def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
         return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
@@ -121,7 +121,12 @@ class BuiltMotion:
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches of contact with points; `values`: members of the struct of `of`."""
         act, _take = body_contact(of, at_end)
-        stage.pointwise(self.name, act, self.context.sheet.size, alone=self.marks is not None, **values)
+        # Where the step is followed by the next one, the body has already moved on.
+        before = {"place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:]}
+        stage.pointwise(
+            self.name, act, self.context.sheet.size, alone=self.marks is not None, late=before if at_end else None,
+            **values,
+        )  # fmt: skip
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles; `when`: options of the launch."""
@@ -180,7 +185,7 @@ class OnPath(BuiltMotion):
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
-                rotation=self.rotation, motion=self.motion,
+                rotation=self.rotation, motion=self.motion, early=True,
             )  # fmt: skip
 
 
