@@ -24,6 +24,7 @@ MARKED_FROM = 2**17
 # Lists of points or triangles: number of threads per block on a GPU that work on a list, or make it, and maximum number
 # of blocks; more would not run at once.
 LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
+AT_ONCE = lambda device, blocks: device.is_cuda and blocks <= device.sm_count
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
@@ -239,7 +240,7 @@ class InFlight(BuiltMotion):
             "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
             "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
             "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
-            "entries": near.entries, "listed": near.listed,
+            "entries": near.entries, "listed": near.listed, "gate": room("gate", wp.int32, 1, "once"),
         }  # fmt: skip
         self._of = with_values(FreeBody(), {**numbers, **arrays})
 
@@ -255,11 +256,12 @@ class InFlight(BuiltMotion):
 
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches that compute the response of the body to the touching points, and those of contact."""
-        kernels = self._kernels(of, at_end)
-        if not at_end:
-            self._near.add(stage)
-        for kernel in (kernels.find, kernels.give_way, kernels.strike):
-            self._near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
+        kernels, near = self._kernels(of, at_end), self._near
+        at_once = AT_ONCE(self.context.device, near.blocks)
+        if not at_end and not at_once:
+            near.add(stage)
+        for kernel in (kernels.at_once,) if at_once else (kernels.find, kernels.give_way, kernels.strike):
+            near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles."""
