@@ -24,7 +24,6 @@ MARKED_FROM = 2**17
 # Lists of points or triangles: number of threads per block on a GPU that work on a list, or make it, and maximum number
 # of blocks; more would not run at once.
 LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
-AT_ONCE = lambda device, blocks: device.is_cuda and blocks <= device.sm_count
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
@@ -257,10 +256,10 @@ class InFlight(BuiltMotion):
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches that compute the response of the body to the touching points, and those of contact."""
         kernels, near = self._kernels(of, at_end), self._near
-        at_once = AT_ONCE(self.context.device, near.blocks)
-        if not at_end and not at_once:
+        together = run_together(near.blocks, self.context.device)
+        if not at_end and not together:
             near.add(stage)
-        for kernel in (kernels.at_once,) if at_once else (kernels.find, kernels.give_way, kernels.strike):
+        for kernel in (kernels.at_once,) if together else (kernels.find, kernels.give_way, kernels.strike):
             near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
@@ -299,6 +298,11 @@ class InFlight(BuiltMotion):
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)
+
+
+def run_together(blocks: int, device: wp.Device) -> bool:
+    """Whether so many blocks of threads run at the same time, so that they can wait for each other."""
+    return bool(device.is_cuda and blocks <= device.sm_count)
 
 
 def _matrix(q: np.ndarray) -> np.ndarray:
