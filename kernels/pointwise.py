@@ -72,24 +72,6 @@ def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
 
 
 @functools.cache
-def spread_points(stage: Pointwise, run: int) -> wp.Kernel:
-    """As `every_point`, but the points of a thread are far apart."""
-    Arguments, function = stage.arguments, stage.function
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def spread_points(arguments: Arguments, first: int, stop: int):
-        threads = (stop - first + wp.static(run - 1)) / wp.static(run)
-        # Warp spells out a loop whose length it knows: a heavy stage would be compiled eight times, for a minute.
-        parts = (stop - first + threads - 1) / threads
-        for part in range(parts):
-            i = first + wp.tid() + part * threads
-            if i < stop:
-                function(i, i + 1, arguments)
-
-    return spread_points
-
-
-@functools.cache
 def every_point(stage: Pointwise, run: int, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
     """Warp kernel that runs a pointwise stage on the points first to stop - 1, `run` points per thread.
 

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import warp as wp
 
 from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
+from ..kernels.pointwise import Pointwise, every_point, in_turn
 from .cores import cores
 from .fields import Array
 
@@ -27,8 +27,6 @@ POINT_RUN = 256
 FEW_POINTS, FEW_BLOCKS = 2**15, 4
 # Blocks of a larger launch per multiprocessor, which keep few registers for work that is rare.
 RARE_BLOCKS = 5
-# Points of a thread of a GPU in a stage that does nothing at most points.
-SPREAD_RUN = 8
 
 
 @dataclass(frozen=True)
@@ -173,8 +171,6 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; for a pointwise stage it is declared on first use, after joining."""
         if isinstance(self.source, Pointwise):
-            if self.run == SPREAD_RUN:
-                return spread_points(self.source, self.run)
             few = self.run == 1 and self.threads <= FEW_POINTS
             blocks = FEW_BLOCKS if few else RARE_BLOCKS if self.source.rare else 0
             return every_point(self.source, self.run, (self.block_dim, blocks) if blocks else None)
@@ -292,7 +288,6 @@ class Stage:
         threads: int,
         *,
         begin: int = 0,
-        alone: bool = False,
         only_if: Array | None = None,
         grouped: bool = False,
         late: Mapping[str, Any] | None = None,
@@ -300,17 +295,16 @@ class Stage:
     ) -> None:
         """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
 
-        With `alone` it is not joined; this suits work at few points that needs many registers. A stage with `only_if`
-        is not joined either where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`: arguments that differ
-        after the early launches of the next repetition.
+        A stage with `only_if` is not joined where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`:
+        arguments that differ after the early launches of the next repetition.
 
         Raises:
             TypeError: if an argument is missing or unknown.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
-        run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
-        alone = alone or grouped or (only_if is not None and not self.device.is_cuda)
+        run = 1 if self.device.is_cuda else POINT_RUN
+        alone = grouped or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
             begin, run, alone=alone, only_if=only_if, grouped=grouped, every=self._every,

@@ -165,15 +165,15 @@ def gpu_paths():
 @pytest.fixture(scope="module")
 def recorded(gpu_paths):
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    # The last case as on a large sheet.
-    small, large = (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS), (0, 0)
+    # The last case as on a large sheet, and on a GPU.
+    small, together = stable_step.MANY_BLOCKS, built_motion.run_together
     made, more = compare_checkouts.parts(), further()
     found = _launches_of(made[name]() for name in CASES) + _launches_of(more.values())
     try:
-        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = large
+        stable_step.MANY_BLOCKS, built_motion.run_together = 0, lambda *_: True
         found += _launches_of([more["bodies"]])
     finally:
-        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = small
+        stable_step.MANY_BLOCKS, built_motion.run_together = small, together
     unique = {}
     for built, launch in [*found, *gpu_paths]:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))
