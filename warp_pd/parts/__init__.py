@@ -6,10 +6,11 @@ from .body_motion import BodyPath, Free
 from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
-from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
+from .enclosed import BuiltEnclosed, Enclosed, EnclosedGas, EnclosedVolume
 from .joint import Joint
 from .loads import BodyForce, PointForce, Pressure
 from .newton_world import newton_bodies
+from .point_values import ValuesInTime
 from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
@@ -23,6 +24,7 @@ __all__ = [
     "BondCriterion",
     "BoundaryForce",
     "Box",
+    "BuiltEnclosed",
     "Capsule",
     "CriticalEnergy",
     "CriticalStretch",
@@ -45,6 +47,7 @@ __all__ = [
     "Sphere",
     "TearingEnergy",
     "TriangleMesh",
+    "ValuesInTime",
     "horizon_for_tears",
     "length_for_tears",
     "newton_bodies",
