@@ -74,7 +74,11 @@ def scaled_values(bits: int) -> Kernel:
 
     @kernel()
     def scale_values(
-        unit: wp.array(dtype=real), factors: wp.array(dtype=vec3), schedule: int, first: int, values: wp.array(dtype=real)
+        unit: wp.array(dtype=real),
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        values: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         values[i] = factors[schedule][0] * unit[i]

@@ -51,7 +51,7 @@ def fibred_rubber(bits):
 
     @wp.func
     def response(G: mat22, c: Constants):
-        S, T = rubber_response(G, of_rubber(c))
+        _, T = rubber_response(G, of_rubber(c))
         for k in range(2):
             a, E = fibre(G, c, real(2 * k - 1))
             x, y, z = a[0] * a[0], a[1] * a[1], real(2.0) * a[0] * a[1]

@@ -6,15 +6,16 @@ Treloar, The Physics of Rubber Elasticity (1975), chapter 4. T / T0 is a value b
 from dataclasses import dataclass, field
 from typing import Any
 
+import warp as wp
+
 from warp_pd import MooneyRivlin
 from warp_pd.kernels.incompressible import incompressible_sheet
 from warp_pd.kernels.numeric import numeric
-import warp as wp
 
 
 def warm_rubber(bits):
     types, rubber = numeric(bits), MooneyRivlin(1.0).on_device
-    real, mat22, parameters = types.real, types.mat22, types.parameters
+    mat22, parameters = types.mat22, types.parameters
     (rubber_stress, rubber_energy), rubber_response = rubber.functions(bits), rubber.response(bits)
 
     @wp.func

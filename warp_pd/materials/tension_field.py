@@ -44,6 +44,8 @@ class TensionField(PlaneStress):
             raise InputError("TensionField.material = ByRegion: expected a TensionField in each region instead")
         if known.goes_slack:
             raise InputError(f"TensionField.material = {name}: expected a material that resists compression")
+        if known.remembers is not None:
+            raise InputError(f"TensionField.material = {name}: expected a material without an internal variable")
         if not known.isotropic:
             raise InputError(f"TensionField.material = {name}: expected an isotropic material, with `isotropic = True`")
 
