@@ -1,14 +1,12 @@
 """The recipes of docs/recipes against closed forms, in every solver that takes them, through restart and plan."""
 
-import importlib.util
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import square
+from own_parts import RECIPES, recipe
 from resumed_runs import require_same_when_stopped
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
@@ -30,21 +28,11 @@ from warp_pd import (
     ValuesInTime,
 )
 
-FOLDER = Path(__file__).parents[2] / "docs" / "recipes"
-NAMES = sorted(path.stem for path in FOLDER.glob("*.py"))
+NAMES = sorted(path.stem for path in RECIPES.glob("*.py"))
 C10 = 1e5
 LAW = BondAssociated(MooneyRivlin(C10))
 STATIC = {"newton": Newton(tolerance=1e-9), "relaxation": Relaxation(tolerance=1e-8, ramp_steps=300)}
 FALL = 9.81
-
-
-def recipe(name):
-    """The module of a recipe, imported as a user would."""
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return sys.modules[name]
 
 
 def run(simulation):
@@ -55,8 +43,8 @@ def run(simulation):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_recipe_has_less_than_eighty_lines_and_is_on_the_page(name):
-    assert len([line for line in (FOLDER / f"{name}.py").read_text().splitlines() if line.strip()]) < 80
-    assert f"recipes/{name}.py" in (FOLDER.parent / "recipes.md").read_text()
+    assert len([line for line in (RECIPES / f"{name}.py").read_text().splitlines() if line.strip()]) < 80
+    assert f"recipes/{name}.py" in (RECIPES.parent / "recipes.md").read_text()
 
 
 # Gravity
