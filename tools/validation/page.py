@@ -1,0 +1,113 @@
+"""Page, pictures and the line of the README, from the numbers."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+from study import DOCS, ROOT, picture, renew, table, write_page
+
+from validation.comparison import Comparison, Record
+from validation.rows import ROWS
+
+NUMBERS, PAGE, README = DOCS / "validation", DOCS / "validation.md", ROOT / "README.md"
+
+
+def records(folder: Path = NUMBERS) -> dict[str, Record]:
+    """Numbers of all rows that were run, by name and size."""
+    found = {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
+    return {name: found[name] for name in ROWS if name in found}
+
+
+def best(record: Record) -> Record:
+    """The run at full size, or the small one."""
+    return record.get("full", record.get("small"))
+
+
+def percent(value: float | None) -> str:
+    """A ratio in a cell."""
+    return "-" if value is None or np.isnan(value) else f"{100.0 * value:.1f} %"
+
+
+def numbers(values: list[float]) -> str:
+    """Ordinates in a cell: three at most."""
+    chosen = values if len(values) <= 3 else [values[0], values[len(values) // 2], values[-1]]
+    return ", ".join("none" if np.isnan(value) else f"{value:.3g}" for value in chosen)
+
+
+def cells(row: Comparison, record: Record) -> list[str]:
+    """One line of the table."""
+    run = best(record)
+    where = f"{1e3 * run['spacing'][-1]:.2g} mm"
+    order = "-" if run["order"] is None else f"{run['order']:.1f}"
+    ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
+    deviation = percent(run["deviation"]) if row.counts else "(bound)"
+    return [f"[{row.title}](#{row.name})", ours, theirs, row.scatter, deviation, where, order, percent(run["change"])]
+
+
+def summary(found: dict[str, Record]) -> str:
+    """The line of the README."""
+    counted = {name: best(found[name])["deviation"] for name in found if ROWS[name].counts}
+    known = {name: value for name, value in counted.items() if value is not None and not np.isnan(value)}
+    missed = len(counted) - len(known)
+    worst = max(known, key=lambda name: known[name])
+    failed = f"; {missed} has no number of ours" if missed else ""
+    return (
+        f"Against {len(found)} published experiments and computations, none tuned: median deviation "
+        f"{percent(float(np.median(list(known.values()))))}, the worst {percent(known[worst])} "
+        f"({ROWS[worst].title[0].lower()}{ROWS[worst].title[1:]}){failed}: [validation](docs/validation.md)."
+    )
+
+
+def section(row: Comparison, record: Record) -> list[str]:
+    """Lines of a row's own section."""
+    run = best(record)
+    sizes = "; ".join(
+        f"{name} size: {r['made']}, {r['seconds']:.0f} s, {r['points']} points" for name, r in record.items()
+    )
+    lines = [f'<a id="{row.name}"></a>', f"**{row.title}.** {row.source} ({row.seen}): {row.measured}.", ""]
+    lines += [f"Constants: {row.constants}. `python -m tools.validation {row.name}`; {sizes}.", "", row.verdict]
+    if run["reasons"]:
+        lines += ["", "Tests: " + "; ".join(f"{what} {value:.3g}" for what, value in run["reasons"].items()) + "."]
+    return [*lines, ""]
+
+
+def draw(path: Path, found: dict[str, Record]) -> None:
+    """One panel a row: theirs, and ours at all spacings."""
+    columns = 4
+    with picture(path, -(-len(found) // columns), columns, size=(3.3, 2.5)) as axes:
+        for panel, (name, record) in zip(axes.flat, found.items(), strict=False):
+            row, run = ROWS[name], best(record)
+            words = isinstance(run["at"][0], str)
+            at = np.arange(len(run["at"])) if words else np.array(run["at"])
+            panel.plot(at, run["theirs"], "ko-" if len(at) > 1 and not words else "ko", ms=4, label="theirs")
+            for points, ours in zip(run["points"], run["ours"], strict=True):
+                panel.plot(at, ours, "x-" if len(at) > 1 and not words else "x", ms=5, label=f"ours, {points} points")
+            if words:
+                panel.set_xticks(at, run["at"], fontsize=7)
+                panel.set_xlim(-0.5, len(at) - 0.5)
+                panel.set_ylim(0.0)
+            panel.set_title(row.title, fontsize=8)
+            panel.set_xlabel(row.labels[0], fontsize=7)
+            panel.set_ylabel(row.labels[1], fontsize=7)
+            panel.tick_params(labelsize=7)
+            panel.legend(fontsize=6)
+        for panel in list(axes.flat)[len(found) :]:
+            panel.remove()
+
+
+def make() -> None:
+    """Renew page, pictures and the line of the README."""
+    found = records()
+    head = ["row", "ours", "theirs", "their scatter", "median deviation", "spacing", "order", "last change"]
+    rows = table(head, [cells(ROWS[name], record) for name, record in found.items()])
+    draw(NUMBERS / "rows.png", found)
+    lines = [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"]
+    each = [line for name, record in found.items() for line in section(ROWS[name], record)]
+    renew(PAGE, {"## Numbers": lines, "## Row by row": each})
+    text = README.read_text()
+    write_page(
+        README, re.sub(r"^Against \d+ published .*\n", lambda _: summary(found) + "\n", text, flags=re.MULTILINE)
+    )
