@@ -98,16 +98,21 @@ def draw(path: Path, found: dict[str, Record]) -> None:
             panel.remove()
 
 
-def make() -> None:
-    """Renew page, pictures and the line of the README."""
-    found = records()
+def sections(found: dict[str, Record]) -> dict[str, list[str]]:
+    """Lines of the page by heading."""
     head = ["row", "ours", "theirs", "their scatter", "median deviation", "spacing", "order", "last change"]
     rows = table(head, [cells(ROWS[name], record) for name, record in found.items()])
-    draw(NUMBERS / "rows.png", found)
-    lines = [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"]
     each = [line for name, record in found.items() for line in section(ROWS[name], record)]
-    renew(PAGE, {"## Numbers": lines, "## Row by row": each})
-    text = README.read_text()
-    write_page(
-        README, re.sub(r"^Against \d+ published .*\n", lambda _: summary(found) + "\n", text, flags=re.MULTILINE)
-    )
+    return {
+        "## Numbers": [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"],
+        "## Row by row": each,
+    }
+
+
+def make() -> None:
+    """Renew page, picture and the line of the README."""
+    found = records()
+    draw(NUMBERS / "rows.png", found)
+    renew(PAGE, sections(found))
+    line = re.compile(r"^Against \d+ published .*\n", re.MULTILINE)
+    write_page(README, line.sub(lambda _: summary(found) + "\n", README.read_text()))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from validation import bulges, cracks, tears
+from validation import bulges, cracks, relaxation, tears
 from validation.comparison import Comparison
 
 ROWS = {
-    made.name: made for made in (make() for make in (*bulges.ROWS, *tears.ROWS, *cracks.ROWS))
+    made.name: made for made in (make() for make in (*bulges.ROWS, *relaxation.ROWS, *tears.ROWS, *cracks.ROWS))
 }  # fmt: skip
 NAMES = tuple(ROWS)
 
