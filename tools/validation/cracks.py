@@ -31,7 +31,7 @@ from warp_pd.scenes.pure_shear_tear import HEIGHT
 
 # A crack whose length grows so many times as fast as its tip advances has branched.
 BRANCHED = 1.25
-OVERLOADS = (1.3, 1.6, 2.0, 2.5, 3.0)
+OVERLOADS = (1.3, 1.6, 2.0, 2.5)
 # Natural rubber of Treloar, stretched equally both ways; Gc of natural rubber that does not tear slowly.
 DENSITY, TEARING_ENERGY, TALL, THICKNESS = 930.0, 10e3, 0.016, 0.3e-3
 
@@ -39,9 +39,9 @@ DENSITY, TEARING_ENERGY, TALL, THICKNESS = 930.0, 10e3, 0.016, 0.3e-3
 @lru_cache
 def running(points: int, overload: float, device: str | None) -> tuple[float, float]:
     """Speed of a crack over that of shear waves, and growth of its length over the advance of its tip."""
-    history = build_scene("running_crack", {"points": points, "overload": overload}).run(
-        device=device, usd=False, pictures=False
-    ).history  # fmt: skip
+    # Shorter than by default, so that a coarse strip is strong enough to bear its overload.
+    settings = {"points": points, "overload": overload, "duration": 0.3, "damage_length": 2.6 * HEIGHT / (points - 1)}
+    history = build_scene("running_crack", settings).run(device=device, usd=False, pictures=False).history
     rows = [row for row in history if running_crack.BEGIN < row["tip"] < running_crack.END]
     tip, length, time = (np.array([row[name] for row in rows]) for name in ("tip", "crack_length", "time"))
     return float(np.polyfit(time, tip, 1)[0] / running_crack.WAVE_SPEED), float(np.polyfit(tip, length, 1)[0])
@@ -131,7 +131,7 @@ def laboratory_speeds(points: int, device: str | None) -> Mapping[str, float]:
 
 
 def other_rubber(points: int, device: str | None) -> Mapping[str, float]:
-    """Crack speeds over that of shear waves, at the larger stretch, in tougher rubber and in rubber that never hardens."""
+    """Crack speeds over that of shear waves, at the larger stretch, if tougher and if it does not harden."""
     over = EQUAL[-1], device
     shear, soft = wave_speeds(EQUAL[-1])[1], (2.0 * rubber("treloar").c10 / DENSITY) ** 0.5
     return {
@@ -189,8 +189,8 @@ def limits(points: int, device: str | None) -> Mapping[str, float]:
 
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
-    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (30,), (80, 160), branching, limits),
-    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (30,), (80, 160), limiting_speed),
+    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), (80, 160), branching, limits),
+    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), (80, 160), limiting_speed),
     lambda: Comparison(
         "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (70,), (100, 150), speed_over_sound, laboratory_speeds
     ),
