@@ -99,7 +99,7 @@ def cutting_energies(points: int, device: str | None) -> Sequence[float]:
     ]
 
 
-FLAWS = (0.003, 0.01, 0.02, 0.03, 0.04)
+FLAWS = (0.004, 0.01, 0.02, 0.03, 0.04)
 FIELD = 3.4e-3
 
 
