@@ -192,7 +192,7 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), (80, 160), branching, limits),
     lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), (80, 160), limiting_speed),
     lambda: Comparison(
-        "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (100,), (150, 225), speed_over_sound, laboratory_speeds
+        "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (100,), (150, 225), speed_over_sound, laboratory_speeds, False
     ),
     lambda: Comparison(
         "shear", EQUAL, (1.0,) * len(EQUAL), TALL, (100,), (150, 225), speed_over_shear, other_rubber, False
