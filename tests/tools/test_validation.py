@@ -33,7 +33,7 @@ def test_numbers_are_those_of_the_row(name):
     assert row.verdict and row.source and set(sizes) <= {"small", "full"}
     for run in sizes.values():
         assert run["theirs"] == pytest.approx(row.theirs) and len(run["ours"]) == len(run["points"])
-        if row.counts and np.isfinite(run["ours"][-1]).all():
+        if row.counts and None not in run["ours"][-1]:
             assert run["deviation"] == comparison.median_deviation(run["ours"][-1], row.theirs)
 
 

@@ -64,13 +64,18 @@ def measured(row: Comparison, full: bool, device: str | None) -> Record:
         "spacing": [row.width / (points - 1) for points in levels],
         "at": list(row.at),
         "theirs": list(row.theirs),
-        "ours": ours,
-        "change": None if len(levels) < 2 else median_deviation(ours[-2], ours[-1]),
+        "ours": [[known(value) for value in values] for values in ours],
+        "change": None if len(levels) < 2 else known(median_deviation(ours[-2], ours[-1])),
         "order": order(ours, [row.width / (points - 1) for points in levels]),
-        "deviation": median_deviation(ours[-1], row.theirs) if row.counts else None,
-        "worst": largest_deviation(ours[-1], row.theirs) if row.counts else None,
-        "reasons": reasons,
+        "deviation": known(median_deviation(ours[-1], row.theirs)) if row.counts else None,
+        "worst": known(largest_deviation(ours[-1], row.theirs)) if row.counts else None,
+        "reasons": {what: known(value) for what, value in reasons.items()},
     }
+
+
+def known(value: float) -> float | None:
+    """A number, or None in place of NaN, which JSON does not have."""
+    return float(value) if np.isfinite(value) else None
 
 
 def deviations(ours: Sequence[float], theirs: Sequence[float]) -> np.ndarray:

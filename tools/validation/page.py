@@ -28,13 +28,13 @@ def best(record: Record) -> Record:
 
 def percent(value: float | None) -> str:
     """A ratio in a cell."""
-    return "-" if value is None or np.isnan(value) else f"{100.0 * value:.1f} %"
+    return "-" if value is None else f"{100.0 * value:.1f} %"
 
 
-def numbers(values: list[float]) -> str:
+def numbers(values: list[float | None]) -> str:
     """Ordinates in a cell: three at most."""
     chosen = values if len(values) <= 3 else [values[0], values[len(values) // 2], values[-1]]
-    return ", ".join("none" if np.isnan(value) else f"{value:.3g}" for value in chosen)
+    return ", ".join("none" if value is None else f"{value:.3g}" for value in chosen)
 
 
 def cells(row: Comparison, record: Record) -> list[str]:
@@ -50,7 +50,7 @@ def cells(row: Comparison, record: Record) -> list[str]:
 def summary(found: dict[str, Record]) -> str:
     """The line of the README."""
     counted = {name: best(found[name])["deviation"] for name in found if ROWS[name].counts}
-    known = {name: value for name, value in counted.items() if value is not None and not np.isnan(value)}
+    known = {name: value for name, value in counted.items() if value is not None}
     missed = len(counted) - len(known)
     worst = max(known, key=lambda name: known[name])
     failed = f"; {missed} has no number of ours" if missed else ""
@@ -70,7 +70,10 @@ def section(row: Comparison, record: Record) -> list[str]:
     lines = [f'<a id="{row.name}"></a>', f"**{row.title}.** {row.source} ({row.seen}): {row.measured}.", ""]
     lines += [f"Constants: {row.constants}. `python -m tools.validation {row.name}`; {sizes}.", "", row.verdict]
     if run["reasons"]:
-        lines += ["", "Tests: " + "; ".join(f"{what} {value:.3g}" for what, value in run["reasons"].items()) + "."]
+        lines += [
+            "",
+            "Tests: " + "; ".join(f"{what} {numbers([value])}" for what, value in run["reasons"].items()) + ".",
+        ]
     return [*lines, ""]
 
 
@@ -84,7 +87,13 @@ def draw(path: Path, found: dict[str, Record]) -> None:
             at = np.arange(len(run["at"])) if words else np.array(run["at"])
             panel.plot(at, run["theirs"], "ko-" if len(at) > 1 and not words else "ko", ms=4, label="theirs")
             for points, ours in zip(run["points"], run["ours"], strict=True):
-                panel.plot(at, ours, "x-" if len(at) > 1 and not words else "x", ms=5, label=f"ours, {points} points")
+                panel.plot(
+                    at,
+                    np.array(ours, float),
+                    "x-" if len(at) > 1 and not words else "x",
+                    ms=5,
+                    label=f"ours, {points} points",
+                )
             if words:
                 panel.set_xticks(at, run["at"], fontsize=7)
                 panel.set_xlim(-0.5, len(at) - 0.5)
