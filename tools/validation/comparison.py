@@ -10,10 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import build_scene, device_title, provenance
-
-Record = dict[str, Any]
-
+from study import Row, build_scene, device_title, provenance
 
 TEXTS = tomllib.loads(Path(__file__).with_name("rows.toml").read_text())
 
@@ -52,25 +49,32 @@ class Comparison:
         return texts[key]
 
 
-def measured(row: Comparison, full: bool, device: str | None) -> Record:
+def measured(row: Comparison, full: bool, device: str | None, commit: str | None = None) -> Row:
     """Run a row at its spacings."""
     begin, levels = time.perf_counter(), row.full if full else row.points
-    ours = [[float(value) for value in row.model(points, device)] for points in levels]
+    ours = [[six_digits(value) for value in row.model(points, device)] for points in levels]
     reasons = {} if row.reasons is None else dict(row.reasons(levels[-1], device))
     return {
-        "made": provenance(device_title(device)),
+        "row": row.name,
+        "full": full,
+        "made": provenance(device_title(device), commit),
         "seconds": round(time.perf_counter() - begin, 1),
         "points": list(levels),
-        "spacing": [row.width / (points - 1) for points in levels],
-        "at": list(row.at),
-        "theirs": list(row.theirs),
+        "spacing": [six_digits(row.width / (points - 1)) for points in levels],
+        "at": [x if isinstance(x, str) else six_digits(x) for x in row.at],
+        "theirs": [six_digits(value) for value in row.theirs],
         "ours": [[known(value) for value in values] for values in ours],
         "change": None if len(levels) < 2 else known(median_deviation(ours[-2], ours[-1])),
         "order": order(ours, [row.width / (points - 1) for points in levels]),
         "deviation": known(median_deviation(ours[-1], row.theirs)) if row.counts else None,
         "worst": known(largest_deviation(ours[-1], row.theirs)) if row.counts else None,
-        "reasons": {what: known(value) for what, value in reasons.items()},
+        "reasons": {what: known(six_digits(value)) for what, value in reasons.items()},
     }
+
+
+def six_digits(value: float) -> float:
+    """A number as it is kept."""
+    return float(f"{value:.6g}")
 
 
 def known(value: float) -> float | None:

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
-from study import DOCS, ROOT, picture, renew, table, write_page
+from study import DOCS, ROOT, Row, load_rows, picture, renew, table, write_page
 
-from validation.comparison import Comparison, Record
+from validation.comparison import Comparison
 from validation.rows import ROWS
 
-NUMBERS, PAGE, README = DOCS / "validation", DOCS / "validation.md", ROOT / "README.md"
+NUMBERS, PICTURE = DOCS / "validation" / "numbers.json", DOCS / "validation" / "rows.png"
+PAGE, README = DOCS / "validation.md", ROOT / "README.md"
+Runs = list[Row]
 
 
-def records(folder: Path = NUMBERS) -> dict[str, Record]:
-    """Numbers of all rows that were run, by name and size."""
-    found = {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
-    return {name: found[name] for name in ROWS if name in found}
-
-
-def best(record: Record) -> Record:
-    """The run at full size, or the small one."""
-    return record.get("full", record.get("small"))
+def records(path: Path = NUMBERS) -> dict[str, Runs]:
+    """Runs of all rows, by name in the order of the page; the one at full size last."""
+    found = sorted(load_rows(path), key=lambda run: run["full"])
+    runs = {name: [run for run in found if run["row"] == name] for name in ROWS}
+    return {name: of for name, of in runs.items() if of}
 
 
 def percent(value: float | None) -> str:
@@ -37,9 +34,9 @@ def numbers(values: list[float | None]) -> str:
     return ", ".join("none" if value is None else f"{value:.3g}" for value in chosen)
 
 
-def cells(row: Comparison, record: Record) -> list[str]:
+def cells(row: Comparison, runs: Runs) -> list[str]:
     """One line of the table."""
-    run = best(record)
+    run = runs[-1]
     where = f"{1e3 * run['spacing'][-1]:.2g} mm"
     order = "-" if run["order"] is None else f"{run['order']:.1f}"
     ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
@@ -47,9 +44,9 @@ def cells(row: Comparison, record: Record) -> list[str]:
     return [f"[{row.title}](#{row.name})", ours, theirs, row.scatter, deviation, where, order, percent(run["change"])]
 
 
-def summary(found: dict[str, Record]) -> str:
+def summary(found: dict[str, Runs]) -> str:
     """The line of the README."""
-    counted = {name: best(found[name])["deviation"] for name in found if ROWS[name].counts}
+    counted = {name: found[name][-1]["deviation"] for name in found if ROWS[name].counts}
     known = {name: value for name, value in counted.items() if value is not None}
     missed = len(counted) - len(known)
     worst = max(known, key=lambda name: known[name])
@@ -61,11 +58,11 @@ def summary(found: dict[str, Record]) -> str:
     )
 
 
-def section(row: Comparison, record: Record) -> list[str]:
+def section(row: Comparison, runs: Runs) -> list[str]:
     """Lines of a row's own section."""
-    run = best(record)
+    run = runs[-1]
     sizes = "; ".join(
-        f"{name} size: {r['made']}, {r['seconds']:.0f} s, {r['points']} points" for name, r in record.items()
+        f"{run['made']}, {run['seconds']:.0f} s, {', '.join(map(str, run['points']))} points" for run in runs
     )
     lines = [f'<a id="{row.name}"></a>', f"**{row.title}.** {row.source} ({row.seen}): {row.measured}.", ""]
     lines += [f"Constants: {row.constants}. `python -m tools.validation {row.name}`; {sizes}.", "", row.verdict]
@@ -77,12 +74,12 @@ def section(row: Comparison, record: Record) -> list[str]:
     return [*lines, ""]
 
 
-def draw(path: Path, found: dict[str, Record]) -> None:
+def draw(path: Path, found: dict[str, Runs]) -> None:
     """One panel a row: theirs, and ours at all spacings."""
     columns = 4
-    with picture(path, -(-len(found) // columns), columns, size=(3.3, 2.5)) as axes:
-        for panel, (name, record) in zip(axes.flat, found.items(), strict=False):
-            row, run = ROWS[name], best(record)
+    with picture(path, -(-len(found) // columns), columns, size=(3.0, 2.3)) as axes:
+        for panel, (name, runs) in zip(axes.flat, found.items(), strict=False):
+            row, run = ROWS[name], runs[-1]
             words = isinstance(run["at"][0], str)
             at = np.arange(len(run["at"])) if words else np.array(run["at"])
             panel.plot(at, run["theirs"], "ko-" if len(at) > 1 and not words else "ko", ms=4, label="theirs")
@@ -95,9 +92,9 @@ def draw(path: Path, found: dict[str, Record]) -> None:
                     label=f"ours, {points} points",
                 )
             if words:
+                panel.set_ylim(0.0, 1.5 * max(run["theirs"]))
                 panel.set_xticks(at, run["at"], fontsize=7)
                 panel.set_xlim(-0.5, len(at) - 0.5)
-                panel.set_ylim(0.0)
             panel.set_title(row.title, fontsize=8)
             panel.set_xlabel(row.labels[0], fontsize=7)
             panel.set_ylabel(row.labels[1], fontsize=7)
@@ -107,11 +104,11 @@ def draw(path: Path, found: dict[str, Record]) -> None:
             panel.remove()
 
 
-def sections(found: dict[str, Record]) -> dict[str, list[str]]:
+def sections(found: dict[str, Runs]) -> dict[str, list[str]]:
     """Lines of the page by heading."""
     head = ["row", "ours", "theirs", "their scatter", "median deviation", "spacing", "order", "last change"]
-    rows = table(head, [cells(ROWS[name], record) for name, record in found.items()])
-    each = [line for name, record in found.items() for line in section(ROWS[name], record)]
+    rows = table(head, [cells(ROWS[name], runs) for name, runs in found.items()])
+    each = [line for name, runs in found.items() for line in section(ROWS[name], runs)]
     return {
         "## Numbers": [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"],
         "## Row by row": each,
@@ -120,8 +117,12 @@ def sections(found: dict[str, Record]) -> dict[str, list[str]]:
 
 def make() -> None:
     """Renew page, picture and the line of the README."""
+    # The only use of an image library.
+    from small_pictures import limit, shrunk
+
     found = records()
-    draw(NUMBERS / "rows.png", found)
+    draw(PICTURE, found)
+    PICTURE.write_bytes(shrunk(PICTURE, limit(PICTURE)))
     renew(PAGE, sections(found))
     line = re.compile(r"^Against \d+ published .*\n", re.MULTILINE)
     write_page(README, line.sub(lambda _: summary(found) + "\n", README.read_text()))
