@@ -12,8 +12,7 @@ from treloar import DATA
 from validation.comparison import Comparison, outcome
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.materials import energy_density
-from warp_pd.parts.field_constants import bias
-from warp_pd.scenes import flaw_sensitivity, peel
+from warp_pd.scenes import peel
 from warp_pd.scenes.pure_shear_tear import HEIGHT
 
 MU = 1e3
@@ -99,18 +98,6 @@ def cutting_energies(points: int, device: str | None) -> Sequence[float]:
     ]
 
 
-FLAWS = (0.004, 0.01, 0.02, 0.03, 0.04)
-FIELD = 3.4e-3
-
-
-def sensitive_flaw(points: int, device: str | None) -> Sequence[float]:
-    """Half length of a cut at which the energy density at break is half the strength, over Gc / strength."""
-    settings = {"points": points, "tearing_energy": 4.0, "damage_length": FIELD, "frames": 80}
-    strength = 3.0 * 4.0 / (16.0 * FIELD * bias(2.015 * flaw_sensitivity.SIDE / (points - 1) / FIELD))
-    left = [outcome("flaw_sensitivity", "strength_ratio", {**settings, "flaw": flaw}, device) for flaw in FLAWS]
-    return [float(np.interp(-0.5, -np.array(left), 0.5 * np.array(FLAWS))) * strength / 4.0]
-
-
 def slower_blade(points: int, device: str | None) -> Mapping[str, float]:
     """The same blade at half the speed, and of half the diameter."""
     settings = {"points": points, "frames": 80, "opening": 0.5}
@@ -135,8 +122,5 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison("peel", ("90 (T)", "180 degrees"), (1.0, 1.0), peel.LENGTH, (31,), (61, 121), peel_forces),
     lambda: Comparison(
         "cutting", (0.25, 0.5, 0.75), (1.0, 1.0, 1.0), HEIGHT, (20,), (30, 40), cutting_energies, slower_blade
-    ),
-    lambda: Comparison(
-        "flaw", ("half the strength",), (1.0,), flaw_sensitivity.SIDE, (61,), (121, 241), sensitive_flaw, counts=False
     ),
 )
