@@ -50,7 +50,7 @@ def summary(found: dict[str, Runs]) -> str:
     known = {name: value for name, value in counted.items() if value is not None}
     missed = len(counted) - len(known)
     worst = max(known, key=lambda name: known[name])
-    failed = f"; {missed} has no number of ours" if missed else ""
+    failed = f"; ours fails in {missed}" if missed else ""
     return (
         f"Against {len(found)} published experiments and computations, none tuned: median deviation "
         f"{percent(float(np.median(list(known.values()))))}, the worst {percent(known[worst])} "
