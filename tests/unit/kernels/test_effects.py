@@ -174,7 +174,10 @@ def gpu_paths():
 
 @pytest.fixture(scope="module")
 def recorded(gpu_paths):
-    """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
+    """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to.
+
+    Of kernels with equal names and arrays, such as those of two materials, the first; only these are compiled.
+    """
     # The last case as on a large sheet, and on a GPU.
     small, together = stable_step.MANY_BLOCKS, built_motion.run_together
     made, more = compare_checkouts.parts(), further()
@@ -186,8 +189,8 @@ def recorded(gpu_paths):
         stable_step.MANY_BLOCKS, built_motion.run_together = small, together
     unique = {}
     for built, launch in [*found, *gpu_paths]:
-        key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))
-        unique.setdefault(key, (built, launch))
+        unique.setdefault((launch.name, tuple(_names(launch))), (built, launch))
+    launches.compile_launches([launch for _, launch in unique.values()], wp.get_device("cpu"))
     return list(unique.values())
 
 
@@ -206,7 +209,6 @@ def _launches_of(simulations):
 
 def _prepare(built):
     """A state in which nothing is zero by chance."""
-    built.context.compile()
     for name in ("start", "setup"):
         built.context.run(name)
     rng = np.random.default_rng(0)
