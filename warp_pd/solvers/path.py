@@ -1,9 +1,12 @@
-"""A path of equilibria by pseudo-arclength: predictor along the tangent, Newton corrector in the normal plane."""
+"""A path of equilibria by pseudo-arclength: predictor along the tangent, Newton corrector in the normal plane.
+
+Where a damage field grows, its energy controls the path instead; see _tear.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -16,7 +19,9 @@ from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import PathSettings
 from .stability import stability
+from .static_rupture import MAX_ROUNDS, StaticRupture
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
+from .tears import load_factor
 from .turning_points import Change, Point, changes
 
 # Accuracy of the linear solves, and the fraction of the largest increment used to difference loads.
@@ -27,6 +32,11 @@ LEAST_GROWTH, MOST_GROWTH = 0.5, 2.0
 # The search for a limit point or bifurcation ends when the rate or eigenvalue is SHARP times that at the adjacent
 # points, or after MOST_LANDINGS attempts.
 SHARP, MOST_LANDINGS = 0.01, 10
+# Tears: relative change of the load factor at which a step has settled, and growth of the energy of the damage field,
+# over what was wanted, below which the tear has stopped.
+STILL, GROWS = 1e-4, 1e-3
+# Smallest growth, over `BuiltRupture.tear_energy`, down to which the last ligament of a falling load is followed.
+LEAST_RELEASE = 1.0 / 16.0
 # Cosine of the angle between the directions of two steps below which the second is on another branch.
 SAME_BRANCH = 0.5
 
@@ -44,6 +54,9 @@ class Progress:
         lowest: Lowest eigenvalues, see `Stability`.
         found: Limit points and bifurcations: kind, load_factor, step, number of eigenvalues that change sign, and
             whether the path switched to the other branch there.
+        tears: Whether the damage field grows, so that its energy controls the path.
+        release: By how much the energy of the field grows in the next such step, over `BuiltRupture.tear_energy`.
+        heading: Sign of the change of the load factor in the last step.
     """
 
     step: int = 0
@@ -53,6 +66,9 @@ class Progress:
     negative: int | None = None
     lowest: list[float] = field(default_factory=list)
     found: list[dict[str, Any]] = field(default_factory=list)
+    tears: bool = False
+    release: float = 1.0
+    heading: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -90,10 +106,11 @@ class Path(StaticSystem):
         """Add all stages.
 
         Raises:
-            InputError: if the sheet or `switch` does not allow the preconditioner, or bonds can break.
+            InputError: if the sheet or `switch` does not allow the preconditioner, or bonds can break without a
+                damage field.
         """
-        if system.rupture is not None:
-            raise InputError(f"{system.rupture.label}: ArcLength does not support rupture; expected Newton")
+        if system.rupture is not None and not system.rupture.tear_energy:
+            raise InputError(f"{system.rupture.label}: expected TearingEnergy with ArcLength, or the solver Newton")
         system.refuse_contact("ArcLength")
         super().__init__(settings, system, tangent)
         if settings.switch and self.preconditioner != "direct":
@@ -105,7 +122,9 @@ class Path(StaticSystem):
         self.direction = context.array(
             "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
-        self.state = Progress()
+        self.state, self.rupture = Progress(), StaticRupture(system)
+        self.tear_energy = 0.0 if system.rupture is None else system.rupture.tear_energy
+        self.broken: Sequence[np.ndarray] = []
         # Why the last step failed, and why the path ended early.
         self.failure, self.ended = "", ""
 
@@ -124,6 +143,7 @@ class Path(StaticSystem):
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
             wp.copy(self.good, finest.displacement)
+            self.broken = self.rupture.remember()
             if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
                 wp.copy(finest.displacement, self.good)
                 self.set_loads(state.factor)
@@ -145,6 +165,13 @@ class Path(StaticSystem):
         start = level.displacement.numpy().astype(np.float64)
         for _ in range(self.settings.most_cuts + 1):
             converged, sink.residual = self._load_step(factor, sink)
+            if not converged:
+                self.failure = f"Newton's method ended at a residual of {sink.residual:.2g}"
+            elif self.tear_energy:
+                # As by a cut with the profile of a crack, damage may grow from the smallest load.
+                here = level.displacement.numpy().astype(np.float64)
+                arrived = self._alternate(here, (here - start) / factor, factor, factor, sink)
+                converged, factor = arrived is not None, arrived or factor
             if converged:
                 secant = level.displacement.numpy().astype(np.float64) - start
                 length = norm(secant)
@@ -154,8 +181,7 @@ class Path(StaticSystem):
                     )
                 origin = Origin(start, secant / length, 0.0, factor / length)
                 return self._accept(origin, factor, length, sink)
-            self.failure = f"Newton's method ended at a residual of {sink.residual:.2g}"
-            wp.copy(level.displacement, self.good)
+            self._return()
             factor *= 0.5
         return False
 
@@ -167,11 +193,17 @@ class Path(StaticSystem):
             state.rate,
         )  # fmt: skip
         for _ in range(self.settings.most_cuts + 1):
-            if self._step(origin, sink):
+            if self._tear(origin, sink) if state.tears else self._step(origin, sink):
                 return True
-            wp.copy(level.displacement, self.good)
-            state.length *= LEAST_GROWTH
+            self._return()
         return False
+
+    def _return(self) -> None:
+        """Return to the last point of the path; the next step is shorter."""
+        wp.copy(self.levels[0].displacement, self.good)
+        self.rupture.restore(self.broken)
+        self.state.length *= LEAST_GROWTH
+        self.state.release *= LEAST_GROWTH
 
     def _step(self, origin: Origin, sink: FrameSink) -> bool:
         """Try one step of the current length; return whether it stayed on the path."""
@@ -194,6 +226,9 @@ class Path(StaticSystem):
             return False
         if abs(factor) > 1.0 or miss > increment:
             self.failure = f"the load factor missed its prediction by {miss:.2g}"
+            return False
+        if self.rupture.breaks(0):
+            self.state.tears, self.failure = True, "the damage grows"
             return False
         sink.residual = found["residuals"][-1]
         growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
@@ -238,6 +273,7 @@ class Path(StaticSystem):
                 state.negative = before.negative + int(gained)
             direction = self._pass(change, direction, here)
         state.length = min(length, self.settings.increment / abs(state.rate) if state.rate else math.inf)
+        state.heading = math.copysign(1.0, state.factor - origin.factor)
         assign(self.direction, direction)
         return True
 
@@ -319,6 +355,117 @@ class Path(StaticSystem):
             # Else the start is no equilibrium, as of a prestretched sheet with a free edge: the path begins here.
             return None
         return along / size, 1.0 / size
+
+    # Tears ---------------------------------------------------------------------------------------------
+
+    def _tear(self, origin: Origin, sink: FrameSink) -> bool:
+        """Try one step in which the energy of the damage field grows by `release`; return whether it was found.
+
+        The load factor changes by at most `increment`.
+        """
+        entry: dict[str, Any] = {"share": origin.factor, "converged": False, "rounds": 0, "lattices": []}
+        self.report.load_steps.append(entry)
+        stored, sign, begin = self.rupture.energy(), math.copysign(1.0, origin.factor), abs(origin.factor)
+        most = min(1.0, begin + self.settings.increment)
+        motion = sign * origin.direction / origin.rate
+        factor = self._alternate(origin.displacement, motion, begin, most, sink, sign)
+        if factor is None:
+            return False
+        if factor < begin - self.settings.increment:
+            self.failure = f"the load falls by more than {self.settings.increment:g} while the damage grows"
+            return False
+        grown = (self.rupture.energy() - stored) / (self.state.release * self.tear_energy)
+        if self.state.heading * sign < 0.0 and factor == most and GROWS < grown and self.state.release > LEAST_RELEASE:
+            self.failure = "what is left tears at once"
+            return False
+        entry |= {"share": sign * factor, "converged": True}
+        return self._accept_tear(origin, sign * factor, grown)
+
+    def _alternate(
+        self, there: np.ndarray, motion: np.ndarray, here: float, most: float, sink: FrameSink, sign: float = 1.0
+    ) -> float | None:
+        """Find damage and displacement in equilibrium by alternate minimisation; return the load factor.
+
+        The energy of the damage field grows by `release`, or less if the load factor would exceed `most`. In every
+        round it follows from that energy for displacements on a straight line.
+
+        Args:
+            there: Displacement at the start [m], shape (N, 3).
+            motion: Derivative of the displacement by the load factor [m], shape (N, 3).
+            here: Absolute load factor at the start.
+            most: Largest absolute load factor.
+            sink: Where progress goes.
+            sign: Sign of the load factor.
+
+        Returns:
+            None if no equilibrium was found.
+        """
+        level, rupture, entry = self.levels[0], self.rupture, self.report.load_steps[-1]
+        stored, unit = rupture.energy(), self.state.release * self.tear_energy
+        least, stride = 1e-3 * self.settings.increment, 0.1 * self.settings.increment
+        residual, tolerance = math.inf, max(self.tolerance, rupture.close_enough)
+        for again in range(MAX_ROUNDS):
+
+            def move(factor: float, there: np.ndarray = there, here: float = here) -> None:
+                assign(level.displacement, there + (factor - here) * motion)
+
+            def excess(factor: float, again: int = again, move: Callable[[float], None] = move) -> float:
+                move(factor)
+                return (rupture.energy(again) - stored) / unit - 1.0
+
+            factor = load_factor(excess, here, stride, most)
+            if factor is None:
+                self.failure = "no load factor was found at which the damage grows as wanted"
+                return None
+            move(factor)
+            if not rupture.breaks(again) and abs(factor - here) <= STILL * here:
+                assign(level.displacement, there)
+                if residual <= self.tolerance:
+                    return here
+                factor, tolerance = here, self.tolerance
+            self.set_loads(sign * factor)
+            found = self._descend(0, sign * factor, sink, tolerance, f"round {again + 1} of rupture")
+            entry["lattices"].append(found)
+            entry["rounds"] = again + 1
+            residual = sink.residual = found["residuals"][-1]
+            if not found["converged"]:
+                self.failure = f"Newton's method ended at a residual of {residual:.2g}"
+                return None
+            there = level.displacement.numpy().astype(np.float64)
+            here, stride = factor, max(abs(factor - here), least)
+        self.failure = f"the damage still grew after {MAX_ROUNDS} rounds"
+        return None
+
+    def _accept_tear(self, origin: Origin, factor: float, grown: float) -> bool:
+        """Accept the current equilibrium as the next point; return whether the tangent is of use.
+
+        Args:
+            origin: The point before it.
+            factor: Load factor.
+            grown: Growth of the energy of the damage field over what was wanted.
+        """
+        state, level = self.state, self.levels[0]
+        self.set_loads(factor)
+        level.evaluate()
+        if not self.linearise(0, level.tangent.min_tension(self.tolerance)):
+            self.failure = "the tangent cannot be factorised"
+            return False
+        sign = math.copysign(1.0, factor)
+        along = self._along(factor, sign)
+        heading, number = math.copysign(1.0, factor - origin.factor), self.settings.modes
+        if heading != state.heading:
+            kind = "maximum" if heading < 0.0 else "minimum"
+            state.found.append(
+                {"kind": kind, "load_factor": origin.factor, "step": state.step, "eigenvalues": 0, "switched": False}
+            )
+        found = stability(level, self.solvers[0], number) if number else None
+        state.negative, state.lowest = (None, []) if found is None else (found.negative, found.lowest)
+        state.step, state.factor, state.heading = state.step + 1, factor, heading
+        state.rate = sign / norm(along)
+        state.length = self.settings.increment / abs(state.rate)
+        state.tears, state.release = grown > GROWS, min(1.0, 2.0 * state.release)
+        assign(self.direction, sign * along / norm(along))
+        return True
 
     # Newton's method -----------------------------------------------------------------------------------
 

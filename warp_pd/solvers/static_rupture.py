@@ -40,6 +40,11 @@ class StaticRupture:
         """
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 
+    def energy(self, rounds: int | None = None) -> float:
+        """Energy of the damage field [J] that `breaks` would find; without `rounds`, that of the damage as it is."""
+        assert self._rupture is not None
+        return self._rupture.energy_at_rest(None if rounds is None else rounds > 0)
+
     def goes_on(self, load_step: Mapping[str, Any]) -> bool:
         """Whether a load step of the report reached the maximum number of rounds, so that the tear runs through."""
         if load_step["rounds"] < MAX_ROUNDS:
