@@ -6,7 +6,7 @@ Where a damage field grows, its energy controls the path instead; see _tear.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -19,7 +19,7 @@ from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import PathSettings
 from .stability import stability
-from .static_rupture import MAX_ROUNDS, StaticRupture
+from .static_rupture import MAX_ROUNDS, Kept, StaticRupture, copies, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 from .tears import load_factor
 from .turning_points import Change, Point, changes
@@ -111,8 +111,10 @@ class Path(StaticSystem):
         """
         if system.rupture is not None and not system.rupture.tear_energy:
             raise InputError(f"{system.rupture.label}: expected TearingEnergy with ArcLength, or the solver Newton")
-        system.refuse_contact("ArcLength")
         super().__init__(settings, system, tangent)
+        contacts = self.levels[0].contacts
+        if system.rupture is not None and contacts:
+            raise InputError(f"{contacts[0].label}: expected no damage with ArcLength, or the solver Newton")
         if settings.switch and self.preconditioner != "direct":
             raise InputError(
                 f"switch = {settings.switch!r}: expected preconditioner = 'direct', whose factorisation finds "
@@ -124,7 +126,9 @@ class Path(StaticSystem):
         )
         self.state, self.rupture = Progress(), StaticRupture(system)
         self.tear_energy = 0.0 if system.rupture is None else system.rupture.tear_energy
-        self.broken: Sequence[np.ndarray] = []
+        self.kept: Kept = []
+        # Corrector steps of the last point, before contact settled.
+        self.corrected = 1
         # Why the last step failed, and why the path ended early.
         self.failure, self.ended = "", ""
 
@@ -140,10 +144,12 @@ class Path(StaticSystem):
     def run(self, sink: FrameSink) -> str:
         """Follow the path; return the final status."""
         self._start_report(sink)
+        self._stiffen()
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
             wp.copy(self.good, finest.displacement)
-            self.broken = self.rupture.remember()
+            settled = (array for contact in finest.contacts for array in contact.memory)
+            self.kept = copies((*settled, *self.rupture.memory))
             if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
                 wp.copy(finest.displacement, self.good)
                 self.set_loads(state.factor)
@@ -163,8 +169,13 @@ class Path(StaticSystem):
         """Find the first point by Newton's method at a fixed load factor; return whether it was found."""
         level, factor = self.levels[0], min(1.0, self.settings.increment)
         start = level.displacement.numpy().astype(np.float64)
-        for _ in range(self.settings.most_cuts + 1):
+        cuts = 0
+        while cuts <= self.settings.most_cuts:
             converged, sink.residual = self._load_step(factor, sink)
+            if converged and self._unsettled():
+                found = self._settle(factor, sink)
+                self.report.load_steps[-1]["lattices"].append(found)
+                converged, sink.residual = found["converged"], found["residuals"][-1]
             if not converged:
                 self.failure = f"Newton's method ended at a residual of {sink.residual:.2g}"
             elif self.tear_energy:
@@ -175,6 +186,10 @@ class Path(StaticSystem):
             if converged:
                 secant = level.displacement.numpy().astype(np.float64) - start
                 length = norm(secant)
+                if length == 0.0 and level.contacts and factor < 1.0:
+                    # The body does not touch the sheet yet.
+                    factor = min(1.0, factor + self.settings.increment)
+                    continue
                 if length == 0.0:
                     raise InputError(
                         "solver = ArcLength: expected a load or a motion that changes with the load factor"
@@ -182,7 +197,7 @@ class Path(StaticSystem):
                 origin = Origin(start, secant / length, 0.0, factor / length)
                 return self._accept(origin, factor, length, sink)
             self._return()
-            factor *= 0.5
+            factor, cuts = 0.5 * factor, cuts + 1
         return False
 
     def _advance(self, sink: FrameSink) -> bool:
@@ -201,7 +216,7 @@ class Path(StaticSystem):
     def _return(self) -> None:
         """Return to the last point of the path; the next step is shorter."""
         wp.copy(self.levels[0].displacement, self.good)
-        self.rupture.restore(self.broken)
+        put_back(self.kept)
         self.state.length *= LEAST_GROWTH
         self.state.release *= LEAST_GROWTH
 
@@ -212,9 +227,14 @@ class Path(StaticSystem):
         entry: dict[str, Any] = {"share": predicted, "converged": False, "rounds": 0, "lattices": []}
         self.report.load_steps.append(entry)
         if abs(predicted) >= 1.0:
-            factor, found = self._end(origin, math.copysign(1.0, predicted), sink)
+            remaining = (math.copysign(1.0, predicted) - origin.factor) / origin.rate
+            assign(self.levels[0].displacement, origin.displacement + remaining * origin.direction)
+            factor, found = self._end(origin, LEAST_GROWTH * remaining, MOST_GROWTH * remaining, sink)
         else:
             factor, found = self._correct(origin, length, sink)
+            if found["converged"] and abs(factor) > 1.0:
+                # As where contact stiffens the sheet.
+                factor, found = self._end(origin, 0.0, length, sink)
         entry |= {"share": factor, "lattices": [found]}
         miss = abs(factor - predicted)
         if not found["converged"]:
@@ -227,11 +247,14 @@ class Path(StaticSystem):
         if abs(factor) > 1.0 or miss > increment:
             self.failure = f"the load factor missed its prediction by {miss:.2g}"
             return False
+        if sum(contact.passed() for contact in self.levels[0].contacts):
+            self.failure = "a body passed through the sheet"
+            return False
         if self.rupture.breaks(0):
             self.state.tears, self.failure = True, "the damage grows"
             return False
         sink.residual = found["residuals"][-1]
-        growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
+        growth = math.sqrt(AIMED_STEPS / max(1, self.corrected))
         if miss > 0.0:
             growth = min(growth, math.sqrt(AIMED_MISS * increment / miss))
         growth = min(MOST_GROWTH, max(LEAST_GROWTH, growth))
@@ -242,15 +265,35 @@ class Path(StaticSystem):
             )
         return bool(entry["converged"])
 
-    def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
-        """Find equilibrium at the final load factor; reject it if the load turned before, or if it is far away."""
-        level, length = self.levels[0], (factor - origin.factor) / origin.rate
+    def _end(self, origin: Origin, least: float, most: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
+        """Find equilibrium at the final load factor; reject it if the load turned before, or if it is far away.
+
+        Args:
+            origin: The point before it.
+            least: Smallest distance from there [m].
+            most: Largest distance [m].
+            sink: Where progress goes.
+        """
+        level, factor = self.levels[0], math.copysign(1.0, origin.factor)
         self.set_loads(factor)
-        assign(level.displacement, origin.displacement + length * origin.direction)
-        found = self._descend(0, factor, sink, self.tolerance)
+        found = self._settle(factor, sink)
         moved = mean_product(origin.direction, level.displacement.numpy() - origin.displacement)
-        found["converged"] &= LEAST_GROWTH * length < moved < MOST_GROWTH * length
+        found["converged"] &= least < moved < most
         return factor, found
+
+    def _unsettled(self) -> bool:
+        """Settle contact; return whether equilibrium must be found again."""
+        return sum(contact.settle() for contact in self.levels[0].contacts) > 0
+
+    def _settle(self, factor: float, sink: FrameSink) -> dict[str, Any]:
+        """Find equilibrium with settled contact at a load factor; return a report entry."""
+        found = self._descend(0, factor, sink, self.tolerance)
+        while found["converged"] and self._unsettled():
+            further = self._descend(0, factor, sink, self.tolerance, "a round of contact")
+            for name in ("residuals", "shares", "products"):
+                further[name] = found[name] + further[name]
+            found = further
+        return found
 
     def _accept(self, origin: Origin, factor: float, length: float, sink: FrameSink) -> bool:
         """Accept the current equilibrium as the next point unless it is on another branch; return whether it was.
@@ -475,8 +518,9 @@ class Path(StaticSystem):
         factor = origin.factor + length * origin.rate
         there = origin.displacement + length * origin.direction
         residuals: list[float] = []
-        converged = False
-        for iteration in range(self.settings.most_iterations + 1):
+        converged, begin, first = False, 0, 0
+        while True:
+            iteration = len(residuals) - begin
             self.set_loads(factor)
             assign(level.displacement, np.where(level.held, self.target(0, factor), there))
             relative = self.sizes.relative(*(sums := level.evaluate()))
@@ -485,7 +529,11 @@ class Path(StaticSystem):
             converged = relative <= self.tolerance
             if converged:
                 self.sizes.largest = max(self.sizes.largest, sums[1])
-            grows = len(residuals) > 2 and residuals[-1] > residuals[-2] > residuals[-3]
+                if self._unsettled():
+                    begin = len(residuals)
+                    first = first or begin
+                    continue
+            grows = iteration > 1 and residuals[-1] > residuals[-2] > residuals[-3]
             if converged or grows or not math.isfinite(relative) or iteration == self.settings.most_iterations:
                 break
             if not self.linearise(0, level.tangent.min_tension(relative)):
@@ -498,6 +546,8 @@ class Path(StaticSystem):
             gap = length - mean_product(origin.direction, there - origin.displacement)
             change = (gap - mean_product(origin.direction, rest)) / across
             there, factor = there + rest + change * along, factor + change
+        # Rounds of contact do not tell how curved the path is.
+        self.corrected = (first or len(residuals)) - 1
         return factor, {
             "points": level.points, "converged": converged, "residuals": residuals,
             "shares": [1.0] * (len(residuals) - 1), "products": self.solvers[0].products - products,
