@@ -11,8 +11,9 @@ its centre and J = sum_k (|r_k|^2 I - r_k r_k^T), so a pair that turns as a whol
 f acts on its points as w_k f - (J^-1 (g n x f)) x r_k, the transpose of the slip: no moment is left across the gap.
 
 Points and sides list their pairs. Impulses are found by the projected Jacobi method with mass splitting and Nesterov
-momentum, as in kernels/surface_contact.py. They are summed as integers, whose sum does not depend on the order of the
-threads: in all bits, and momentum is exact.
+momentum, as in kernels/surface_contact.py. Pairs share the mass of a point in proportion to |w|: shares that count
+pairs of a weight other than zero would jump by round-off where a point meets a side. Impulses and weights are summed as
+integers, whose sum does not depend on the order of the threads: in all bits, and momentum is exact.
 
 Fail-safe: points whose pair would still come within a tenth of its distance stay where they are for this step. They
 keep their velocities, and so momentum and, since the drift that is left out is along the velocity, angular momentum.
@@ -53,6 +54,8 @@ SLOTS = 12
 STALE, CLOSE, PASSED, ROUND = 0, 1, 2, 3
 # Fraction of its distance, or of the one to be kept, that a pair may reach in a step before its points stay.
 SAFE = wp.constant(wp.float64(0.1))
+# Unit of the sums of weights.
+WEIGHT = wp.constant(wp.float64(2.0**-48))
 
 
 @wp.struct
@@ -61,9 +64,9 @@ class Pairs:
 
     rooms: distance - that to be kept [m]. others: the triangle or side. whens: fraction of the way at which a pair
     comes near. pushes: impulse of friction (three components) and that along the normal, with its momentum; earlier:
-    the latter without. turns: J^-1 (g n x f). pressed: whether it presses. sums: of points, of all impulses, those of
-    friction, and the number of pairs that press, in `unit`. impulse, dragged, pressing: the same sums of the last
-    iteration. halts: whether a point is to stay.
+    the latter without. turns: J^-1 (g n x f). pressed: whether it presses. sums: of points, of all impulses and those
+    of friction, in `unit`, and of the |w| of pairs that press, in `WEIGHT`. impulse, dragged, pressing: the same sums
+    of the last iteration. halts: whether a point is to stay.
     """
 
     count: wp.array(dtype=wp.int32)
@@ -80,7 +83,7 @@ class Pairs:
     sums: wp.array2d(dtype=wp.int64)
     impulse: wp.array(dtype=wp.vec3d)
     dragged: wp.array(dtype=wp.vec3d)
-    pressing: wp.array(dtype=wp.int32)
+    pressing: wp.array(dtype=wp.float64)
     halts: wp.array(dtype=wp.uint8)
     friction: wp.float64
     unit: wp.float64
@@ -252,21 +255,19 @@ def press(a: Surface, c: Pairs, momentum: wp.float64, first: int):
         zero = wp.float64(0.0)
         full = zero
         full_slip = zero
-        sure = bool(True)
         moved = mat43d()
         for k in range(4):
             i = c.points[s][k]
             moved[k] = a.drift[i] + a.given[i]
-            share = w[k] * w[k] * wp.float64(wp.max(c.pressing[i], 1))
+            share = wp.abs(w[k]) * c.pressing[i]
             full += share * wp.dot(wp.cw_mul(n, n), a.ease[i])
             full_slip += share * wp.max(a.ease[i])
-            sure = sure and (w[k] == zero or c.pressing[i] > 0)
         slip = wp.transpose(moved) * w
         left = c.rooms[s] + wp.dot(n, slip)
         push = c.pushes[s]
         much = push[3]
         rub = wp.vec3d(push[0], push[1], push[2])
-        if sure and full > zero:
+        if c.pressed[s] != wp.uint8(0) and full > zero:
             much = wp.max(much - left / full, zero)
             if c.friction > zero:
                 x, inverse = from_centre(c.points[s], a)
@@ -317,8 +318,8 @@ def spread(a: Surface, c: Pairs, stride: int, first: int):
                     add_up(dragged, 3, s, c)
                 add_up(wp.outer(w, push[3] * c.normals[s]) + dragged, 0, s, c)
                 for k in range(4):
-                    if w[k] != wp.float64(0.0):
-                        wp.atomic_add(c.sums, c.points[s][k], 6, wp.int64(1))
+                    part = wp.int64(wp.rint(wp.abs(w[k]) / WEIGHT))
+                    wp.atomic_add(c.sums, c.points[s][k], 6, part)
 
 
 @kernel(per="list", writes=("a.given", "c.impulse", "c.dragged", "c.pressing", "c.sums"))
@@ -334,7 +335,7 @@ def settle(a: Surface, c: Pairs, first: int):
     c.impulse[i] = total
     if c.friction > wp.float64(0.0):
         c.dragged[i] = drag
-    c.pressing[i] = wp.int32(c.sums[i, 6])
+    c.pressing[i] = WEIGHT * wp.float64(c.sums[i, 6])
     for k in range(7):
         c.sums[i, k] = wp.int64(0)
 
@@ -407,7 +408,7 @@ def take_impulses(bits: int, held: bool, loaded: bool, damped: bool, tracked: bo
         given: wp.array(dtype=wp.vec3d)
         impulse: wp.array(dtype=wp.vec3d)
         dragged: wp.array(dtype=wp.vec3d)
-        pressing: wp.array(dtype=wp.int32)
+        pressing: wp.array(dtype=wp.float64)
         stays: wp.array(dtype=wp.uint8)
         work: wp.array(dtype=wp.float64)
         dissipated: wp.array(dtype=wp.float64)
@@ -461,7 +462,7 @@ def take_impulses(bits: int, held: bool, loaded: bool, damped: bool, tracked: bo
                 a.lost[i] = a.lost[i] - wp.dot(impulse, mean) + rub
             a.given[i] = wp.vec3d()
             a.impulse[i] = wp.vec3d()
-            a.pressing[i] = 0
+            a.pressing[i] = wp.float64(0.0)
             a.stays[i] = wp.uint8(0)
 
     return take

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from .device.checks import InputError, OutputError, count, one_of
-from .run.scene_files import build_scene, load_scene, scene_names
+from .run.scene_files import build_scene, load_scene, require_scene, scene_names
 from .run.scene_help import SceneCommand
 
 
@@ -178,18 +178,20 @@ def run(
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .run.processes import DIVERGED, INTERRUPTED, communicator_here, is_first, launch, processes_here
 
+    require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
+    settings = _settings(assignments, named)
+    communicator, _ = communicator_here(device)
+    simulation = communicator.barrier(lambda: build_scene(scene, settings))
+    # After the scene, so that a refused one need not wait for these.
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
     from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    settings = _settings(assignments, named)
-    communicator, _ = communicator_here(device)
-    simulation = communicator.barrier(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))

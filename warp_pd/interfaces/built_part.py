@@ -42,6 +42,17 @@ class BuiltPart(Protocol):
         """Point arrays (float64 or vec3) to sum at every frame, by name."""
         return {}
 
+    def stored_energy(self) -> Mapping[str, Array]:
+        """Energy that the part stores now [J], by the name of its column: (N,) float64 arrays, summed at every frame.
+
+        The history shows these columns, and the energy balance counts them.
+        """
+        return {}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Energy lost to the part since the start of the run [J], like `stored_energy`."""
+        return {}
+
     def column_names(self) -> Sequence[str]:
         """Names of its columns in the history, which measures must not use."""
         return ()

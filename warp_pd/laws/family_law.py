@@ -174,7 +174,7 @@ class FamilyLaw(BuiltLaw):
         shown.add_principal(stage, shown.of_family(self.shown_stress))
         shown.add_counts(stage)
 
-    def sums(self) -> Mapping[str, Array]:
+    def stored_energy(self) -> Mapping[str, Array]:
         """The strain energy."""
         return {} if self.strain_energy is None else {"strain": self.strain_energy}
 

@@ -162,9 +162,9 @@ class ViscousForce(ElasticVisco):
             self.add_pairs(stage, displacement, self._no_time, self.terms)
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
-    def sums(self) -> Mapping[str, Array]:
-        """Strain energy and viscous losses."""
-        return {**super().sums(), "viscous": self.viscous}
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Viscous losses."""
+        return {"viscous": self.viscous}
 
     @property
     def force_path(self) -> str:

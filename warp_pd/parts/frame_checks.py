@@ -61,10 +61,12 @@ class FrameChecks(BuiltPart):
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """The kinetic energy, and that of the energy balance."""
-        if self.half_step_kinetic is None:
-            return {"kinetic": self.kinetic_energy}
-        return {"kinetic": self.kinetic_energy, "half_step_kinetic": self.half_step_kinetic}
+        """The kinetic energy of the energy balance."""
+        return {} if self.half_step_kinetic is None else {"half_step_kinetic": self.half_step_kinetic}
+
+    def stored_energy(self) -> Mapping[str, Array]:
+        """The kinetic energy."""
+        return {"kinetic": self.kinetic_energy}
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity was NaN or Inf at the last frame, or None."""
@@ -86,15 +88,17 @@ class FrameChecks(BuiltPart):
 
 
 class EnergyBalance(BuiltPart):
-    """Energies, work and losses in the history.
+    """Energies, work and losses in the history, and the error of their balance.
 
     Attributes:
         work: External work of each point [J], (N,) float64, or None.
         dissipated: Energy dissipated by damping at each point [J], (N,) float64, or None.
+        balances: Whether work and losses are tracked and the law has an energy, so that there is a balance.
+        stored: Names of the energies that the parts store.
+        lost: Names of the energies that the parts lose.
     """
 
     def __init__(self, context: Context, law: BuiltLaw, does_work: bool) -> None:
-        self.context, self.law = context, law
         features, n = context.features, context.sheet.size
         self.work: Array | None = None
         self.dissipated: Array | None = None
@@ -102,31 +106,48 @@ class EnergyBalance(BuiltPart):
             self.work = context.array("work", "energy balance", wp.float64, shape=n, restart=True)
         if features.tracked and features.damped:
             self.dissipated = context.array("dissipated", "energy balance", wp.float64, shape=n, restart=True)
+        self.balances = features.tracked and law.has_energy
+        # These columns are 0 in scenes that have no such work or loss, so that runs can be compared.
+        self._always: tuple[str, ...] = ("external", "damping") if features.tracked else ()
+        self._always += ("rupture",) if self.balances else ()
+        self.stored: Sequence[str] = ()
+        self.lost: Sequence[str] = ()
+
+    def count(self, parts: Iterable[BuiltPart]) -> None:
+        """Count the energies that these parts store and lose."""
+        parts = (*parts, self)
+        self.stored = [name for part in parts for name in part.stored_energy()]
+        self.lost = [name for part in parts for name in part.lost_energy()]
 
     def sums(self) -> Mapping[str, Array]:
-        """Work and losses."""
-        found = {"external": self.work, "damping": self.dissipated}
-        return {name: array for name, array in found.items() if array is not None}
+        """The work."""
+        return {} if self.work is None else {"external": self.work}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """The energy dissipated by damping."""
+        return {} if self.dissipated is None else {"damping": self.dissipated}
 
     def column_names(self) -> Sequence[str]:
         """Energies, work and losses, and the error of their balance."""
-        return (
-            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "contact",
-            "sheet_friction", "joint", "joint_released", "balance_error",
-        )  # fmt: skip
+        return tuple(dict.fromkeys((*self.stored, "half_step_kinetic", *self._always, *self.lost, "balance_error")))
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Energies [J]; work and losses if tracked, 0 for kinds that the scene does not have."""
-        names = ("kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction", "joint", "joint_released")
-        row = {name: totals[name] for name in names if name in totals}
-        if not self.context.features.tracked:
-            return row
-        row |= {name: totals.get(name, 0.0) for name in ("external", "damping")}
-        if self.law.has_energy:
-            row["rupture"] = totals.get("rupture", 0.0)
-            if "viscous" in totals:
-                row["viscous"] = totals["viscous"]
-        return row
+        """Energies, work and losses [J]."""
+        names = self.column_names()
+        return {name: totals.get(name, 0.0) for name in names if name in totals or name in self._always}
+
+    def error(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
+        """Energy gained since the first row, less the work, over the largest energy or work so far.
+
+        Gained are changes of the stored energies and of the losses. See kernels/integrate.py for the kinetic energy at
+        half steps. `least` is the least energy to divide by [J].
+        """
+        rows = [*history, row]
+        kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
+        counted = [kinetic if name == "kinetic" else name for name in (*self.stored, *self.lost)]
+        gained = sum(row[name] - rows[0][name] for name in counted) - row["external"]
+        scale = max(least, *(max(abs(r["external"]), abs(sum(r[name] for name in self.stored))) for r in rows))
+        return gained / scale if scale > 0.0 else 0.0
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """The columns of `columns`, since all are sums."""
@@ -145,7 +166,7 @@ class Sums:
         self.context = context
         self.arrays: dict[str, Array] = {}
         for part in parts:
-            for name, array in part.sums().items():
+            for name, array in (*part.sums().items(), *part.stored_energy().items(), *part.lost_energy().items()):
                 if name in self.arrays:
                     raise ValueError(f"sums: two parts use the name {name!r}; expected different names")
                 self.arrays[name] = array

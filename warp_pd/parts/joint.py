@@ -270,9 +270,13 @@ class BuiltJoint(BuiltPart):
         elif phase is Phase.FRAME:
             stage.launch(OWNER, kernels.energy, number, **given, energy=self.energy)
 
-    def sums(self) -> Mapping[str, Array]:
-        """Energy stored in the joint, and energy lost to breaking it."""
-        return {"joint": self.energy} | ({} if self.released is None else {"joint_released": self.released})
+    def stored_energy(self) -> Mapping[str, Array]:
+        """Energy stored in the joint."""
+        return {"joint": self.energy}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Energy lost to breaking the joint."""
+        return {} if self.released is None else {"joint_released": self.released}
 
     def column_names(self) -> Sequence[str]:
         """The mean damage."""

@@ -228,7 +228,7 @@ class Damaged(BuiltRupture):
             intact=self.law.intact, triangles=self._triangles, intact_faces=self.intact_faces,
         )  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
+    def lost_energy(self) -> Mapping[str, Array]:
         """The energy lost with broken bonds, and to a damage field."""
         return {} if self.released is None else {"rupture": self.released}
 

@@ -20,7 +20,6 @@ from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
-from .sheet_surface import SheetSurface
 
 OWNER = "SelfContact"
 # Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.
@@ -97,6 +96,8 @@ class SelfContact(Contact):
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""
         if self.surface:
+            from .sheet_surface import SheetSurface
+
             return SheetSurface(context, law, self.distance, self.friction)
         return BuiltSelfContact(self, context, law)
 
@@ -254,10 +255,13 @@ class BuiltSelfContact(BuiltContact):
             dissipated=state.dissipated, rubbed=self._rubbed, only_if=self._flag(TOUCHED),
         )  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
-        """Contact energy, and energy dissipated by friction."""
-        found = {"contact": self.energy, "sheet_friction": self._rubbed}
-        return {name: array for name, array in found.items() if array is not None}
+    def stored_energy(self) -> Mapping[str, Array]:
+        """Contact energy."""
+        return {"contact": self.energy}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Energy dissipated by friction."""
+        return {} if self._rubbed is None else {"sheet_friction": self._rubbed}
 
     def end_frame(self) -> None:
         """Check that no list of pairs has overflowed.

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from scipy.spatial import cKDTree
 
 from ..device.checks import InputError
 from ..device.fields import Array
@@ -92,7 +91,7 @@ class SheetSurface(BuiltContact):
                 whens=wp.float64, pushes=wp.vec4d, earlier=wp.float64, pressed=wp.uint8,
             ),
             **room(points + sides, count=wp.int32), **room((points, 7), "point", sums=wp.int64),
-            **room(points, "point", impulse=wp.vec3d, pressing=wp.int32, halts=wp.uint8),
+            **room(points, "point", impulse=wp.vec3d, pressing=wp.float64, halts=wp.uint8),
             **({**room(slots, turns=wp.vec3d), **room(points, "point", dragged=wp.vec3d)} if rubs else {}),
             "friction": friction, "unit": UNIT * sheet.spacing**3 * float(np.max(sheet.thickness * sheet.density)),
         })  # fmt: skip
@@ -104,7 +103,7 @@ class SheetSurface(BuiltContact):
                 self.rubbed = context.array("surface_rubbed", OWNER, wp.float64, shape=points, restart=True)
         self._sizes = points, faces, sides, leaves
 
-    def sums(self) -> Mapping[str, Array]:
+    def lost_energy(self) -> Mapping[str, Array]:
         """Energy lost in impacts and by friction."""
         found = {"contact": self.lost, "sheet_friction": self.rubbed}
         return {name: array for name, array in found.items() if array is not None}
@@ -202,6 +201,8 @@ class SheetSurface(BuiltContact):
 
 def _order(sheet: Any, pieces: np.ndarray) -> np.ndarray:
     """Triangles in an order that keeps neighbours of a piece together, (F,) int32."""
+    from scipy.spatial import cKDTree
+
     triangles = sheet.triangles
     apart = 10.0 * np.ptp(sheet.positions, axis=0).max() * pieces[triangles[:, 0]]
     centres = np.column_stack([sheet.positions[triangles].mean(axis=1), apart])

@@ -483,8 +483,8 @@ class DamageField(Damaged):
         return hashlib.sha1(np.asarray(self._energy).tobytes()).hexdigest()[:12]
 
     def sums(self) -> Mapping[str, Array]:
-        """The released energy and the energy of the field."""
-        return {**super().sums(), "fracture": self.fracture}
+        """The energy of the field."""
+        return {"fracture": self.fracture}
 
     def column_names(self) -> Sequence[str]:
         """Columns of the damage, and the energy of the field."""

@@ -101,6 +101,7 @@ def compose(
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     bodies = body_checks(context, law, contacts)
     acting = (law, solver, moved, Ticking(context), *built, external, *bodies, checks := FrameChecks(context))
+    energy.count(acting)
     made = Built(
         context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),
         scene, solver, checks, energy, Sums(context, (*acting, energy)), contacts[0] if contacts else None, contacts,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -212,9 +212,9 @@ class Recorder:
         built = self.built
         row: dict[str, float] = {"time": now, "step": dt}
         row |= built.energy.columns(totals, elapsed)
-        if "rupture" in row:
+        if built.energy.balances:
             least = self._noise * (1.0 + now / dt) / dt**2 if dt > 0.0 else 0.0
-            row["balance_error"] = balance_error(self.history, row, least)
+            row["balance_error"] = built.energy.error(self.history, row, least)
         for part in built.parts:
             for name, value in part.columns(totals, elapsed).items():
                 if name in row:
@@ -270,23 +270,3 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError):
         raise InputError(f"it returned {value!r}: expected a number") from None
-
-
-def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
-    """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
-
-    See kernels/integrate.py for the kinetic energy that it uses. `least` is the least energy to divide by [J].
-    """
-    first = history[0] if history else row
-    kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
-    change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
-    error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
-    if "contact" in row:
-        error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
-    if "joint" in row:
-        error += row["joint"] - first["joint"] + row.get("joint_released", 0.0)
-    if "viscous" in row:
-        error -= first["viscous"]
-    rows = [*history, row]
-    scale = max(least, *(max(abs(r["external"]), abs(r["kinetic"] + r["strain"] + r.get("joint", 0.0))) for r in rows))
-    return error / scale if scale > 0.0 else 0.0

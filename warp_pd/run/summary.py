@@ -215,7 +215,7 @@ def _cost(recorder: Recorder, seconds: Seconds) -> dict[str, Any]:
 def _energy(recorder: Recorder) -> dict[str, Any]:
     """Energies of the last frame [J]."""
     row = recorder.history[-1] if recorder.history else {}
-    losses = {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
+    losses = {name: row[name] for name in ("damping", "rupture", *recorder.built.energy.lost) if name in row}
     return {
         "kinetic": row.get("kinetic"),
         "strain": row.get("strain"),
