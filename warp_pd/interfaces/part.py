@@ -302,12 +302,12 @@ class BuiltRupture(BuiltPart, Protocol):
         ...
 
     def energy_at_rest(self, again: bool | None) -> float:
-        """Energy of the damage field [J] that `break_at_rest` would find; called only if `tear_energy` is positive.
+        """Energy of the damage field [J] that `break_at_rest` would find; 0 without a damage field.
 
         Args:
             again: As for `break_at_rest`; None for the energy of the damage as it is.
         """
-        raise NotImplementedError(f"{type(self).__name__}.energy_at_rest: expected an implementation")
+        return 0.0
 
     def fingerprint(self) -> str:
         """Hash of values of user functions, which a restart file must match in addition to the settings."""

@@ -26,6 +26,8 @@ from .turning_points import Change, Point, changes
 
 # Accuracy of the linear solves, and the fraction of the largest increment used to difference loads.
 ACCURACY, DIFFERENCE = 1e-6, 0.1
+# The same difference with contact, over that without: no further point should touch a body within it.
+TOUCHING = 1e-3
 # Desired number of corrector steps, and desired error of the predicted load, divided by the largest increment.
 AIMED_STEPS, AIMED_MISS = 4.0, 0.25
 LEAST_GROWTH, MOST_GROWTH = 0.5, 2.0
@@ -556,6 +558,8 @@ class Path(StaticSystem):
     def _along(self, factor: float, sign: float) -> np.ndarray:
         """Derivative of the displacement by the load factor [m], shape (N, 3), at the current point."""
         level, ahead = self.levels[0], DIFFERENCE * self.settings.increment * sign
+        if level.contacts:
+            ahead *= TOUCHING
         # Schedules may end with the load.
         ahead = -ahead if abs(factor + ahead) > 1.0 else ahead
         here = level.residual.numpy().astype(np.float64)

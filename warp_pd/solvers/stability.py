@@ -96,8 +96,8 @@ def _lowest(
         image = product(x - inside)
         return np.asarray(image - basis @ (basis.T @ image) + inside)
 
-    first, further = _extreme(deflated, size, number, "SR"), []
-    found = first
+    further: list[float] = []
+    found = first = _extreme(deflated, size, number, "SR")
     while found is not None and (found[0] < 0.0).any() and basis.shape[1] < size // 2:
         vectors = found[1][:, found[0] < 0.0]
         basis = orth(np.column_stack([basis, vectors.real, vectors.imag]), rcond=SAME)
