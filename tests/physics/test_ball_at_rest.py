@@ -1,5 +1,6 @@
 """A ball at rest on a clamped disc: force against depth meets the shooting of tools/references."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -245,13 +246,18 @@ def test_derivatives_at_equilibrium_refuse_contact():
             {"motion": Free(0.1, (0.0, 0.0, ABOVE))},
             "motion = Free: expected a BodyPath with a static solver; Free needs Explicit",
         ),
-        ({"solver": ArcLength(), "damage": TearingEnergy(1.0)}, "expected no damage with ArcLength, or the solver"),
         ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),
     ],
 )
 def test_what_static_contact_refuses(changes, words):
     with pytest.raises(InputError, match=words):
         lowered(*disc(9), **changes).build("cpu")
+
+
+def test_a_path_takes_contact_or_tears():
+    scene = replace(lowered(*disc(13), solver=ArcLength()), damage=TearingEnergy(10.0))
+    with pytest.raises(InputError, match="'body': expected no damage with ArcLength, or the solver Newton"):
+        scene.build("cpu")
 
 
 def test_the_force_on_a_still_ball_is_what_a_load_leaves():

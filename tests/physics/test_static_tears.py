@@ -6,7 +6,8 @@ from helpers import square, strain_energy
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
-from warp_pd import CriticalStretch, Fixed, Motion, Newton, Relaxation, TearingEnergy
+from warp_pd import ArcLength, CriticalStretch, Fixed, Measure, Motion, Newton, Relaxation, Sheet, TearingEnergy
+from warp_pd.measures import support_force
 from warp_pd.parts.tearing_energy import SETTLED
 from warp_pd.solvers import static_rupture
 
@@ -118,3 +119,40 @@ def test_a_static_tear_resumes_bit_for_bit(tmp_path):
         lambda: simulate(SHEET, solver, loads=loads, damage=damage, weights="corrected"), tmp_path, [2, 3]
     )
     assert 0 < (result.frame.damage > 0.8).sum() and result.summary["solve"]["rounds"] > 4
+
+
+def test_a_path_follows_a_tear_that_snaps_back():
+    """A tall strip stores more than its tear takes, so the grips must go back while it runs.
+
+    Newton's method at given loads finds the same until the tear runs, and then a strip torn in two.
+    """
+    sheet = Sheet.rectangle(0.1, 0.2, thickness=1e-3, density=1000.0, points=17).cut((-0.01, 0.1001), (0.03, 0.1001))
+    top, energy, thickness = sheet.edges("top"), 12.0, 1e-3
+
+    def ran(solver, height):
+        moved = Motion(top, [0.0, 1.0], x=0.0, y=[0.0, height])
+        return run(
+            sheet, solver, loads=[moved, Fixed(sheet.edges("bottom"), "xy"), Fixed(np.arange(sheet.size), "z")],
+            damage=TearingEnergy(energy, spared=sheet.edges("bottom", "top")), weights="corrected",
+            measures=[Measure("pull", "N", lambda built, frame: support_force(built, top)[1])],
+        )  # fmt: skip
+
+    path, newton = ran(ArcLength(increment=0.1, most_steps=11), 0.06), ran(Newton(load_steps=7), 0.042)
+    factor, strain, fracture, pull = (
+        np.array([row[name] for row in path.history]) for name in ("load_factor", "strain", "fracture", "pull")
+    )
+    (found,) = path.summary["solve"]["found"]
+    most = found["step"]
+    assert found["kind"] == "maximum" and factor[most] == pytest.approx(0.628, abs=0.003)
+    back = slice(most, most + 4)
+    assert (np.diff(factor[back]) < 0.0).all() and (np.diff(strain[back]) < 0.0).all()
+    # The given amount: a quarter of the energy of a tear as long as the field.
+    length = path.built.rupture.length
+    assert np.diff(fracture[back]) == pytest.approx(0.25 * energy * length * thickness, rel=2e-3)
+    # The work of the grips goes into the sheet and the field, until bonds break: 0.7 % by the trapezoidal rule.
+    work = np.cumsum(0.5 * (pull[1:] + pull[:-1]) * np.diff(factor)) * 0.06
+    assert np.abs((strain + fracture)[1:] - work)[: most + 1].max() < 0.008 * work.max()
+    before = newton.history[6]
+    assert [before["strain"], before["fracture"]] == pytest.approx([strain[6], fracture[6]], rel=2e-2)
+    assert newton.history[7]["strain"] < 0.1 * before["strain"]
+    assert newton.history[7]["fracture"] > 10.0 * before["fracture"]

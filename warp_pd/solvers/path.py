@@ -19,7 +19,7 @@ from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import PathSettings
 from .stability import stability
-from .static_rupture import MAX_ROUNDS, Kept, StaticRupture, copies, put_back
+from .static_rupture import Kept, StaticRupture, copies, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 from .tears import load_factor
 from .turning_points import Change, Point, changes
@@ -37,6 +37,8 @@ SHARP, MOST_LANDINGS = 0.01, 10
 # Tears: relative change of the load factor at which a step has settled, and growth of the energy of the damage field,
 # over what was wanted, below which the tear has stopped.
 STILL, GROWS = 1e-4, 1e-3
+# Rounds of alternate minimisation after which such a step counts as failed.
+MOST_ROUNDS = 100
 # Smallest growth, over `BuiltRupture.tear_energy`, down to which the last ligament of a falling load is followed.
 LEAST_RELEASE = 1.0 / 16.0
 # Cosine of the angle between the directions of two steps below which the second is on another branch.
@@ -449,7 +451,7 @@ class Path(StaticSystem):
         stored, unit = rupture.energy(), self.state.release * self.tear_energy
         least, stride = 1e-3 * self.settings.increment, 0.1 * self.settings.increment
         residual, tolerance = math.inf, max(self.tolerance, rupture.close_enough)
-        for again in range(MAX_ROUNDS):
+        for again in range(MOST_ROUNDS):
 
             def move(factor: float, there: np.ndarray = there, here: float = here) -> None:
                 assign(level.displacement, there + (factor - here) * motion)
@@ -478,7 +480,7 @@ class Path(StaticSystem):
                 return None
             there = level.displacement.numpy().astype(np.float64)
             here, stride = factor, max(abs(factor - here), least)
-        self.failure = f"the damage still grew after {MAX_ROUNDS} rounds"
+        self.failure = f"the damage still grew after {MOST_ROUNDS} rounds"
         return None
 
     def _accept_tear(self, origin: Origin, factor: float, grown: float) -> bool:
