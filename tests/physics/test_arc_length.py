@@ -157,7 +157,8 @@ def test_a_path_that_is_not_over_says_so():
 def test_a_path_that_ends_early_says_why():
     result = snapping(ArcLength(most_iterations=1, most_cuts=0, tolerance=1e-12))
     assert result.status == "not converged"
-    assert any("even the shortest step failed, as Newton's method ended" in note for note in result.summary["notes"])
+    texts = [result.summary["message"], *result.summary["notes"]]
+    assert sum("even the shortest step failed, as Newton's method ended" in text for text in texts) == 2
 
 
 def test_a_path_may_begin_where_the_start_is_no_equilibrium():

@@ -73,14 +73,27 @@ def test_the_energy_is_stationary_in_displacement_and_damage():
         assert more > here
 
 
+def wedged(heights):
+    """The notched square in plane, its top opened as by a wedge, so that the tear is stable: no bond decides alone."""
+    times, loads = np.linspace(0.0, 1.0, len(heights) + 1), [Fixed(SHEET.edges("bottom"), "xy")]
+    for point in SHEET.edges("top"):
+        opening = 1.0 - SHEET.points[point, 0] / 0.1
+        loads.append(Motion([point], times, x=0.0, y=[0.0, *(opening * height for height in heights)]))
+    return [*loads, Fixed(np.arange(SHEET.size), "z")]
+
+
 def test_relaxation_finds_the_tear_of_newtons_method():
-    heights, solver = [0.02, 0.026], Relaxation(load_steps=2, ramp_steps=100)
-    newton, relaxation = torn(heights, 8.0), torn(heights, 8.0, solver)
+    """Measured: 1.5e-4 and 6e-5."""
+    newton, relaxation = (
+        run(SHEET, solver, loads=wedged([0.03, 0.05]), damage=tearing(8.0), weights="corrected")
+        for solver in (Newton(load_steps=2), Relaxation(load_steps=2, ramp_steps=100))
+    )
     for result in (newton, relaxation):
         assert result.status == "finished" and result.summary["solve"]["rounds"] > 2
     fields = [result.built.rupture.field.numpy() for result in (newton, relaxation)]
-    assert np.abs(fields[0] - fields[1]).max() < 0.02
-    assert newton.history[-1]["strain"] == pytest.approx(relaxation.history[-1]["strain"], rel=5e-3)
+    assert np.abs(fields[0] - fields[1]).max() < 1e-3
+    assert newton.history[-1]["fracture"] > 1e-4
+    assert newton.history[-1]["strain"] == pytest.approx(relaxation.history[-1]["strain"], rel=5e-4)
 
 
 def test_damage_stays_when_the_load_goes():

@@ -45,7 +45,7 @@ GPU_THREADS, CPU_THREADS = 2**15, 64
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
 # in motion; largest number of looks at one displacement.
-SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 16, 50
 # Relative residual down to which the displacement follows the damage while this changes.
 CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.

@@ -158,14 +158,14 @@ class Path(StaticSystem):
                 wp.copy(finest.displacement, self.good)
                 self.set_loads(state.factor)
                 sink.residual = self.sizes.relative(*finest.evaluate())
-                sink.solve = self._summary(state.factor)
                 self.ended = self.failure
+                sink.solve = self._summary(state.factor)
                 return NOT_CONVERGED
             self._record(sink, state.factor)
         return FINISHED
 
     def _summary(self, reached: float) -> dict[str, Any]:
-        return {**super()._summary(reached), "found": self.state.found}
+        return {**super()._summary(reached), "found": self.state.found, "ended": self.ended}
 
     # Steps ---------------------------------------------------------------------------------------------
 
