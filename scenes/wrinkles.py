@@ -13,7 +13,7 @@ with the length L of the stretched strip. Without bending (`--set bending=False`
 
 import numpy as np
 
-from warp_pd import BondAssociated, Fixed, Measure, Motion, NeoHookean, Relaxation, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Sheet, Simulation
 from warp_pd.device.checks import positive
 from warp_pd.measures import support_force
 
@@ -26,9 +26,9 @@ def build(
     thickness: float = 5e-5,
     strain: float = 0.1,
     bending: bool = True,
-    tolerance: float = 1e-8,
-    load_steps: int = 1,
-    most_steps: int = 20_000,
+    duration: float = 0.1,
+    damping: float = 400.0,
+    frames: int = 20,
 ) -> Simulation:
     """Build the scene.
 
@@ -36,7 +36,7 @@ def build(
         points: Points along the strip between the clamps.
         strain: Length that is added to the strip over its length [-].
         bending: Whether it has bending stiffness.
-        most_steps: Largest number of steps of relaxation; wrinkles are soft, and settle long after the stretching.
+        damping: Mass damping [1/s], in which the strip comes to rest.
     """
     spacing = LENGTH / (points - 1)
     rows = round(WIDTH / spacing) + 1
@@ -47,9 +47,11 @@ def build(
     left, right = (np.flatnonzero(side) for side in (along < 1e-6, along > 1.0 - 1e-6))
     heights = np.random.default_rng(0).normal(size=rows)
     start = np.zeros((sheet.size, 3))
-    inside = np.sin(np.pi * np.clip(along, 0.0, 1.0))
-    start[:, 0] = positive("strain", strain) * LENGTH * np.clip(along, 0.0, 1.0)
-    start[:, 2] = thickness * inside * heights[np.rint(across / spacing).astype(int)]
+    reached = np.clip(along, 0.0, 1.0)
+    narrowed = (1.0 - (1.0 + positive("strain", strain)) ** -0.5) * (1.0 - (2.0 * reached - 1.0) ** 4)
+    start[:, 0] = strain * LENGTH * reached
+    start[:, 1] = narrowed * (0.5 * across.max() - across)
+    start[:, 2] = thickness * np.sin(np.pi * reached) * heights[np.rint(across / spacing).astype(int)]
     middle = np.flatnonzero(np.abs(along - 0.5) < 0.6 / (points - 1))
     middle = middle[np.argsort(across[middle], kind="stable")]
     middle = middle[np.append(True, np.diff(across[middle]) > 0.5 * spacing)]
@@ -65,7 +67,7 @@ def build(
         loads=[Fixed(left), Fixed(right)],
         bending=bending,
         initial_displacement=start,
-        solver=Relaxation(tolerance=tolerance, load_steps=load_steps, most_steps=most_steps),
+        solver=Explicit(duration, frames=frames, damping=damping),
         measures=[
             Measure("amplitude", "m", lambda built, frame: 0.5 * np.ptp(frame.displacement[middle, 2])),
             Measure("wavelength", "m", lambda built, frame: wavelength(across[middle], frame.displacement[middle])),
