@@ -1,6 +1,6 @@
 """A strip between two clamps is stretched, and wrinkles along its length with a wavelength set by bending.
 
-0.25 x 0.1 m of neo-Hookean rubber, mu 2 MPa, 0.05 mm thick, is stretched by 10 %, as in Nayyar, Ravi-Chandar and Huang
+0.25 x 0.1 m of neo-Hookean rubber, mu 2 MPa, 0.07 mm thick, is stretched by 10 %, as in Nayyar, Ravi-Chandar and Huang
 (Int. J. Solids Struct. 48, 2011). The clamps keep its width; where it narrows between them it is compressed across. Two
 columns of points in each clamp hold its slope. Small random heights start the wrinkles.
 
@@ -22,12 +22,12 @@ LENGTH, WIDTH, MU = 0.25, 0.1, 2e6
 
 def build(
     points: int = 161,
-    horizon: float = 2.015,
-    thickness: float = 5e-5,
+    horizon: float = 1.5,
+    thickness: float = 7e-5,
     strain: float = 0.1,
     bending: bool = True,
-    duration: float = 0.1,
-    damping: float = 400.0,
+    duration: float = 0.15,
+    damping: float = 200.0,
     frames: int = 20,
 ) -> Simulation:
     """Build the scene.
