@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from .device.checks import InputError, OutputError, count, one_of
-from .run.scene_files import build_scene, load_scene, scene_names
+from .run.scene_files import build_scene, load_scene, require_scene, scene_names
 from .run.scene_help import SceneCommand
 
 
@@ -178,18 +178,20 @@ def run(
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .run.processes import DIVERGED, INTERRUPTED, communicator_here, is_first, launch, processes_here
 
+    require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
+    settings = _settings(assignments, named)
+    communicator, _ = communicator_here(device)
+    simulation = communicator.barrier(lambda: build_scene(scene, settings))
+    # After the scene, so that a refused one need not wait for these.
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
     from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    settings = _settings(assignments, named)
-    communicator, _ = communicator_here(device)
-    simulation = communicator.barrier(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
@@ -237,16 +239,9 @@ def run(
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
 @click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
 @click.option("--quiet", is_flag=True, help="Print only the table.")
-@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among this number of GPUs.")
-@click.option(
-    "--processes",
-    type=int,
-    default=1,
-    help="Divide the sheet among this number of processes; with --device cpu they share the cores.",
-)
 def sweep_values(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
-    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, gpus: int, processes: int, **named: str | None,
+    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, **named: str | None,
 ) -> None:  # fmt: skip
     """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
 
@@ -255,7 +250,7 @@ def sweep_values(
     is that of the worst run.
     """
     from .run.arguments import split_values
-    from .run.sweep_command import apart, here, run_sweep
+    from .run.sweep_command import run_sweep
 
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():
@@ -264,10 +259,7 @@ def sweep_values(
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
     options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
-    start = here(options)
-    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
-        start = apart(scene, options, gpus, processes)
-    sys.exit(run_sweep(scene, choices, folder, start, device, precision, overwrite, quiet))
+    sys.exit(run_sweep(scene, choices, folder, options, overwrite, quiet))
 
 
 @main.command(cls=SceneCommand)

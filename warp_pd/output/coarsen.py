@@ -65,11 +65,16 @@ def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.i
 
 
 def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
-    """All contracted triangles of the frames, and when they are intact; a row of points has no triangles."""
-    keys = [_keys(corners, size) for corners in frames]
-    every, first = np.unique(np.concatenate(keys), return_index=True)
-    points, triangles = np.unique(np.concatenate(frames)[first], return_inverse=True)
-    intact = np.stack([np.isin(every, key) for key in keys])
+    """All contracted triangles of the frames, and when they are intact; a row of points has no triangles.
+
+    Frames with the same triangles may share their array, which is then looked at once.
+    """
+    distinct = {id(corners): corners for corners in frames}
+    keys = {name: _keys(corners, size) for name, corners in distinct.items()}
+    every, first = np.unique(np.concatenate(list(keys.values())), return_index=True)
+    points, triangles = np.unique(np.concatenate(list(distinct.values()))[first], return_inverse=True)
+    present = {name: np.isin(every, key) for name, key in keys.items()}
+    intact = np.stack([present[id(corners)] for corners in frames])
     if not len(every):
         points = np.arange(size)
     return Drawn(points, triangles.reshape(-1, 3), intact)

@@ -13,7 +13,7 @@ from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
 from ..geometry.topology import boundary_sides, directed_edges
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, nearest_about, places_of, raster, sphere
+from .projection import View, material_lines, nearest_about, painted, places_of, raster, sphere
 from .quantities import ENERGIES, column_label, field_label
 
 # Triangles above which a sheet is drawn as pixels.
@@ -21,6 +21,8 @@ MOST_POLYGONS = 60_000
 STYLES = ("-", "--", "-.", ":")
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
+# Width of strokes [points].
+STROKE = 0.5
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
@@ -297,16 +299,19 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
             [own, nearest_about(sheet, frame.triangles)[owners], own[rim], bodies[..., 2].mean(axis=1)]
         )
         edges = np.concatenate([faces, inks, greys])
-        widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), 0.5), np.full(len(bodies), 0.2)])
+        widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), STROKE), np.full(len(bodies), 0.2)])
         order = np.argsort(depth, kind="stable")
         corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
-        painted = PolyCollection(
-            corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
-        )  # fmt: skip
-        painted.set_rasterized(len(corners) > MOST_VECTORS)
-        # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
-        painted.set_in_layout(False)
-        axes.add_collection(painted, autolim=False)
+        if len(corners) > MOST_VECTORS:
+            image, extent = painted(corners, edges[order], widths[order] == STROKE)
+            axes.imshow(image, extent=extent, origin="lower", aspect="equal", interpolation="antialiased")
+        else:
+            polygons = PolyCollection(
+                corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
+            )  # fmt: skip
+            # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
+            polygons.set_in_layout(False)
+            axes.add_collection(polygons, autolim=False)
     if frame.ball is not None:
         _dash_the_ball(axes, frame.ball, seen)
 
@@ -341,11 +346,13 @@ def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:
 
 def _dash_the_ball(axes: Any, ball: tuple[np.ndarray, float], seen: View) -> None:
     """Draw the dashed outline of the ball, also where the sheet hides it."""
-    from scipy.spatial import ConvexHull
-
-    shell = seen.seen(sphere(*ball)[0])[:, :2]
-    ring = ConvexHull(shell).vertices
-    axes.plot(*shell[np.append(ring, ring[0])].T, "--", color=(0.2, 0.25, 0.35), linewidth=0.7)
+    centre, diameter = ball
+    middle, *ends = seen.seen(centre + 0.5 * diameter * np.vstack([np.zeros(3), np.eye(3)]))[:, :2]
+    # The image of a sphere under a linear map is an ellipse along its singular vectors.
+    turn, sizes, _ = np.linalg.svd((np.array(ends) - middle).T)
+    angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    ring = middle + np.stack([np.cos(angle), np.sin(angle)], axis=1) * sizes @ turn.T
+    axes.plot(*ring.T, "--", color=(0.2, 0.25, 0.35), linewidth=0.7)
 
 
 def _scale_the_box(axes: Any, seen: View, points: float) -> None:

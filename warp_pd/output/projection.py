@@ -17,6 +17,8 @@ LARGEST_BODY = 2.0
 SQUARES, SQUARES_OF_CURVED = 12, 8
 # Pixels along the longer side of a panel, and samples of all triangles, about the most.
 PIXELS, MOST_SAMPLES = 900, 12_000_000
+# Smaller pixels along a painted one; what is painted on, a colour that no sheet has.
+FINE, GROUND = 2, (255, 255, 254)
 # Parts of a pixel between two samples.
 BETWEEN = 0.7
 
@@ -151,6 +153,39 @@ def _crossing(
     start, end = frame.reference[a, component], frame.reference[b, component]
     fraction = ((level - start) / (end - start))[:, None]
     return np.asarray(frame.points[a] + fraction * (frame.points[b] - frame.points[a]))
+
+
+def painted(
+    corners: np.ndarray, inks: np.ndarray, strokes: np.ndarray
+) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """Paint triangles and strokes as pixels, in their order; much faster than Matplotlib's polygons.
+
+    Args:
+        corners: Right and up of the corners, shape (F, 3, 2); a stroke ends at the first and the second.
+        inks: Red, green, blue and opacity, shape (F, 4).
+        strokes: Whether each is a stroke, shape (F,).
+
+    Returns:
+        As `raster`.
+    """
+    from PIL import Image, ImageDraw
+
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    pixel = float((high - low).max()) / (FINE * PIXELS)
+    size = FINE * (np.ceil((high - low) / (FINE * pixel)).astype(int) + 1)
+    image = Image.new("RGB", tuple(size.tolist()), GROUND)
+    brush = ImageDraw.Draw(image, "RGBA")
+    places, colours = ((corners - low) / pixel).reshape(-1, 6).tolist(), np.rint(255.0 * inks).astype(int).tolist()
+    for place, colour, stroke in zip(places, map(tuple, colours), strokes.tolist(), strict=True):
+        if stroke:
+            brush.line(place[:4], fill=colour, width=FINE)
+        else:
+            brush.polygon(place, fill=colour)
+    clear = np.all(np.asarray(image) == GROUND, axis=2)
+    seen = Image.fromarray(np.where(clear, 0, 255).astype(np.uint8))
+    image.putalpha(seen)
+    across, up = (low + size * pixel).tolist()
+    return np.asarray(image.reduce(FINE)), (float(low[0]), across, float(low[1]), up)
 
 
 def raster(

@@ -19,7 +19,7 @@ from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
 from .quantities import choices, column_unit, curves, known_units
-from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
+from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
 
 # What a page loads, in this order; vendor.* are the libraries.
 STYLES = ("vendor.css", "page.css")
@@ -98,18 +98,20 @@ def page(
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
     """Points, triangles, fields and bodies at the frames that the page shows."""
     most = info.points if limits.points is None else limits.points
-    _, points, first, fields = read_frame(path, 0)
+    (_, points, first, fields), (_, _, last, _) = read_frames(path, (0, info.frames - 1))
     reference = points - fields["displacement"]
-    cluster = clusters(reference, first, read_frame(path, info.frames - 1)[2], most)
+    cluster = clusters(reference, first, last, most)
     kept = np.unique(cluster)
     names = limits.chosen_fields(info.fields)
     components = sum(fields[name][0].size for name in names)
     shown = limits.chosen_frames(info.frames, components * len(kept))
     triangles: list[NDArray[np.int64]] = []
     values: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
-    for k in shown:
-        _, _, intact, fields = read_frame(path, int(k))
-        triangles.append(contracted(intact, cluster))
+    before, corners = None, contracted(first, cluster)
+    for _, _, intact, fields in read_frames(path, shown.tolist()):
+        if before is None or not np.array_equal(intact, before):
+            before, corners = intact, contracted(intact, cluster)
+        triangles.append(corners)
         for name, series in values.items():
             series.append(fields[name][kept])
     sheet = drawn(triangles, info.points)

@@ -18,7 +18,7 @@ since readers sort them, and `load_times` their times.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,10 @@ class SeriesInfo:
     metadata: dict[str, Any]
 
 
+# Time [s], deformed positions [m], intact triangles and point data of a frame, as `read_frames` says.
+SeriesFrame = tuple[float, NDArray[np.float32], NDArray[np.int64], dict[str, NDArray[Any]]]
+
+
 class NotASeriesError(Exception):
     """The file is HDF5, but not a consistent series of frames."""
 
@@ -97,6 +101,7 @@ class VtkHdfSeries:
         self._chosen = fields
         self._last_faces: NDArray[np.integer] | None = None
         self._last_intact: NDArray[np.bool_] | None = None
+        self._unfinished = False
         if append_from:
             self._continue_from(append_from)
         else:
@@ -128,8 +133,10 @@ class VtkHdfSeries:
     def _add(self, file: h5py.File, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
         """Add the rows of one frame, and then increment the number of steps."""
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
-        # What an earlier call began and did not finish is not part of any frame.
-        _cut(root, frame.index)
+        if self._unfinished:
+            # What an earlier call began and did not finish is not part of any frame.
+            _cut(root, frame.index)
+        self._unfinished = True
         faces = self._last_faces
         if faces is None or not same_arrays(frame.intact_faces, self._last_intact):
             faces = frame.faces(self.surface)
@@ -137,12 +144,13 @@ class VtkHdfSeries:
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
         _add_rows(root["Points"], frame.positions(self.surface))
+        data, offsets = root["PointData"], steps["PointDataOffsets"]
         for name, values in fields.items():
-            _add_rows(root["PointData"][name], values)
-            _add_rows(steps["PointDataOffsets"][name], [begin])
+            _add_rows(data[name], values)
+            _add_rows(offsets[name], [begin])
         if frame.index == 0:
-            _add_rows(root["PointData"][REFERENCE], self.surface.points)
-        _add_rows(steps["PointDataOffsets"][REFERENCE], [0])
+            _add_rows(data[REFERENCE], self.surface.points)
+        _add_rows(offsets[REFERENCE], [0])
         if frame.ball_center is not None:
             _add_rows(root["FieldData/ball_center"], [frame.ball_center])
             _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
@@ -161,6 +169,7 @@ class VtkHdfSeries:
         _add_rows(steps["Values"], [frame.time if times is None else frame.index])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
+        self._unfinished = False
         self._last_faces = faces
         self._last_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
@@ -198,12 +207,15 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
         raise InputError(f"{path}: expected a complete VTKHDF file of frames ({reason})") from error
 
 
-def read_frame(
-    path: str | os.PathLike[str], index: int
-) -> tuple[float, NDArray[np.float32], NDArray[np.int64], dict[str, NDArray[Any]]]:
-    """One frame of a VTKHDF file.
+def read_frame(path: str | os.PathLike[str], index: int) -> SeriesFrame:
+    """One frame of a VTKHDF file; see `read_frames`."""
+    return next(read_frames(path, [index]))
 
-    Returns:
+
+def read_frames(path: str | os.PathLike[str], indices: Iterable[int]) -> Iterator[SeriesFrame]:
+    """Read frames of a VTKHDF file, one after the other.
+
+    Yields:
         Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (F, 3); and the point data by name, each
         of shape (N,) or (N, 3).
 
@@ -214,11 +226,14 @@ def read_frame(
     info = read_series(path)
     with h5py.File(path, "r", locking=False) as file:
         root = file["VTKHDF"]
-        rows = slice(index * info.points, (index + 1) * info.points)
-        begin = int(root["Steps/ConnectivityIdOffsets"][index, POLYGONS])
-        corners = root["Polygons/Connectivity"][begin : begin + 3 * int(info.faces[index])]
-        fields = {name: root["PointData"][name][rows] for name in info.fields}
-        return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
+        columns = {name: root["PointData"][name] for name in info.fields}
+        begins = root["Steps/ConnectivityIdOffsets"][: info.frames, POLYGONS]
+        for index in indices:
+            rows = slice(index * info.points, (index + 1) * info.points)
+            begin = int(begins[index])
+            corners = root["Polygons/Connectivity"][begin : begin + 3 * int(info.faces[index])]
+            fields = {name: column[rows] for name, column in columns.items()}
+            yield float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
 
 
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
@@ -384,10 +399,14 @@ def _create_column(
 
 
 def _add_rows(column: Any, rows: Any) -> None:
-    """Add rows at the end."""
-    before = len(column)
-    column.resize(before + len(rows), axis=0)
-    column[before:] = rows
+    """Add rows at the end, by HDF5's own functions: h5py's indexing takes longer than the writing of a few rows."""
+    rows = np.ascontiguousarray(rows, column.dtype)
+    before, below = len(column), column.shape[1:]
+    column.id.set_extent((before + len(rows), *below))
+    if rows.size:
+        place = column.id.get_space()
+        place.select_hyperslab((before, *(0 for _ in below)), (len(rows), *below))
+        column.id.write(h5py.h5s.create_simple((len(rows), *below)), place, rows)
 
 
 def _columns(group: Any) -> list[Any]:

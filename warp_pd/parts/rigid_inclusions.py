@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
 from ..device.checks import InputError
 from ..device.launches import Stage
@@ -117,6 +116,8 @@ def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.nda
     """The rotation that best fits the shifted arms (mass-weighted), exactly the identity for zero shift."""
     if not shift.any():
         return np.eye(3)
+    from scipy.spatial.transform import Rotation
+
     found, _ = Rotation.align_vectors(arms + shift, arms, masses)
     return np.asarray(found.as_matrix())
 

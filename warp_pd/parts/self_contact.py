@@ -20,7 +20,6 @@ from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
-from .sheet_surface import SheetSurface
 
 OWNER = "SelfContact"
 # Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.
@@ -97,6 +96,8 @@ class SelfContact(Contact):
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""
         if self.surface:
+            from .sheet_surface import SheetSurface
+
             return SheetSurface(context, law, self.distance, self.friction)
         return BuiltSelfContact(self, context, law)
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from scipy.spatial import cKDTree
 
 from ..device.checks import InputError
 from ..device.fields import Array
@@ -202,6 +201,8 @@ class SheetSurface(BuiltContact):
 
 def _order(sheet: Any, pieces: np.ndarray) -> np.ndarray:
     """Triangles in an order that keeps neighbours of a piece together, (F,) int32."""
+    from scipy.spatial import cKDTree
+
     triangles = sheet.triangles
     apart = 10.0 * np.ptp(sheet.positions, axis=0).max() * pieces[triangles[:, 0]]
     centres = np.column_stack([sheet.positions[triangles].mean(axis=1), apart])

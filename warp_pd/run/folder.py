@@ -183,7 +183,7 @@ def write_history(path: Path, history: History) -> None:
     """Write the history as CSV atomically, one row per frame; a missing number is an empty cell."""
     part = path.with_name(path.name + ".part")
     with part.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, fieldnames=list(history[-1]))
-        writer.writeheader()
-        writer.writerows({name: "" if math.isnan(value) else value for name, value in row.items()} for row in history)
+        writer, names = csv.writer(stream), list(history[-1])
+        writer.writerow(names)
+        writer.writerows(["" if math.isnan(row[name]) else row[name] for name in names] for row in history)
     os.replace(part, path)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-
-import warp as wp
+from typing import TYPE_CHECKING
 
 from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
-from ..interfaces.communicator import Communicator
+
+if TYPE_CHECKING:
+    from ..interfaces.communicator import Communicator
 
 # Exit codes of the command line.
 WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
@@ -30,6 +31,8 @@ def is_first() -> bool:
 def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
     """The communicator of this process, and its device; "cuda" and None mean one GPU per process."""
     if processes_here() == 1:
+        from ..interfaces.communicator import Communicator
+
         return Communicator(), device
     from .distributed.communicator import TorchCommunicator, own_device
 
@@ -52,6 +55,8 @@ def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[st
 
 
 def _require_room(gpus: int, processes: int, device: str | None) -> None:
+    import warp as wp
+
     start_warp()
     present, most = wp.get_cuda_device_count(), PROCESSES_PER_CORE * available_cores()
     if gpus > 1 and (processes > 1 or device not in (None, "cuda")):

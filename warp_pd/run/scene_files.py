@@ -26,20 +26,29 @@ def scene_names() -> list[str]:
     return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
 
 
-def load_scene(name: str) -> Any:
-    """Import the module of a scene, given its name or the path of a Python file with a function `build`.
+def require_scene(name: str) -> None:
+    """Check that a scene exists, without importing it.
 
     Raises:
         InputError: for an unknown name; the message suggests the closest match.
     """
-    if name.endswith(".py"):
-        return _load_file(Path(name))
-    return importlib.import_module(f"warp_pd.scenes.{one_of('scene', name, scene_names())}")
+    if not name.endswith(".py"):
+        one_of("scene", name, scene_names())
+    elif not Path(name).is_file():
+        raise InputError(f"scene = {name!r}: the file does not exist")
+
+
+def load_scene(name: str) -> Any:
+    """Import the module of a scene, given its name or the path of a Python file with a function `build`.
+
+    Raises:
+        InputError: as `require_scene`, or for a file that is no scene.
+    """
+    require_scene(name)
+    return _load_file(Path(name)) if name.endswith(".py") else importlib.import_module(f"warp_pd.scenes.{name}")
 
 
 def _load_file(path: Path) -> Any:
-    if not path.is_file():
-        raise InputError(f"scene = {str(path)!r}: the file does not exist")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
