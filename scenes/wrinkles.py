@@ -67,7 +67,7 @@ def build(
         loads=[Fixed(left), Fixed(right)],
         bending=bending,
         initial_displacement=start,
-        solver=Explicit(duration, frames=frames, damping=damping),
+        solver=Explicit(duration, frames=frames, damping=damping, safety=0.5),
         measures=[
             Measure("amplitude", "m", lambda built, frame: 0.5 * np.ptp(frame.displacement[middle, 2])),
             Measure("wavelength", "m", lambda built, frame: wavelength(across[middle], frame.displacement[middle])),
