@@ -68,7 +68,8 @@ def section(row: Comparison, runs: Runs) -> list[str]:
     found = "; ".join(f"{what} {numbers([value])}" for what, value in runs[-1]["reasons"].items())
     text = (
         f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
-        f"Constants: {row.constants}. *{row.verdict}*{f' Tests: {found}.' if found else ''} `python -m tools.validation {row.name}`: {made}."
+        f"Constants: {row.constants}. *{row.verdict}*{f' Tests: {found}.' if found else ''} "
+        f"`python -m tools.validation {row.name}`: {made}."
     )
     return [text, ""]
 
