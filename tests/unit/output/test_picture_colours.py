@@ -16,7 +16,7 @@ from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
 from warp_pd.output.plots import MOST_POLYGONS
-from warp_pd.output.projection import View, material_lines, nearest_about, places_of, raster
+from warp_pd.output.projection import View, material_lines, nearest_about, places_of, raster, sphere
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
 
@@ -147,6 +147,15 @@ def test_a_sheet_that_hides_another_is_drawn_last(pixels, tmp_path, as_pixels):
         pixels = np.round(255 * imread(tmp_path / "a.png")[:, :500, :3]).astype(int).reshape(-1, 3)
         hidden = np.round(255 * np.array(colormaps["inferno_r"](0.0)[:3]))
         assert (np.abs(pixels - hidden).max(axis=1) <= 1).mean() < 0.01
+
+
+def test_pictures_from_above_mark_bodies_too_thin_to_see(monkeypatch):
+    """A pin is marked where it is; a ball would hide the sheet, and neither is where the reference sheet is."""
+    vertices, triangles = sphere(np.array([0.3, 0.6, 0.1]), 0.01)
+    frame = replace(sheet_shown(5), bodies=[(vertices, triangles), (20.0 * vertices, triangles)])
+    marks = figure_of(monkeypatch, plots.from_above, [frame], "u3").axes[0].lines
+    np.testing.assert_allclose([mark.get_xydata()[0] for mark in marks], [(0.3, 0.6)], atol=1e-3)
+    assert not figure_of(monkeypatch, plots.reference, [frame], "u3").axes[0].lines
 
 
 def test_lines_of_the_material_lie_on_the_deformed_sheet():
