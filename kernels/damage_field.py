@@ -48,6 +48,7 @@ from .bits import bit_of
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
+from .lists import next_place
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
@@ -215,7 +216,7 @@ def damage_field(
                     wakes = stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i)
             if wakes:
                 if wp.static(atomics):
-                    listed[wp.atomic_add(count, 0, 1)] = i
+                    listed[next_place(count)] = i
                 else:
                     listed[place] = i
                     place += 1
@@ -508,6 +509,6 @@ def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
             other[i] = damage[i]
             before[i] = damage[i]
             if driving[i] != real(UNLISTED):
-                listed[wp.atomic_add(count, 0, 1)] = i
+                listed[next_place(count)] = i
 
     return unlist, list_ghosts
