@@ -239,16 +239,9 @@ def run(
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
 @click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
 @click.option("--quiet", is_flag=True, help="Print only the table.")
-@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among this number of GPUs.")
-@click.option(
-    "--processes",
-    type=int,
-    default=1,
-    help="Divide the sheet among this number of processes; with --device cpu they share the cores.",
-)
 def sweep_values(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
-    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, gpus: int, processes: int, **named: str | None,
+    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, **named: str | None,
 ) -> None:  # fmt: skip
     """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
 
@@ -257,7 +250,7 @@ def sweep_values(
     is that of the worst run.
     """
     from .run.arguments import split_values
-    from .run.sweep_command import apart, here, run_sweep
+    from .run.sweep_command import run_sweep
 
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():
@@ -266,10 +259,7 @@ def sweep_values(
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
     options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
-    start = here(options)
-    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
-        start = apart(scene, options, gpus, processes)
-    sys.exit(run_sweep(scene, choices, folder, start, device, precision, overwrite, quiet))
+    sys.exit(run_sweep(scene, choices, folder, options, overwrite, quiet))
 
 
 @main.command(cls=SceneCommand)

@@ -88,20 +88,14 @@ def error(points, depth, horizon):
     return last / (FORCE * reference(depth).force) - 1.0
 
 
-# Measured: -0.61 % and -0.61 % at a horizon of 1.7, -1.04 % and -1.03 % at 2.015; 61 points: -0.25 % and -0.43 %.
-@pytest.mark.parametrize("depth", [0.5, 0.7])
-@pytest.mark.parametrize(("horizon", "bound"), [(1.7, 0.0065), (2.015, 0.011)])
-def test_the_force_at_a_depth(depth, horizon, bound):
+# Measured: -0.61 % at a horizon of 1.7, -1.04 % at 2.015; with 61 points -0.25 % and -0.43 %.
+@pytest.mark.parametrize(("horizon", "depth", "bound"), [(1.7, 0.7, 0.0065), (2.015, 0.5, 0.011)])
+def test_the_force_at_a_depth(horizon, depth, bound):
     assert abs(error(41, depth, horizon)) < bound
 
 
-def test_the_force_is_within_half_a_percent_at_61_points():
-    assert abs(error(61, 0.5, 2.015)) < 0.005
-
-
-@pytest.mark.parametrize("horizon", [1.7, 2.015])
-def test_the_error_falls_with_the_square_of_the_spacing(horizon):
-    coarse, fine = (abs(error(points, 0.5, horizon)) for points in (25, 41))
+def test_the_error_falls_with_the_square_of_the_spacing():
+    coarse, fine = (abs(error(points, 0.5, 2.015)) for points in (25, 41))
     assert np.log(coarse / fine) / np.log(40.0 / 24.0) >= 1.8
 
 
@@ -124,8 +118,8 @@ def lowered(sheet, rim, horizon=2.015, depth=0.5, solver=None, **body):
 
 
 @cache
-def at_rest(points=25, precision=64, **settings):
-    return lowered(*disc(points), **settings).run(device="cpu", precision=precision)
+def at_rest(precision=64, **settings):
+    return lowered(*disc(25), **settings).run(device="cpu", precision=precision)
 
 
 def test_static_contact_is_what_a_slow_ball_comes_to():
@@ -133,12 +127,6 @@ def test_static_contact_is_what_a_slow_ball_comes_to():
     slow, _ = pressed(25, 0.5, 2.015)
     assert at_rest().status == "finished"
     assert at_rest().history[-1]["body_force_z"] == pytest.approx(slow[-1]["body_force_z"], rel=1e-4)
-
-
-def test_static_contact_meets_the_shooting():
-    """As in motion: -0.61 %."""
-    found = at_rest(41, horizon=1.7).history[-1]["body_force_z"]
-    assert abs(found / (FORCE * reference(0.5).force) - 1.0) < 0.0065
 
 
 def test_points_rest_on_the_ball_and_it_carries_what_they_pull():
@@ -186,7 +174,7 @@ def test_a_disc_pulled_over_a_still_ball():
 
 def test_a_flat_punch_at_rest_is_what_a_slow_one_comes_to():
     """Its edge is sharper than the spacing: points lie on either of its faces. Measured: 3e-6 apart."""
-    flat, rim = disc(25)
+    flat, rim = disc(17)
     length, depth = 0.1, 0.2
     begin, end = (0.0, 0.0, 0.5 * length * (1.0 + 1e-6)), (0.0, 0.0, 0.5 * length - depth * RADIUS)
     forces = []
@@ -204,7 +192,7 @@ def test_a_flat_punch_at_rest_is_what_a_slow_one_comes_to():
 
 def test_a_ball_that_goes_up_again_leaves_nothing():
     """Multipliers of points that are no longer pressed vanish, and the disc is flat."""
-    sheet, rim = disc(25)
+    sheet, rim = disc(17)
     path = BodyPath([0.0, 0.5, 1.0], [(0.0, 0.0, ABOVE), (0.0, 0.0, height(0.3)), (0.0, 0.0, ABOVE)])
     reporter, said = Progress(quiet=True), []
     reporter.residual = lambda *given: said.append(given[-1])

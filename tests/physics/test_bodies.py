@@ -119,8 +119,8 @@ def rubbing(shape, speed, safety, rotation=(0.0, 0.0, 0.0, 1.0)):
     return run(sheet, Explicit(0.05, frames=5, safety=safety), precision=64, contact=body, loads=[Fixed(edge)]).history
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.3, 1.0])
-@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03)), Capsule(0.03, 0.03)], ids=lambda s: s.kind)
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03))], ids=lambda s: s.kind)
 def test_friction_takes_no_more_than_contact_loses(shape, speed):
     rows = rubbing(shape, speed, 0.1, LYING)
     assert rows[-1]["body_rubbed"] > 0.0
@@ -137,7 +137,7 @@ def rolling(shape, safety, friction=0.5, speed=1.0):
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0])
-@pytest.mark.parametrize("shape", [Sphere(0.08), Capsule(0.06, 0.08), Box((0.08, 0.08, 0.05))], ids=lambda s: s.kind)
+@pytest.mark.parametrize("shape", [Sphere(0.08), Box((0.08, 0.08, 0.05))], ids=lambda s: s.kind)
 def test_a_body_that_rolls_over_a_trampoline_rubs_no_more_than_it_loses(shape, speed):
     rows = rolling(shape, 0.6, speed=speed)
     assert rows[-1]["ball_rubbed"] > 1e-3
@@ -215,8 +215,6 @@ THIN = Box((0.05, 0.06, 0.0105))
         (Sphere(0.03), 0.0),
         (THIN, 0.3),
         (TriangleMesh(*THIN.outline(0.0)), 0.3),
-        (Capsule(0.0105, 0.05), 0.3),
-        (Cylinder(0.05, 0.0105), 0.0),
         (Plane(), 0.3),
     ],
     ids=lambda value: getattr(value, "kind", str(value)),

@@ -71,7 +71,7 @@ def kinetic(s, dt, damping):
     return 0.5 * (s["mass"][:, None] * (s["velocity"] ** 2 - half_kick(s, dt, damping) ** 2)).sum()
 
 
-CASES = [("ball", 40.0, 32), ("ball", 40.0, 64), ("two", 0.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64)]
+CASES = [("ball", 40.0, 32), ("ball", 40.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64)]
 
 
 @pytest.mark.parametrize(("kind", "damping", "precision"), CASES)

@@ -47,8 +47,10 @@ def fracture(built):
     return float(built.rupture.fracture.numpy().sum())
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{type(law).__name__} {law.weights}")
-@pytest.mark.parametrize("sheet", [square(9), jittered(9)], ids=["lattice", "cloud"])
+@pytest.mark.parametrize(
+    ("sheet", "law"), [(jittered(9), LAWS[1]), *((square(9), law) for law in LAWS)],
+    ids=["cloud", *(f"{type(law).__name__} {law.weights}" for law in LAWS)],
+)  # fmt: skip
 def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
     built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(10.0)).build("cpu", 64)
     damaged(built)
@@ -190,8 +192,8 @@ def test_looking_where_something_can_happen_gives_the_bits_of_looking_everywhere
 
 @pytest.mark.parametrize(
     "law",
-    [BondAssociated(TensionField(NEO), horizon=3.15), BondAssociated(NEO), Visco(Yeoh(500.0)), Nodal(NEO, 2.015)],
-    ids=["relaxed", "resolved", "Visco", "Nodal"],
+    [BondAssociated(TensionField(NEO), horizon=3.15), Visco(Yeoh(500.0)), Nodal(NEO, 2.015)],
+    ids=["relaxed", "Visco", "Nodal"],
 )
 def test_a_torn_strip_keeps_its_balance(law):
     result = torn_strip(law).run(device="cpu")
@@ -205,7 +207,7 @@ def test_a_torn_strip_keeps_its_balance(law):
 
 def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
     law = BondAssociated(TensionField(NEO), horizon=2.015)
-    whole = require_same_when_stopped(lambda: torn_strip(law), tmp_path, (30, 45))
+    whole = require_same_when_stopped(lambda: torn_strip(law), tmp_path, (40,))
     field = array(whole.built, "damage_field").numpy()
     assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
 
@@ -252,7 +254,7 @@ def test_spared_points_stay_undamaged_and_keep_their_bonds():
 
 
 def test_both_ends_of_a_bond_agree():
-    built = torn_strip(BondAssociated(TensionField(NEO)), sheet=jittered(17, share=0.3)).build("cpu")
+    built = torn_strip(BondAssociated(TensionField(NEO)), sheet=jittered(17, share=0.3)).build("cpu", 64)
     families, n = built.law.families, len(built.rupture.field)
     built.rupture.field.assign(np.where(np.random.default_rng(0).random(n) < 0.05, 0.9, 0.01))
     built.context.run("start")
@@ -319,7 +321,7 @@ def test_a_strength_that_the_spacing_resolves_gives_the_length():
 
 def test_the_cut_of_a_sheet_breaks_no_bonds_while_nothing_pulls():
     simulation = Simulation(
-        square(21).cut((-0.01, 0.0475), (0.05, 0.0475)), BondAssociated(NEO), Explicit(1e-3, frames=1),
+        square(21).cut((-0.01, 0.0475), (0.05, 0.0475)), BondAssociated(TensionField(NEO)), Explicit(1e-3, frames=1),
         damage=TearingEnergy(5.0), loads=[Fixed([0])],
     )  # fmt: skip
     result = simulation.run(device="cpu")

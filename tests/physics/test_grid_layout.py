@@ -38,7 +38,7 @@ def close(one, other, tolerance):
     assert np.abs(one - other).max() <= tolerance * np.abs(other).max()
 
 
-@pytest.mark.parametrize(("horizon", "bits"), [(1.5, 64), (2.015, 32), (3.15, 64), (4.15, 32)])
+@pytest.mark.parametrize(("horizon", "bits"), [(1.5, 64), (2.015, 32), (3.15, 64)])
 def test_forces_and_energy_are_those_of_the_cloud(horizon, bits):
     sheet, found = holed(45, 0.007), []
     for same, fast in ((sheet, True), (sheet.as_cloud(), False)):

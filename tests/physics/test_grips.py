@@ -34,7 +34,7 @@ def gripped(rows, wave=0.0, precision=64, **grid):
     return last["strain"] / (LENGTH * HEIGHT * THICKNESS * density), last["largest_damage"]
 
 
-@pytest.mark.parametrize(("name", "precision"), [*((name, 64) for name in GRIDS), ("30", 32)])
+@pytest.mark.parametrize(("name", "precision"), [("0", 64), ("15", 64), ("45", 64), ("jittered", 64), ("30", 32)])
 def test_a_strip_in_uniform_pure_shear_stores_its_exact_energy_and_keeps_quiet_at_its_grips(name, precision):
     """At 0.97 times the strength: a family that is stretched more than the others would be damaged."""
     energy, damage = gripped(14, precision=precision, **GRIDS[name])
@@ -42,7 +42,6 @@ def test_a_strip_in_uniform_pure_shear_stores_its_exact_energy_and_keeps_quiet_a
     assert damage == 0.0
 
 
-@pytest.mark.parametrize("name", ["0", "30"])
-def test_the_energy_of_a_strip_stretched_unevenly_converges_in_second_order(name):
-    coarse, middle, fine = (gripped(rows, wave=0.5, **GRIDS[name])[0] for rows in (11, 21, 41))
+def test_the_energy_of_a_strip_stretched_unevenly_converges_in_second_order():
+    coarse, middle, fine = (gripped(rows, wave=0.5, turn=30.0)[0] for rows in (9, 17, 33))
     assert abs(coarse - middle) > 3.0 * abs(middle - fine)

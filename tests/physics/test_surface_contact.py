@@ -121,7 +121,7 @@ def pushed_in(shape, speed, depth, points, frames, precision=64, stretch=STRETCH
 def test_distances_of_triangles_from_a_segment():
     """Against the nearest of many points of the triangle, whose distance from the segment is exact."""
     rng = np.random.default_rng(0)
-    corners = rng.normal(size=(300, 3, 3))
+    corners = rng.normal(size=(100, 3, 3))
     u, v = (t.ravel() for t in np.meshgrid(*[np.linspace(0.0, 1.0, 241)] * 2))
     weights = np.column_stack([1.0 - u - v, u, v])[u + v < 1.0 + 1e-12]
     for half_length in (0.0, 0.7):
@@ -131,18 +131,14 @@ def test_distances_of_triangles_from_a_segment():
         found = distances(corners, half_length)
         assert (found <= sampled + 1e-12).all()
         assert (sampled - found).max() < 0.03
-        assert half_length == 0.0 or 10 < (found == 0.0).sum() < 290
+        assert half_length == 0.0 or 5 < (found == 0.0).sum() < 95
 
 
-@pytest.mark.parametrize(
-    ("diameter", "speed", "stretch"),
-    [(8e-3, 0.1, 2.5), (8e-4, 1.0, 2.5), (8e-4, 3.0, 2.5), (8e-3, 3.0, 1.0), (8e-4, 3.0, 5.0)],
-)
-def test_a_pin_dents_a_balloon_and_stays_outside(diameter, speed, stretch):
+@pytest.mark.parametrize(("diameter", "stretch"), [(8e-3, 1.0), (8e-4, 5.0)])
+def test_a_pin_dents_a_balloon_and_stays_outside(diameter, stretch):
     """Finer than its triangles, with sides of 5 to 25 mm; every step, on every triangle."""
-    depth, frames = (0.06, 200) if speed < 1.0 else (0.03, 500)
-    result, gaps = pushed_in(Capsule(diameter, LENGTH), speed, depth, 16, frames, stretch=stretch)
-    assert result.status == "finished" and result.summary["steps"] <= 1.01 * frames
+    result, gaps = pushed_in(Capsule(diameter, LENGTH), 3.0, 0.03, 16, 500, stretch=stretch)
+    assert result.status == "finished" and result.summary["steps"] <= 1.01 * 500
     assert gaps.min() > 0.0
     assert gaps[-1] < 0.05 * diameter
     assert result.history[-1]["pin_force_z"] > 0.2
@@ -151,54 +147,49 @@ def test_a_pin_dents_a_balloon_and_stays_outside(diameter, speed, stretch):
     assert not [note for note in result.summary["notes"] if "pin" in note]
 
 
-def spike(length=0.06, width=0.006):
+def spike(length=0.04, width=0.005):
     """A thin tetrahedron with its sharp corner down."""
     vertices = [(0.0, 0.0, -length), (width, 0.0, 0.0), (-0.5 * width, width, 0.0), (-0.5 * width, -width, 0.0)]
     return TriangleMesh(np.array(vertices), np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]))
 
 
-@pytest.mark.parametrize(("shape", "precision"), [(Box((0.03, 6e-4, 0.06)), 64), (spike(), 32)], ids=["blade", "spike"])
-def test_edges_and_corners_dent_a_balloon_and_stay_outside(shape, precision):
-    result, gaps = pushed_in(shape, 3.0, 0.03, 16, 400, precision)
+def test_the_edge_of_a_blade_dents_a_balloon_and_stays_outside():
+    result, gaps = pushed_in(Box((0.03, 6e-4, 0.06)), 3.0, 0.03, 16, 400)
     assert result.status == "finished" and result.summary["steps"] <= 1.01 * 400
     assert gaps.max() == gaps.min() == 0.0
     assert result.history[-1]["pin_force_z"] > 0.5
 
 
-@pytest.mark.parametrize("damping", [0.0, 40.0])
-def test_a_thin_pin_gives_what_the_sheet_gets(damping):
+def test_a_thin_pin_gives_what_the_sheet_gets():
     """Momentum and angular momentum to round-off, with friction; a sheet of 7 mm and a pin of 1 mm that turns."""
     sheet, centre = square(15), np.array([0.0505, 0.0522, -0.021])
     turned = (0.0, np.sin(0.1), 0.0, np.cos(0.1))
     path = BodyPath([0.0, 0.05], [centre, centre], [(0.0, 0.0, 0.0, 1.0), turned])
     pin = RigidBody(Capsule(1e-3, 0.04), path, friction=0.3, surface=True)
     result = run(
-        sheet, Explicit(0.05, frames=10, damping=damping, safety=0.3), contact=pin,
+        sheet, Explicit(0.05, frames=10, safety=0.3), contact=pin,
         initial_velocity=np.tile([0.3, 0.0, -0.8], (sheet.size, 1)),
     )  # fmt: skip
     rows, mass = result.history, result.built.to_numpy(result.built.state.mass)[:, None]
     assert max(abs(row["balance_error"]) for row in rows) < 2e-3
     assert 0.0 < rows[-1]["body_rubbed"] <= rows[-1]["body_loss"]
-    if damping == 0.0:
-        force, torque = (
-            np.sum([[row[f"body_{what}_{c}"] for c in "xyz"] for row in rows[1:]], axis=0) * 0.005
-            for what in ("force", "torque")
-        )
-        begin, end = mass * [0.3, 0.0, -0.8], mass * result.frame.velocity
-        x = sheet.positions + result.frame.displacement
-        turn = np.cross(x, end).sum(axis=0) - np.cross(sheet.positions, begin).sum(axis=0)
-        np.testing.assert_allclose((end - begin).sum(axis=0), -force, rtol=0.0, atol=1e-14)
-        np.testing.assert_allclose(turn, -torque - np.cross(centre, force), rtol=0.0, atol=1e-15)
-        assert force[2] < -1e-4
+    force, torque = (
+        np.sum([[row[f"body_{what}_{c}"] for c in "xyz"] for row in rows[1:]], axis=0) * 0.005
+        for what in ("force", "torque")
+    )
+    begin, end = mass * [0.3, 0.0, -0.8], mass * result.frame.velocity
+    x = sheet.positions + result.frame.displacement
+    turn = np.cross(x, end).sum(axis=0) - np.cross(sheet.positions, begin).sum(axis=0)
+    np.testing.assert_allclose((end - begin).sum(axis=0), -force, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(turn, -torque - np.cross(centre, force), rtol=0.0, atol=1e-15)
+    assert force[2] < -1e-4
 
 
 @pytest.mark.parametrize(
-    ("shape", "mass", "friction", "precision"),
-    [(Capsule(1e-3, 0.04), 1e-4, 0.0, 64), (spike(0.04, 0.005), 0.1, 0.4, 64), (spike(0.04, 0.005), 1e-2, 0.4, 32)],
-    ids=["needle", "spike", "spike 32"],
+    ("shape", "mass", "friction"), [(Capsule(1e-3, 0.04), 1e-4, 0.0), (spike(), 0.1, 0.4)], ids=["needle", "spike"]
 )
-def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction, precision):
-    """Momentum and angular momentum of both, to round-off, and the energy: 0.01 to 10 times the mass of the sheet."""
+def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction):
+    """Momentum and angular momentum of both, to round-off, and the energy: 0.01 and 10 times the mass of the sheet."""
     sheet, turn = square(15), np.array([0.19, 0.28, 0.09, 0.0])
     turn[3] = np.sqrt(1.0 - turn @ turn)
     moves, spins = np.array([0.1, 0.05, -0.8]), np.array([3.0, -2.0, 5.0])
@@ -208,7 +199,7 @@ def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction, precision)
     body = RigidBody(shape, motion, friction=friction, surface=True)
     scene = simulate(sheet, Explicit(0.05, frames=50, safety=0.1), contact=body)
     gaps = Gaps(sheet, body, 1e-5)
-    result = scene.run(device="cpu", precision=precision, writers=[gaps])
+    result = scene.run(device="cpu", precision=64, writers=[gaps])
     rows, pose = result.history, np.asarray(result.frame.bodies, float)[0]
     now = {what: np.array([rows[-1][f"body_{what}_{c}"] for c in "xyz"]) for what in ("velocity", "spin")}
     mv = result.built.to_numpy(result.built.state.mass)[:, None] * result.frame.velocity
@@ -220,7 +211,7 @@ def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction, precision)
     began = angular(place, turn, moves, spins)
     ended = angular(pose[:3], pose[3:], now["velocity"], now["spin"])
     ended += np.cross(sheet.positions + result.frame.displacement, mv).sum(axis=0)
-    exact = 1e-6 if precision == 32 else 1e-13
+    exact = 1e-13
     assert np.linalg.norm(mv.sum(axis=0)) > 0.1 * min(mass, 0.01) * 0.8
     np.testing.assert_allclose(mv.sum(axis=0) + mass * now["velocity"], mass * moves, rtol=0.0, atol=exact * mass)
     # Points drift by what the body foresees, see docs/contact.md.
@@ -233,13 +224,12 @@ def test_a_free_body_loses_what_the_sheet_gets(shape, mass, friction, precision)
         assert 0.0 < rows[-1]["body_rubbed"] <= rows[-1]["body_loss"]
 
 
-@pytest.mark.parametrize("precision", [32, 64])
-def test_a_run_resumed_in_contact_goes_on_bit_for_bit(tmp_path, precision):
+def test_a_run_resumed_in_contact_goes_on_bit_for_bit(tmp_path):
     def scene():
-        body = RigidBody(spike(0.04, 0.005), Free(1e-3, (0.0505, 0.0522, 0.032), (0.1, 0.0, -0.8)), 0.4, surface=True)
+        body = RigidBody(spike(), Free(1e-3, (0.0505, 0.0522, 0.032), (0.1, 0.0, -0.8)), 0.4, surface=True)
         return simulate(square(15), Explicit(0.02, frames=4, safety=0.3), contact=body)
 
-    complete = require_same_when_stopped(scene, tmp_path, [2], precision)
+    complete = require_same_when_stopped(scene, tmp_path, [2], 64)
     forces = [row["body_force_z"] for row in complete.history]
     assert forces[2] > 0.0 < forces[3]
 

@@ -24,16 +24,16 @@ SMALL = {
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
     "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
-    "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
-    "balloon_paths": {},
+    "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 2.0},
+    "balloon_paths": {"points": 7},
     "balloon_burst": {"points": 10, "duration": 4e-3, "frames": 8},
-    "cutting": {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.2},
+    "cutting": {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.1, "safety": 0.7},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
     "holed_strip": {"points": 21, "load_steps": 2},
     "needle": {"points": 21, "depth": 0.05, "frames": 10},
     "glove": {"spacing": 6e-3, "load_steps": 2},
-    "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 30, "slow_to": 0.99},
+    "double_notch": {"points": 20, "horizon": 2.015, "duration": 2.4, "frames": 30, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
     "off_plane_tear": {
         "critical_stretch": 2.0,
@@ -177,8 +177,9 @@ def test_balloon_and_tube_have_the_exact_pressures():
 
 
 def test_a_balloon_follows_the_closed_form_through_the_largest_and_the_smallest_pressure():
+    """7 points on a quarter circle leave 1.4 % somewhere along the path; the 12 of the scene, 0.4 %."""
     result = ran("balloon_paths")
-    assert value(result, "largest_error") < 5e-3
+    assert value(result, "largest_error") < 0.015
     for name in ("largest_pressure", "smallest_pressure"):
         assert abs(result.summary["measures"][name]["error"]) < 5e-3
     exact = exact_pressure(np.linspace(1.001, 6.0, 20001), 0.1)

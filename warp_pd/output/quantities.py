@@ -38,6 +38,7 @@ COLUMNS = {
     "viscous": "lost to viscosity",
     "contact": "energy of the contact",
     "sheet_friction": "lost to friction of the sheet",
+    "bending": "energy of bending",
     "joint": "energy of the joint",
     "joint_released": "lost to breaking of the joint",
 }

@@ -15,6 +15,7 @@ from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
 from ..interfaces.exchange import add_exchanges
 from ..interfaces.phases import SETUP, Phase
+from ..laws.bending import with_bending
 from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums
@@ -85,7 +86,7 @@ def compose(
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
     context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
     constraints = constraints_here(constraints, context)
-    law = scene.force.build(context)
+    law = with_bending(scene.force.build(context), context, scene.bending)
     built = [part.build(context, law) for part in parts_here(parts, context)]
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if is_load(part, scene)]

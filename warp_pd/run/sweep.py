@@ -23,27 +23,6 @@ OVER = (FINISHED, DIVERGED, NOT_CONVERGED)
 
 
 @dataclass(frozen=True)
-class Task:
-    """A run of a sweep before it starts.
-
-    Attributes:
-        values: Values of the swept arguments, as given.
-        resume: Whether it resumes from the restart file in the folder.
-        overwrite: Whether it replaces results in the folder.
-    """
-
-    simulation: Any
-    values: Mapping[str, str]
-    folder: Path
-    resume: bool
-    overwrite: bool
-
-
-# Runs a task, and gives the content of its summary.json.
-Start = Callable[[Task], Mapping[str, Any]]
-
-
-@dataclass(frozen=True)
 class Row:
     """A run of a sweep and its results.
 
@@ -84,10 +63,8 @@ def sweep(
     build: Callable[[dict[str, str]], Any],
     choices: Mapping[str, Sequence[str]],
     out: Path,
-    start: Start,
+    options: Mapping[str, Any],
     *,
-    device: str | None = None,
-    precision: int | None = None,
     overwrite: bool = False,
     told: Callable[[int, int, Row], None] | None = None,
 ) -> list[Row]:
@@ -97,9 +74,7 @@ def sweep(
         build: Function values -> simulation.
         choices: Values of each argument.
         out: Parent folder of the folders of the runs.
-        start: Function that runs a task.
-        device: Device of all runs; None for CUDA if available.
-        precision: Precision of all runs, 32 or 64; None for the solver's.
+        options: Options of `Simulation.run` of all runs, such as device and precision.
         overwrite: Whether to run everything again.
         told: Callback (index, number of runs, row) after each run.
 
@@ -111,10 +86,10 @@ def sweep(
     """
     everything = list(combinations(choices))
     for values in everything if not overwrite else ():
-        _require_same(build, values, out / folder_name(values), device, precision)
+        _require_same(build, values, out / folder_name(values), options)
     rows = []
     for number, values in enumerate(everything, start=1):
-        row = _run(build, values, out / folder_name(values), start, overwrite)
+        row = _run(build, values, out / folder_name(values), options, overwrite)
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
@@ -124,15 +99,14 @@ def sweep(
 
 
 def _require_same(
-    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, device: str | None,
-    precision: int | None,
-) -> None:  # fmt: skip
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any]
+) -> None:
     """Check that a run in the folder has the same settings and code as these values give now."""
     earlier = run_summary(folder)
     if earlier is None:
         return
     simulation = build(values)
-    here = restart.identity(simulation, compose(simulation, device, precision))
+    here = restart.identity(simulation, compose(simulation, options["device"], options["precision"]))
     told = earlier.get("identity", {"parts": {}, "sources": {}})
     other = restart.difference(restart.Identity(told["parts"], earlier["settings"]), here)
     sources = {**told["sources"], **simulation.sources}
@@ -143,7 +117,8 @@ def _require_same(
 
 
 def _run(
-    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, start: Start, overwrite: bool
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any],
+    overwrite: bool,
 ) -> Row:  # fmt: skip
     try:
         earlier = None if overwrite else run_summary(folder)
@@ -151,7 +126,7 @@ def _run(
             return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
         simulation = build(values)
         goes_on = not overwrite and (folder / restart.NAME).is_file()
-        found = start(Task(simulation, values, folder, goes_on, overwrite or not goes_on))
+        found = simulation.run(out=folder, resume=goes_on, overwrite=overwrite or not goes_on, **options).summary
     except (InputError, MemoryError) as error:
         return Row(values, folder, REFUSED, str(error))
     except DivergedError as error:

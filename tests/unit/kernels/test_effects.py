@@ -105,6 +105,8 @@ def further():
         "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
         "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
         "visco slow": Simulation(plane, replace(visco, fast=False), Explicit(1.0)),
+        "bending": Simulation(plane, law, Newton(preconditioner="direct"), loads=[clamp], bending=True),
+        "bending curved": Simulation(small_tube(), law, Newton(), loads=[Fixed([0])], bending=1e-4),
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),

@@ -7,11 +7,6 @@ import sys
 import pytest
 from small_runs import cli
 
-from warp_pd import InputError
-from warp_pd.interfaces.communicator import LostError
-from warp_pd.run import sweep_command
-from warp_pd.run.divergence import DivergedError
-
 SCENE = """
 from warp_pd import *
 
@@ -172,28 +167,3 @@ def test_wrong_commands_end_with_one_line(scene, arguments, said):
     assert len(done.output.strip().splitlines()) == 1
     unknown = cli("sweep", "presure", "--points", "7")
     assert unknown.exit_code == 2 and "did you mean 'pressure'" in unknown.output
-
-
-def test_runs_divided_among_processes_give_the_same_table(scene):
-    pytest.importorskip("torch.distributed")
-    text = SCENE.replace("Newton(load_steps=1, most_iterations=8, most_cuts=0)", "Explicit(1.0, frames=2)")
-    (scene / "mine.py").write_text(text)
-    several = ("--points", "25", "--processes", "2", "--out", "divided")
-    done = sweep(*several)
-    assert done.exit_code == sweep("--points", "25").exit_code == 0, done.output
-    (found,), (expected,) = rows(scene / "divided"), rows(scene / "runs" / "mine-sweep")
-    assert found["stretched"] == expected["stretched"] != ""
-    assert "finished, done before" in sweep(*several).output
-
-
-@pytest.mark.parametrize(
-    ("code", "error"), [(2, InputError), (3, DivergedError), (4, LostError), (130, KeyboardInterrupt)]
-)
-def test_what_other_processes_ended_with_is_told(tmp_path, code, error):
-    with pytest.raises(error):
-        sweep_command._summary(tmp_path, code)
-
-
-def test_a_sweep_on_more_processes_than_there_is_room_for(scene):
-    done = sweep("--points", "9", "--processes", "900")
-    assert done.exit_code == 2 and "processes = 900: expected at most" in done.output

@@ -1,0 +1,351 @@
+"""Bending: an energy of the curvature of the deformed surface, on triangles with slopes fitted at their corners.
+
+The slope of a point is the gradient G of the displacement there, by the least-squares fit of a quadratic to the points
+around it: G_c = sum_j w_cj (u_j - u_c). With the sides e_m of a triangle in the plane of corner c, d_cm = F_c e_m are
+the derivatives of the position along them, and
+
+    g_lm = d_lm - d_0m (made symmetric),   r_m = x_m - x_0 - (d_0m + d_mm) / 2,
+
+the second derivative of the position along two sides, and what a straight average of the slopes misses along a side
+(likewise along the side from 1 to 2). With the unit normal n of the triangle and its area A in the stress-free sheet,
+
+    E = D A / 2 [nu k_ll k_mm + (1 - nu) k_lm k_lm + STIFFENING sum (n . r)^2 / |e|^4],    k_lm = n . g_lm,
+
+less the values of k and n . r of the stress-free sheet, with indices raised by its metric. See docs/bending.md.
+The force is minus the gradient of E, including that of n; `change` kernels have its derivative along a direction.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .numeric import numeric
+
+# Of a row of points it makes the energy that of the second difference over three adjacent points.
+STIFFENING = 4.0
+
+
+@dataclass(frozen=True)
+class BendingKernels:
+    """Kernels of one precision.
+
+    Attributes:
+        Plate: Warp struct of the tables.
+        keep: Copies a displacement.
+        slopes: Gradient of a displacement at each point.
+        moments: Gradient of the energy of each triangle by the slopes and sides of its corners.
+        change: Its derivative along a direction.
+        gather: Adds the triangles' gradients by slopes up at each point, those by positions to the force.
+        gather_change: The same of the change.
+        spread: Adds the force of the slopes to the points that they were fitted to.
+        energy: Energy at each point, a third of each of its triangles.
+    """
+
+    Plate: Any
+    keep: Kernel
+    slopes: Kernel
+    moments: Kernel
+    change: Kernel
+    gather: Kernel
+    gather_change: Kernel
+    spread: Kernel
+    energy: Kernel
+
+
+@functools.cache
+def bending(bits: int, curved: bool) -> BendingKernels:
+    """Kernels of bending.
+
+    Args:
+        bits: 32 or 64.
+        curved: Whether the sheet has a curvature free of stress, and a plane of its own at each point.
+    """
+    types = numeric(bits)
+    real, vec3, vec2, mat22, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat22, types.mat32, types.vec6
+    mat63 = wp.types.matrix((6, 3), real)
+    half, two = wp.constant(real(0.5)), wp.constant(real(2.0))
+    stiffening = wp.constant(real(STIFFENING))
+
+    @wp.struct
+    class Plate:
+        ring: wp.array2d(dtype=wp.int32)  # points to which the slope of a point is fitted, (most, N); -1 for none
+        weights: wp.array2d(dtype=vec2)
+        own: wp.array(dtype=vec2)  # sum of its weights
+        fitted: wp.array2d(dtype=wp.int32)  # points whose slope is fitted to a point, (most, N)
+        fitted_weights: wp.array2d(dtype=vec2)
+        triangles: wp.array(dtype=wp.vec3i)
+        around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner of a point, (most, N); -1 for none
+        sides: wp.array2d(dtype=mat22)  # columns: sides 1 and 2 in the plane of a corner, (3, F); flat: (1, F)
+        stiffness: wp.array(dtype=real)  # D times area [J m^2]
+        rest_sides: wp.array2d(dtype=vec3)  # only of curved sheets, (2, F)
+        rest: wp.array2d(dtype=vec3)  # g and r of the stress-free sheet, (6, F)
+        poisson: real
+
+    @wp.struct
+    class Bent:
+        first: vec3  # sides
+        second: vec3
+        normal: vec3
+        over: real  # 1 over twice the area
+        vectors: mat63
+        strain: vec6
+        moment: vec6
+
+    @wp.func
+    def plane(plate: Plate, t: int, corner: int):
+        if wp.static(curved):
+            return plate.sides[corner, t]
+        else:
+            return plate.sides[0, t]
+
+    @wp.func
+    def vectors(first: vec3, second: vec3, d0: mat32, d1: mat32, d2: mat32):
+        x0, y0 = vec3(d0[0, 0], d0[1, 0], d0[2, 0]), vec3(d0[0, 1], d0[1, 1], d0[2, 1])
+        x1, y1 = vec3(d1[0, 0], d1[1, 0], d1[2, 0]), vec3(d1[0, 1], d1[1, 1], d1[2, 1])
+        x2, y2 = vec3(d2[0, 0], d2[1, 0], d2[2, 0]), vec3(d2[0, 1], d2[1, 1], d2[2, 1])
+        out = mat63()
+        out[0] = x1 - x0
+        out[1] = y2 - y0
+        out[2] = half * (y1 - y0 + x2 - x0)
+        out[3] = first - half * (x0 + x1)
+        out[4] = second - half * (y0 + y2)
+        out[5] = second - first - half * (y1 - x1 + y2 - x2)
+        return out
+
+    @wp.func
+    def moments_of(plate: Plate, t: int, k: vec6):
+        """Derivative of the energy by the six strains."""
+        s = plate.sides[0, t]
+        aa = s[0, 0] * s[0, 0] + s[1, 0] * s[1, 0]
+        bb = s[0, 1] * s[0, 1] + s[1, 1] * s[1, 1]
+        ab = s[0, 0] * s[0, 1] + s[1, 0] * s[1, 1]
+        over = real(1.0) / (aa * bb - ab * ab)
+        p, q, r = bb * over, aa * over, -ab * over
+        size, nu = plate.stiffness[t], plate.poisson
+        # Mixed components of the curvature.
+        kaa, kab = p * k[0] + r * k[2], p * k[2] + r * k[1]
+        kba, kbb = r * k[0] + q * k[2], r * k[2] + q * k[1]
+        share, trace = real(1.0) - nu, nu * (kaa + kbb)
+        cc = aa + bb - two * ab
+        return size * vec6(
+            trace * p + share * (kaa * p + kab * r),
+            trace * q + share * (kba * r + kbb * q),
+            two * trace * r + share * (kaa * r + kab * q + kba * p + kbb * r),
+            stiffening * k[3] / (aa * aa),
+            stiffening * k[4] / (bb * bb),
+            stiffening * k[5] / (cc * cc),
+        )
+
+    @wp.func
+    def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+        """What a displacement adds to the sides and to the six vectors."""
+        c = plate.triangles[t]
+        first, second = displacement[c[1]] - displacement[c[0]], displacement[c[2]] - displacement[c[0]]
+        d0, d1, d2 = (
+            slope[c[0]] * plane(plate, t, 0),
+            slope[c[1]] * plane(plate, t, 1),
+            slope[c[2]] * plane(plate, t, 2),
+        )
+        return first, second, vectors(first, second, d0, d1, d2)
+
+    @wp.func
+    def bent(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+        b = Bent()
+        first, second, found = changed(plate, t, displacement, slope)
+        if wp.static(curved):
+            b.first = first + plate.rest_sides[0, t]
+            b.second = second + plate.rest_sides[1, t]
+        else:
+            s = plate.sides[0, t]
+            zero = real(0.0)
+            b.first = first + vec3(s[0, 0], s[1, 0], zero)
+            b.second = second + vec3(s[0, 1], s[1, 1], zero)
+        product = wp.cross(b.first, b.second)
+        b.over = real(1.0) / wp.length(product)
+        b.normal = product * b.over
+        if wp.static(curved):
+            rest = wp.normalize(wp.cross(plate.rest_sides[0, t], plate.rest_sides[1, t]))
+            for k in range(6):
+                # n . (rest + change) - n_rest . rest, without the difference of two large numbers.
+                b.strain[k] = wp.dot(b.normal, found[k]) + wp.dot(b.normal - rest, plate.rest[k, t])
+                found[k] = found[k] + plate.rest[k, t]
+            b.vectors = found
+        else:
+            b.vectors = found
+            b.strain = found * b.normal
+        b.moment = moments_of(plate, t, b.strain)
+        return b
+
+    @wp.func
+    def couples_of(m: vec6):
+        """Derivatives by the slopes along both sides of corners 0, 1 and 2, over the normal."""
+        return (
+            vec2(-m[0] - half * (m[2] + m[3]), -m[1] - half * (m[2] + m[4])),
+            vec2(m[0] + half * (m[5] - m[3]), half * (m[2] - m[5])),
+            vec2(half * (m[2] + m[5]), m[1] - half * (m[4] + m[5])),
+        )
+
+    @kernel()
+    def keep(displacement: wp.array(dtype=vec3), first: int, kept: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        kept[i] = displacement[i]
+
+    @kernel(gathers=("displacement",))
+    def slopes(plate: Plate, displacement: wp.array(dtype=vec3), first: int, slope: wp.array(dtype=mat32)):
+        i = wp.tid() + first
+        here = displacement[i]
+        total = mat32()
+        for k in range(plate.ring.shape[0]):
+            j = plate.ring[k, i]
+            if j >= 0:
+                total += wp.outer(displacement[j] - here, plate.weights[k, i])
+        slope[i] = total
+
+    @kernel(per="face")
+    def moments(
+        plate: Plate,
+        displacement: wp.array(dtype=vec3),
+        slope: wp.array(dtype=mat32),
+        first: int,
+        normal: wp.array(dtype=vec3),
+        couple: wp.array2d(dtype=vec2),
+        pull: wp.array2d(dtype=vec3),
+    ):
+        t = wp.tid() + first
+        b = bent(plate, t, displacement, slope)
+        m = b.moment
+        along = wp.transpose(b.vectors) * m
+        turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
+        q0, q1, q2 = couples_of(m)
+        normal[t] = b.normal
+        couple[0, t] = plane(plate, t, 0) * q0
+        couple[1, t] = plane(plate, t, 1) * q1
+        couple[2, t] = plane(plate, t, 2) * q2
+        pull[0, t] = b.normal * (m[3] - m[5]) + wp.cross(b.second, turn)
+        pull[1, t] = b.normal * (m[4] + m[5]) + wp.cross(turn, b.first)
+
+    @kernel(per="face")
+    def moments_change(
+        plate: Plate,
+        displacement: wp.array(dtype=vec3),
+        slope: wp.array(dtype=mat32),
+        direction: wp.array(dtype=vec3),
+        slope_change: wp.array(dtype=mat32),
+        first: int,
+        normal: wp.array(dtype=vec3),
+        couple: wp.array2d(dtype=vec2),
+        normal_change: wp.array(dtype=vec3),
+        couple_change: wp.array2d(dtype=vec2),
+        pull: wp.array2d(dtype=vec3),
+    ):
+        t = wp.tid() + first
+        b = bent(plate, t, displacement, slope)
+        d_first, d_second, d_vectors = changed(plate, t, direction, slope_change)
+        n, m, over = b.normal, b.moment, b.over
+        d_product = wp.cross(d_first, b.second) + wp.cross(b.first, d_second)
+        d_length = wp.dot(n, d_product)
+        d_n = (d_product - n * d_length) * over
+        d_m = moments_of(plate, t, b.vectors * d_n + d_vectors * n)
+        along = wp.transpose(b.vectors) * m
+        d_along = wp.transpose(b.vectors) * d_m + wp.transpose(d_vectors) * m
+        turn = (along - n * wp.dot(n, along)) * over
+        d_turn = (
+            d_along - n * (wp.dot(n, d_along) + wp.dot(d_n, along)) - d_n * wp.dot(n, along) - turn * d_length
+        ) * over
+        q0, q1, q2 = couples_of(m)
+        normal[t] = n
+        couple[0, t] = plane(plate, t, 0) * q0
+        couple[1, t] = plane(plate, t, 1) * q1
+        couple[2, t] = plane(plate, t, 2) * q2
+        q0, q1, q2 = couples_of(d_m)
+        normal_change[t] = d_n
+        couple_change[0, t] = plane(plate, t, 0) * q0
+        couple_change[1, t] = plane(plate, t, 1) * q1
+        couple_change[2, t] = plane(plate, t, 2) * q2
+        pull[0, t] = d_n * (m[3] - m[5]) + n * (d_m[3] - d_m[5]) + wp.cross(d_second, turn) + wp.cross(b.second, d_turn)
+        pull[1, t] = d_n * (m[4] + m[5]) + n * (d_m[4] + d_m[5]) + wp.cross(d_turn, b.first) + wp.cross(turn, d_first)
+
+    @wp.func
+    def pulled(pull: wp.array2d(dtype=vec3), t: int, corner: int):
+        if corner == 0:
+            return -pull[0, t] - pull[1, t]
+        else:
+            return pull[corner - 1, t]
+
+    @kernel(gathers=("normal", "couple", "pull"))
+    def gather(
+        plate: Plate,
+        normal: wp.array(dtype=vec3),
+        couple: wp.array2d(dtype=vec2),
+        pull: wp.array2d(dtype=vec3),
+        sign: real,
+        first: int,
+        moment: wp.array(dtype=mat32),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total, push = mat32(), vec3()
+        for k in range(plate.around.shape[0]):
+            place = plate.around[k, i]
+            if place >= 0:
+                t, corner = place // 3, place % 3
+                total += wp.outer(normal[t], couple[corner, t])
+                push += pulled(pull, t, corner)
+        moment[i] = total
+        force[i] = force[i] + sign * push
+
+    @kernel(gathers=("normal", "couple", "normal_change", "couple_change", "pull"))
+    def gather_change(
+        plate: Plate,
+        normal: wp.array(dtype=vec3),
+        couple: wp.array2d(dtype=vec2),
+        normal_change: wp.array(dtype=vec3),
+        couple_change: wp.array2d(dtype=vec2),
+        pull: wp.array2d(dtype=vec3),
+        sign: real,
+        first: int,
+        moment: wp.array(dtype=mat32),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total, push = mat32(), vec3()
+        for k in range(plate.around.shape[0]):
+            place = plate.around[k, i]
+            if place >= 0:
+                t, corner = place // 3, place % 3
+                total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
+                push += pulled(pull, t, corner)
+        moment[i] = total
+        force[i] = force[i] + sign * push
+
+    @kernel(gathers=("moment",))
+    def spread(plate: Plate, moment: wp.array(dtype=mat32), sign: real, first: int, force: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        total = -moment[i] * plate.own[i]
+        for k in range(plate.fitted.shape[0]):
+            j = plate.fitted[k, i]
+            if j >= 0:
+                total += moment[j] * plate.fitted_weights[k, i]
+        force[i] = force[i] + sign * total
+
+    @kernel(gathers=("displacement", "slope"))
+    def energy(
+        plate: Plate,
+        displacement: wp.array(dtype=vec3),
+        slope: wp.array(dtype=mat32),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        total = wp.float64(0.0)
+        for k in range(plate.around.shape[0]):
+            place = plate.around[k, i]
+            if place >= 0:
+                b = bent(plate, place // 3, displacement, slope)
+                total += wp.float64(wp.dot(b.strain, b.moment))
+        out[i] = total / wp.float64(6.0)
+
+    return BendingKernels(Plate, keep, slopes, moments, moments_change, gather, gather_change, spread, energy)

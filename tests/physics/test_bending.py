@@ -1,0 +1,213 @@
+"""Bending: gradient and tangent, momentum, patches, rolled sheets, plates, buckling, dynamics."""
+
+import numpy as np
+import pytest
+from helpers import build, internal_force, jittered, random_gradient, square, strain_energy, uniform
+from small_runs import run
+
+from warp_pd import (
+    ArcLength,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Motion,
+    NeoHookean,
+    Newton,
+    PointForce,
+    Sheet,
+)
+from warp_pd.device.fields import assign
+from warp_pd.run.modes import natural_modes
+
+# Poisson's ratio zero: a strip then bends like a beam, whatever its width.
+BEAM = NeoHookean(mu=1e5, bulk=2e5 / 3.0)
+LENGTH, THICKNESS = 0.1, 1e-3
+STIFFNESS = 2e5 * THICKNESS**3 / 12.0
+
+
+def tube():
+    return Sheet.tube(0.02, 0.05, thickness=THICKNESS, density=1000.0, points=16)
+
+
+SHEETS = {"lattice": lambda: square(7), "cloud": lambda: jittered(7), "tube": tube}
+
+
+def bending_force(sheet, displacement, **parts):
+    """Force of bending alone [N], (N, 3)."""
+    bent, plain = (build(sheet, bending=given, **parts) for given in (True, False))
+    return internal_force(bent, displacement) - internal_force(plain, displacement)
+
+
+def rough_motion(sheet):
+    return 0.2 * sheet.spacing * np.random.default_rng(0).normal(size=(sheet.size, 3))
+
+
+def bending_energy(built, displacement):
+    strain_energy(built, displacement)
+    return float(built.law.energy.numpy().sum())
+
+
+def strip(points, clamps=1):
+    """A strip whose free part has a length of 0.1 m, and its spacing; each clamp has one more column of points."""
+    spacing = LENGTH / (points - 1)
+    width = round(0.2 * (points - 1)) * spacing
+    made = Sheet.rectangle(
+        LENGTH + clamps * spacing, width, thickness=THICKNESS, density=1000.0, points=points + clamps
+    )
+    return made, spacing
+
+
+def orders(errors):
+    return np.log2(np.abs(np.array(errors[:-1]) / np.array(errors[1:])))
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_the_force_is_minus_the_gradient_of_the_energy_and_conserves_momentum(name):
+    sheet = SHEETS[name]()
+    built, here = build(sheet, bending=True), rough_motion(sheet)
+    force = bending_force(sheet, here)
+    size = np.abs(force).sum()
+    assert size > 0.0
+    assert np.abs(force.sum(axis=0)).max() < 1e-12 * size
+    assert np.abs(np.cross(sheet.positions + here, force).sum(axis=0)).max() < 1e-12 * size
+    direction = np.random.default_rng(4).normal(size=here.shape)
+    step = 1e-6 * sheet.spacing
+    slope = (bending_energy(built, here + step * direction) - bending_energy(built, here - step * direction)) / (
+        2 * step
+    )
+    assert slope == pytest.approx(-(force * direction).sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_a_rigid_motion_and_flat_stretching_bend_nothing(name):
+    sheet = SHEETS[name]()
+    scale = np.abs(bending_force(sheet, rough_motion(sheet))).max()
+    rotation, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    turned = sheet.positions @ (rotation * np.sign(np.linalg.det(rotation))).T - sheet.positions + 0.01
+    assert np.abs(bending_force(sheet, turned)).max() < 1e-9 * scale
+    if name != "tube":
+        x, y = sheet.points.T
+        uneven = np.column_stack([2.0 * x * y, 3.0 * x**2, 0.0 * x])
+        for motion in (uniform(sheet, random_gradient(3)), uneven):
+            assert np.abs(bending_force(sheet, motion)).max() < 1e-9 * scale
+
+
+def test_a_rolled_sheet_has_the_energy_of_a_cylinder():
+    """Second order on a lattice; a cloud, whose shape changes with its spacing, comes as close."""
+    radius, errors = 0.04, {"lattice": [], "cloud": []}
+    for points in (11, 21, 41):
+        for name, sheet in (("lattice", square(points)), ("cloud", jittered(points))):
+            x, y = sheet.points.T
+            place = np.column_stack([radius * np.sin(x / radius), y, radius * (1.0 - np.cos(x / radius))])
+            built = build(sheet, bending=True, material=BEAM)
+            exact = 0.5 * STIFFNESS * 0.1**2 / radius**2
+            errors[name].append(bending_energy(built, place - sheet.positions) / exact - 1.0)
+    assert abs(errors["lattice"][-1]) < 2e-3 and orders(errors["lattice"]).min() > 1.8
+    assert abs(errors["cloud"][-1]) < 2e-3
+
+
+def test_a_tube_that_widens_bends_by_the_change_of_its_curvature():
+    sheet = Sheet.tube(0.02, 0.05, thickness=THICKNESS, density=1000.0, points=48)
+    built = build(sheet, bending=True, material=BEAM)
+    around = sheet.positions * [1.0, 1.0, 0.0]
+    if np.ptp(np.linalg.norm(around, axis=1)) > 1e-9:
+        around = sheet.positions * [0.0, 1.0, 1.0]
+    widened, radius = 1.3, 0.02
+    exact = 0.5 * STIFFNESS * (2.0 * np.pi * radius * 0.05) * ((widened - 1.0) / radius) ** 2
+    assert bending_energy(built, (widened - 1.0) * around) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["cloud", "tube"])
+def test_the_tangent_is_the_derivative_of_the_force_and_its_matrix(name):
+    sheet = SHEETS[name]()
+    built = build(sheet, bending=1e-4, solver=Newton(preconditioner="direct"))
+    (level,) = built.solver.search.levels
+    here = rough_motion(sheet)
+    along = np.random.default_rng(1).normal(size=here.shape)
+    assign(built.state.displacement, here)
+    level.linearise(0.0)
+    assign(level.vector, along)
+    level.run("product")
+    product, step = level.image.numpy(), 1e-6 * sheet.spacing
+    slope = (internal_force(built, here + step * along) - internal_force(built, here - step * along)) / (2.0 * step)
+    assert product == pytest.approx(-slope, abs=1e-7 * np.abs(slope).max())
+    matrix = level.tangent.sparse().matrix()
+    assert (matrix @ along.ravel()).reshape(-1, 3) == pytest.approx(product, abs=1e-11 * np.abs(product).max())
+    assert abs(matrix - matrix.T).max() < 1e-12 * abs(matrix).max()
+
+
+def test_a_cantilever_bends_like_a_beam():
+    errors, force = [], 1e-6
+    for points in (11, 21):
+        sheet, spacing = strip(points)
+        tip = sheet.edges("right")
+        shares = sheet.areas[tip] / sheet.areas[tip].sum()
+        loads = [PointForce([int(p)], (0.0, 0.0, force * share)) for p, share in zip(tip, shares, strict=True)]
+        held = Fixed(sheet.where(lambda x, y, h=spacing: x < 1.01 * h))
+        result = run(sheet, Newton(), material=BEAM, weights="corrected", loads=[held, *loads], bending=True)
+        exact = force * LENGTH**3 / (3.0 * STIFFNESS * np.ptp(sheet.points[:, 1]))
+        errors.append(result.frame.displacement[tip, 2].mean() / exact - 1.0)
+        assert result.history[-1]["bending"] == pytest.approx(0.5 * force * exact, rel=2e-3)
+    assert np.abs(errors).max() < 1e-3 and orders(errors).min() > 1.4
+
+
+def test_a_clamped_plate_vibrates_at_its_frequency():
+    """35.985 sqrt(D / m) / a^2 (Leissa 1969), with Poisson's ratio of rubber."""
+    errors = []
+    for points in (11, 21, 31):
+        h = LENGTH / (points - 1)
+        side = LENGTH + 2.0 * h
+        sheet = Sheet.rectangle(side, side, thickness=THICKNESS, density=1000.0, points=points + 2)
+        x, y = sheet.points.T
+        held = np.flatnonzero((np.minimum(x, y) < 1.01 * h) | (np.maximum(x, y) > side - 1.01 * h))
+        built = build(sheet, bending=2e-5, loads=[Fixed(held)], solver=Explicit(1.0))
+        (frequency,) = natural_modes(built, 1, "z").frequencies
+        exact = 35.985 * np.sqrt(2e-5 / (1000.0 * THICKNESS)) / LENGTH**2 / (2.0 * np.pi)
+        errors.append(frequency / exact - 1.0)
+    assert abs(errors[-1]) < 6e-3 and errors[1] / errors[0] == pytest.approx(0.25, abs=0.05)
+
+
+def test_a_strip_buckles_at_eulers_load():
+    errors = []
+    strain = 4.0 * np.pi**2 * STIFFNESS / LENGTH**2 / (2e5 * THICKNESS)
+    for points in (11, 21):
+        sheet, spacing = strip(points, 2)
+        left = Fixed(sheet.where(lambda x, y, h=spacing: x < 1.01 * h))
+        right = sheet.where(lambda x, y, h=spacing: x > LENGTH + 0.99 * h)
+        loads = [left, Motion(right, [0.0, 1.0], x=[0.0, -1.5 * strain * LENGTH], y=[0.0, 0.0], z=[0.0, 0.0])]
+        result = run(
+            sheet, ArcLength(increment=0.2), material=BEAM, horizon=1.5, weights="corrected", loads=loads, bending=True
+        )
+        errors.append(next(f["load_factor"] for f in result.summary["solve"]["found"]) * 1.5 - 1.0)
+    assert errors[1] < 0.03 and orders(errors).min() > 1.4
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_strip_that_is_let_go_keeps_its_energy(precision):
+    sheet, spacing = strip(11)
+    velocity = np.zeros((sheet.size, 3))
+    velocity[:, 2] = np.maximum(sheet.points[:, 0] - spacing, 0.0) ** 2
+    held = Fixed(sheet.where(lambda x, y: x < 1.01 * spacing))
+    result = run(
+        sheet, Explicit(0.05, frames=10), material=BEAM, loads=[held], initial_velocity=velocity, bending=0.1,
+        precision=precision,
+    )  # fmt: skip
+    rows = result.history
+    assert result.status == "finished" and max(abs(row["balance_error"]) for row in rows) < 2e-3
+    assert max(row["bending"] for row in rows) > 0.9 * rows[0]["kinetic"]
+
+
+def test_a_stiffer_plate_takes_shorter_steps():
+    sheet = square(9)
+    steps = [run(sheet, Explicit(1e-4, frames=1), bending=given).built.solver.estimate(40) for given in (1e-3, 4e-3)]
+    assert steps[0] / steps[1] == pytest.approx(2.0, rel=0.02)
+
+
+def test_what_bending_refuses_and_a_scene_without_it():
+    sheet = square(7)
+    with pytest.raises(InputError, match=r"bending = -1\.0"):
+        build(sheet, bending=-1.0)
+    with pytest.raises(InputError, match="not supported with damage"):
+        build(sheet, bending=True, damage=CriticalStretch(2.0))
+    assert not [stored for stored in build(sheet).context.fields if stored.field.owner == "bending"]

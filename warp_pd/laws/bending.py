@@ -1,0 +1,238 @@
+"""Bending stiffness beside a force law: an energy of the curvature of the deformed sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, positive
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.bending import BendingKernels, bending
+from .bending_tangent import BendingTangent
+from .slopes import fitted_slopes
+
+OWNER = "bending"
+# Points that are held in all three components, or in a rigid inclusion.
+HELD, RIGID = 7, 8
+# Strain of the differences that give the modulus of a law.
+STRAIN = 1e-3
+
+
+def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltLaw:
+    """The law with bending stiffness beside it; the law itself without.
+
+    Args:
+        law: The force law on the device.
+        context: Its context.
+        given: True for the stiffness of a plate of the material and the thickness, or a stiffness D [N m], with
+            Poisson's ratio of the material; False for none.
+
+    Raises:
+        InputError: for several processes, bonds that break, several materials, or a material without stiffness.
+    """
+    if given is False:
+        return law
+    if given is not True:
+        positive("bending", given)
+    if context.partition is not None:
+        raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
+    if context.features.breakable:
+        raise InputError(f"bending = {given}: not supported with damage; expected damage = None")
+    if context.regions:
+        raise InputError(f"bending = {given}: not supported with several materials; expected one")
+    return cast(BuiltLaw, BendingForce(law, context, given))
+
+
+def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
+    """E / (12 (1 - nu^2)) [Pa] of the law, or the stiffness that was given, and Poisson's ratio.
+
+    Raises:
+        InputError: if the law has no energy density or no stiffness.
+    """
+    steps = np.array([1.0 - STRAIN, 1.0, 1.0 + STRAIN])
+    try:
+        density = law.energy_density(steps[:, None], steps[None, :])
+    except InputError:
+        raise InputError(f"bending = {given}: expected a law with an energy density") from None
+    modulus = (density[0, 1] - 2.0 * density[1, 1] + density[2, 1]) / STRAIN**2
+    mixed = (density[0, 0] + density[2, 2] - density[0, 2] - density[2, 0]) / (4.0 * STRAIN**2)
+    if not modulus > 0.0:
+        raise InputError(f"bending = {given}: expected a material with stiffness")
+    return float(modulus) / 12.0, float(mixed / modulus)
+
+
+class BendingForce:
+    """A force law with bending beside it. What it does not define itself is the law's.
+
+    The law stays a law of families, which parts ask for their own purposes; bending has its own tables.
+
+    Attributes:
+        law: The law.
+        context: Its context.
+        kernels: Kernels of bending.
+        plate: Their tables.
+        energy: Energy of bending at each point at the last frame [J], (N,) float64.
+        coarsens: False: on coarser lattices the stiffness would be that of shorter waves.
+    """
+
+    coarsens = False
+
+    def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
+        self.law, self.context = law, context
+        self.kernels: BendingKernels = bending(context.bits, context.sheet.frames is not None)
+        self.stiffness, self.poisson = self._stiffness(given)
+        self.slopes = fitted_slopes(context.sheet, (context.held & HELD == HELD) | (context.held & RIGID != 0))
+        self.plate: Any = self._tables()
+        n, faces, t = context.sheet.size, len(context.sheet.triangles), context.types
+        self.slope = self.point_array("slope", t.mat32)
+        self.moment = self.point_array("moment", t.mat32)
+        self.moments: dict[str, Any] = {
+            name: context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
+            for name, dtype, shape in (
+                ("normal", t.vec3, faces), ("couple", t.vec2, (3, faces)), ("pull", t.vec3, (2, faces)),
+            )
+        }  # fmt: skip
+        self.energy = context.array("bending_energy", OWNER, wp.float64, shape=n)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.law, name)
+
+    def point_array(self, name: str, dtype: Any) -> Array:
+        """An array with an entry for each point."""
+        return self.context.array(f"bending_{name}", OWNER, dtype, shape=self.context.sheet.size)
+
+    def _stiffness(self, given: bool | float) -> tuple[np.ndarray, float]:
+        """D of each point [N m], (N,), and Poisson's ratio."""
+        sheet = self.context.sheet
+        unit, poisson = plate_stiffness(self.law, given)
+        softer = 1.0 if sheet.stiffness is None else sheet.stiffness
+        each = unit * sheet.thickness**3 * softer if given is True else given
+        return np.broadcast_to(np.asarray(each, float), sheet.size), poisson
+
+    def _tables(self) -> Any:
+        sheet, triangles, planes = self.context.sheet, self.context.sheet.triangles, self.slopes.planes
+        x, curved = sheet.positions, len(planes) > 1
+        sides = np.stack([x[triangles[:, k]] - x[triangles[:, 0]] for k in (1, 2)], axis=2)
+        corners = range(3) if curved else range(1)
+        # A side keeps its length in the planes of its corners.
+        flat = np.stack([np.einsum("fcb,fcm->fbm", planes[triangles[:, c] % len(planes)], sides) for c in corners])
+        flat *= np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None]
+        area = 0.5 * np.linalg.norm(np.cross(sides[:, :, 0], sides[:, :, 1]), axis=1)
+        s = self.slopes
+        ring, order = _columns(s.point, sheet.size)
+        fitted, back = _columns(s.other, sheet.size)
+        around, places = _columns(triangles.ravel(), sheet.size)
+        own = np.stack([np.bincount(s.point, s.weights[:, b], sheet.size) for b in range(2)], axis=1)
+        values: dict[str, tuple[Any, np.ndarray]] = {
+            "ring": (wp.int32, _filled(ring, s.other[order], -1)),
+            "weights": (self.context.types.vec2, _filled(ring, s.weights[order], 0.0)),
+            "own": (self.context.types.vec2, own),
+            "fitted": (wp.int32, _filled(fitted, s.point[back], -1)),
+            "fitted_weights": (self.context.types.vec2, _filled(fitted, s.weights[back], 0.0)),
+            "triangles": (wp.vec3i, triangles),
+            "around": (wp.int32, _filled(around, places, -1)),
+            "sides": (self.context.types.mat22, flat),
+            "stiffness": (self.context.types.real, self.stiffness[triangles].mean(axis=1) * area),
+        }
+        if curved:
+            values["rest_sides"] = (self.context.types.vec3, np.moveaxis(sides, 2, 0))
+            values["rest"] = (self.context.types.vec3, self._rest(sides, flat))
+        plate = self.kernels.Plate()
+        for name, (dtype, value) in values.items():
+            setattr(plate, name, self.context.array(f"plate_{name}", OWNER, dtype, value, per="table"))
+        plate.poisson = self.poisson
+        return plate
+
+    def _rest(self, sides: np.ndarray, flat: np.ndarray) -> np.ndarray:
+        """Vectors g and r of the stress-free sheet [m], (6, F, 3); see kernels/bending.py."""
+        s, x, triangles = self.slopes, self.context.sheet.positions, self.context.sheet.triangles
+        slope = np.zeros((len(x), 3, 2))
+        np.add.at(slope, s.point, np.einsum("ec,eb->ecb", x[s.other] - x[s.point], s.weights))
+        d = np.stack([np.einsum("fcb,fbm->mfc", slope[triangles[:, c]], flat[c]) for c in range(3)])
+        first, second = sides[:, :, 0], sides[:, :, 1]
+        return np.stack([
+            d[1, 0] - d[0, 0],
+            d[2, 1] - d[0, 1],
+            0.5 * (d[1, 1] - d[0, 1] + d[2, 0] - d[0, 0]),
+            first - 0.5 * (d[0, 0] + d[1, 0]),
+            second - 0.5 * (d[0, 1] + d[2, 1]),
+            second - first - 0.5 * (d[1, 1] - d[1, 0] + d[2, 1] - d[2, 0]),
+        ])  # fmt: skip
+
+    # What a law does, with bending ---------------------------------------------------------------------
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the law, and of the force or the energy of bending."""
+        self.law.add(phase, stage)
+        state = self.context.state
+        if phase is Phase.INTERNAL_FORCE:
+            self._add_bending(stage, state.displacement, state.force)
+        elif phase is Phase.FRAME:
+            self.add_slopes(stage, state.displacement, self.slope)
+            stage.launch(
+                OWNER, self.kernels.energy, self.context.sheet.size, plate=self.plate, displacement=state.displacement,
+                slope=self.slope, out=self.energy,
+            )  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        self.law.add_force(stage, displacement, out)
+        self._add_bending(stage, displacement, out)
+
+    def _add_bending(self, stage: Stage, displacement: Array, out: Array) -> None:
+        kernels, points, faces = self.kernels, self.context.sheet.size, len(self.context.sheet.triangles)
+        self.add_slopes(stage, displacement, self.slope)
+        stage.launch(
+            OWNER, kernels.moments, faces, plate=self.plate, displacement=displacement, slope=self.slope, **self.moments
+        )
+        stage.launch(
+            OWNER, kernels.gather, points, plate=self.plate, **self.moments, sign=-1.0, moment=self.moment, force=out
+        )
+        stage.launch(OWNER, kernels.spread, points, plate=self.plate, moment=self.moment, sign=-1.0, force=out)
+
+    def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
+        """Add the launch of the slopes of a displacement."""
+        stage.launch(
+            OWNER,
+            self.kernels.slopes,
+            self.context.sheet.size,
+            plate=self.plate,
+            displacement=displacement,
+            slope=slope,
+        )
+
+    def stored_energy(self) -> Mapping[str, Array]:
+        """The strain energy of the law, and the energy of bending."""
+        return {**self.law.stored_energy(), "bending": self.energy}
+
+    def tangent(self, context: Context, geometric: bool) -> Tangent:
+        """The tangent of the law and of bending, for Newton's method.
+
+        Raises:
+            InputError: if the law has none.
+        """
+        return BendingTangent(self, self.law.tangent(context, geometric))
+
+
+def _columns(owner: np.ndarray, size: int) -> tuple[tuple[np.ndarray, np.ndarray, int, int], np.ndarray]:
+    """Places in a table with a column for each owner, for entries in the order that is returned, too."""
+    order = np.argsort(owner, kind="stable")
+    counts = np.bincount(owner, minlength=size)
+    column = owner[order]
+    row = np.arange(len(owner)) - (np.cumsum(counts) - counts)[column]
+    return (row, column, int(counts.max()), size), order
+
+
+def _filled(places: tuple[np.ndarray, np.ndarray, int, int], values: np.ndarray, empty: float) -> np.ndarray:
+    """The table of these values."""
+    row, column, most, size = places
+    table = np.full((most, size, *values.shape[1:]), empty, values.dtype)
+    table[row, column] = values
+    return table

@@ -1,0 +1,177 @@
+"""Tangent of a force law with bending beside it: products, and a sparse matrix for a direct solution."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..device.fields import Array, assign
+from ..device.launches import Stage
+from ..interfaces import Solve, SparseTangent, Tangent
+from .sparse import factorised
+
+if TYPE_CHECKING:
+    from .bending import BendingForce
+
+OWNER = "Newton"
+# Points up to which the tangent is factorised on the host: shorter waves are too stiff for 3x3 blocks.
+DIRECT_POINTS = 100_000
+
+
+class BendingTangent:
+    """The tangent of a law and of bending. What it does not define itself is that of the law's.
+
+    Attributes:
+        force: The law with bending.
+        law: Tangent of the law alone.
+    """
+
+    direct_points = DIRECT_POINTS
+
+    def __init__(self, force: BendingForce, law: Tangent) -> None:
+        self.force, self.law = force, law
+        t, faces = force.context.types, len(force.context.sheet.triangles)
+        self._here, self._along, self._out = (force.point_array(name, t.vec3) for name in ("here", "along", "image"))
+        self._slope, self._slope_change = (
+            force.point_array(f"tangent_{name}", t.mat32) for name in ("slope", "change")
+        )
+        self._changes: dict[str, Any] = {
+            name: force.context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
+            for name, dtype, shape in (("normal_change", t.vec3, faces), ("couple_change", t.vec2, (3, faces)))
+        }
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.law, name)
+
+    def is_slack(self) -> bool:
+        """False: a sheet without stress resists bending."""
+        return False
+
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
+        self.law.add_linearise(stage, displacement, tension)
+        force = self.force
+        n = force.context.sheet.size
+        stage.launch(OWNER, force.kernels.keep, n, displacement=displacement, kept=self._here)
+        force.add_slopes(stage, self._here, self._slope)
+
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
+        self.law.add_product(stage, direction, change)
+        self.add_bending(stage, direction, change)
+
+    def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that add the part of bending."""
+        force = self.force
+        kernels, plate, n = force.kernels, force.plate, force.context.sheet.size
+        faces = len(force.context.sheet.triangles)
+        force.add_slopes(stage, direction, self._slope_change)
+        given: dict[str, Any] = {**force.moments, **self._changes}
+        stage.launch(
+            OWNER, kernels.change, faces, plate=plate, displacement=self._here, slope=self._slope,
+            direction=direction, slope_change=self._slope_change, **given,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, kernels.gather_change, n, plate=plate, **given, sign=-1.0, moment=force.moment, force=change
+        )
+        stage.launch(OWNER, kernels.spread, n, plate=plate, moment=force.moment, sign=-1.0, force=change)
+
+    def sparse(self) -> SparseTangent:
+        """The tangent as a sparse matrix, from the next linearisation on."""
+        return BendingMatrix(self, self.law.sparse())
+
+    @functools.cached_property
+    def _columns(self) -> Columns:
+        return Columns(self.force)
+
+    def matrix(self) -> Any:
+        """K of bending alone [N/m], sparse, shape (3 N, 3 N)."""
+        context, columns = self.force.context, self._columns
+        name = "columns of bending"
+        if context.prefix + name not in context.stages:
+            stage = context.stage(name, "every column of the stiffness of bending")
+            self.add_bending(stage, self._along, self._out)
+        run = context.sequence(name).run
+        blocks = np.zeros((len(columns.other), 3, 3))
+        for colour, entries in enumerate(columns.of_colour):
+            chosen = columns.colours == colour
+            for c in range(3):
+                along = np.zeros((len(chosen), 3))
+                along[chosen, c] = 1.0
+                assign(self._along, along)
+                self._out.zero_()
+                run()
+                blocks[entries, :, c] = -self._out.numpy()[columns.point[entries]]
+        return columns.assembled(blocks)
+
+
+class Columns:
+    """Points whose columns of the stiffness have no row in common are of one colour: one product fills them all.
+
+    See Curtis, Powell and Reid, J. Inst. Maths Applics 13, 1974.
+
+    Attributes:
+        point, other: Rows and columns of the 3x3 blocks, (E,).
+        colours: Colour of each point, (N,).
+        of_colour: Blocks in the columns of each colour.
+    """
+
+    def __init__(self, force: BendingForce) -> None:
+        from scipy import sparse
+
+        triangles, slopes, n = force.context.sheet.triangles, force.slopes, force.context.sheet.size
+        faces = np.repeat(np.arange(len(triangles)), 3)
+        corners = sparse.csr_matrix(
+            (np.ones(len(faces), np.float32), (faces, triangles.ravel())), shape=(len(triangles), n)
+        )
+        ends = np.append(slopes.point, np.arange(n)), np.append(slopes.other, np.arange(n))
+        fits = sparse.csr_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(n, n))
+        of_triangle = corners @ fits
+        self.pattern = (of_triangle.T @ of_triangle).tocsr()
+        self.pattern.sort_indices()
+        self.point = np.repeat(np.arange(n), np.diff(self.pattern.indptr))
+        self.other = self.pattern.indices
+        self.colours = self._coloured()
+        order = np.argsort(self.colours[self.other], kind="stable")
+        counts = np.bincount(self.colours[self.other])
+        self.of_colour = np.split(order, np.cumsum(counts)[:-1])
+
+    def _coloured(self) -> np.ndarray:
+        """The first free colour of each point in turn."""
+        conflicts = (self.pattern @ self.pattern).tocsr()
+        colours = np.full(conflicts.shape[0], -1)
+        begins, others = conflicts.indptr, conflicts.indices
+        for i in range(len(colours)):
+            taken = np.zeros(len(colours) + 1 if i == 0 else colours[:i].max() + 3, bool)
+            taken[colours[others[begins[i] : begins[i + 1]]]] = True
+            taken[-1] = False
+            colours[i] = int(np.argmin(taken))
+        return colours
+
+    def assembled(self, blocks: np.ndarray) -> Any:
+        """The matrix of these blocks."""
+        from scipy import sparse
+
+        n = len(self.colours)
+        return sparse.bsr_matrix((blocks, self.other, self.pattern.indptr), shape=(3 * n, 3 * n))
+
+
+class BendingMatrix:
+    """The tangent as a sparse matrix on the host, for a direct factorisation.
+
+    Attributes:
+        free: Mask of free components, shape (3 N,).
+    """
+
+    def __init__(self, tangent: BendingTangent, law: SparseTangent) -> None:
+        self._tangent, self._law, self.free = tangent, law, law.free
+
+    def matrix(self) -> Any:
+        """K of the free components [N/m], a SciPy sparse matrix."""
+        return (self._law.matrix() + self._tangent.matrix().tocsr()[self.free][:, self.free]).tocsc()
+
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
+        return factorised(self.matrix(), self.free, added)
