@@ -48,7 +48,6 @@ from .bits import bit_of
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
-from .lists import next_place
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
@@ -216,7 +215,7 @@ def damage_field(
                     wakes = stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i)
             if wakes:
                 if wp.static(atomics):
-                    listed[next_place(count)] = i
+                    listed[wp.atomic_add(count, 0, 1)] = i
                 else:
                     listed[place] = i
                     place += 1
@@ -509,6 +508,6 @@ def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
             other[i] = damage[i]
             before[i] = damage[i]
             if driving[i] != real(UNLISTED):
-                listed[next_place(count)] = i
+                listed[wp.atomic_add(count, 0, 1)] = i
 
     return unlist, list_ghosts

@@ -22,7 +22,6 @@ import warp as wp
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, constants_of
 from .kinematics import kinematics
-from .lists import next_place
 from .numeric import numeric
 from .stencil import LARGE, Stencil
 
@@ -138,7 +137,7 @@ def undamaged_lattice_force(
             other = other | (wp.uint32(wp.static(full)) ^ intact[0, i])
         if other != wp.uint32(0):
             if wp.static(breakable):
-                others[next_place(other_count)] = i
+                others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
         T = Vectors()
