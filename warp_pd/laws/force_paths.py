@@ -45,8 +45,8 @@ class Tuning:
     # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
     # one thread a point.
     lattice_bonds: int = 300_000
-    # Threads per block of that kernel: with a family in registers, few threads fit a multiprocessor. In float64 a family
-    # does not fit, and twice as many read it again.
+    # Threads per block of that kernel, and half of them in float64: with a family in registers, few threads fit a
+    # multiprocessor; in float64 it does not fit, and is read again.
     lattice_block: int = 64
     # Maximum number of blocks of families: enough to fill a GPU; each works until all families are done. With a list
     # most blocks would find nothing, and starting them takes time.
