@@ -45,7 +45,7 @@ class Tuning:
     # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
     # one thread a point.
     lattice_bonds: int = 300_000
-    # Threads per block of that kernel, and half of them in float64: with a family in registers, few threads fit a
+    # Threads per block of that kernel, twice as many in float64: with a family in registers, few threads fit a
     # multiprocessor; in float64 it does not fit, and is read again.
     lattice_block: int = 64
     # Maximum number of blocks of families: enough to fill a GPU; each works until all families are done. With a list
