@@ -235,7 +235,8 @@ def test_names_say_what_they_are():
     assert (column_unit("ball_force_z"), column_unit("pressure"), column_unit("mine")) == ("N", "Pa", "")
 
 
-def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels):
+@pytest.mark.parametrize("painted", [False, True])
+def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels, monkeypatch, painted):
     """A bump with a hole and a ball on it: few pixels differ, those of edges and lines."""
     frame = sheet_shown(41, lift=0.3)
     x, y = frame.reference[:, :2].T
@@ -244,7 +245,10 @@ def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels):
     frame = replace(frame, triangles=frame.triangles[whole], ball=(np.array([0.7, 0.3, 0.35]), 0.2))
     shown = []
     for pixels in (True, False):
-        as_pixels(pixels)
+        if painted:
+            monkeypatch.setattr(plots, "MOST_VECTORS", 0 if pixels else MOST_POLYGONS)
+        else:
+            as_pixels(pixels)
         plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
         shown.append(imread(tmp_path / "a.png")[..., :3])
     different = np.abs(shown[0] - shown[1]).max(axis=2) > 0.1
