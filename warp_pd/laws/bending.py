@@ -137,7 +137,8 @@ class BendingForce:
         kind, one = kinds(corners, numbers)
         values |= {
             "face_kind": (wp.int32, kind), "first_corner": (wp.int32, triangles[:, 0]),
-            "corners": (wp.vec3i, corners[one]), "sides": (t.mat22, flat[:, one]), "stiffness": (t.real, stiffness[one]),
+            "corners": (wp.vec3i, corners[one]), "sides": (t.mat22, flat[:, one]),
+            "stiffness": (t.real, stiffness[one]),
         }  # fmt: skip
         if curved:
             values["rest_sides"] = (self.context.types.vec3, np.moveaxis(sides, 2, 0))
