@@ -310,7 +310,7 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
     may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
     act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
 
-    @pointwise(BodyContact, writes=STRUCK if at_end else MOVED)
+    @pointwise(BodyContact, writes=STRUCK if at_end else MOVED, rare=True)
     def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):

@@ -2,7 +2,7 @@
 
 Each body has
     place, rotation  now and at the beginning of the step (centre of mass [m], unit quaternion x, y, z, w);
-    motion           velocity [m/s] and spin [1/s], as used by contact;
+    motion           velocity [m/s] and spin [1/s], as used by contact; on a path, then those of the previous step;
 and a free body also has
     momenta          velocity [m/s], angular momentum [kg m^2/s], and velocity and spin at the last full step.
 
@@ -106,6 +106,8 @@ def path_motion() -> Kernel:
         rotation[1] = was
         place[0] = there
         rotation[0] = turned
+        motion[2] = motion[0]
+        motion[3] = motion[1]
         # In static equilibrium no time passes.
         if dt > wp.float64(0.0):
             motion[0] = (there - here) / dt

@@ -4,9 +4,8 @@ Where computing the distance takes a search (meshes), each point caches the plac
 body and the distance found there. The distance changes by at most the distance moved, so no query is needed while the
 point is certainly clear of the surface. The cache changes no result, so restarts begin without it.
 
-On large sheets, and for free bodies, a cheap stage, merged with others into one launch, marks the points that may
-touch; separate launches project and separate the marked points. The registers of the search would slow down every stage
-that shares its launch.
+For free bodies a cheap stage, merged with others into one launch, marks the points that may touch; separate launches
+project and separate the marked points.
 """
 
 import functools
@@ -39,7 +38,7 @@ class BodySearch:
             which the body pushes the point.
         push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (x, a) -> whether a point at x touches, and the normal.
-        mark: Pointwise stage that marks points that may touch during the step or at its end, for large sheets.
+        mark: Pointwise stage that marks points that may touch during the step or at its end, for free bodies.
         yields_far: a -> whether a free body has yielded by more than `slack`, so that any point may touch it.
     """
 

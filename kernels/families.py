@@ -47,6 +47,7 @@ class Layout:
         breakable: Whether bonds can break.
         softened: Whether the damage of a point reduces the stiffness of its family, see kernels/damage_field.py.
         regions: Whether bonds have several materials, see kernels/by_region.py.
+        by_point: Whether the last constant of the material is a value of the point.
     """
 
     kind: str
@@ -56,6 +57,7 @@ class Layout:
     breakable: bool = False
     softened: bool = False
     regions: bool = False
+    by_point: bool = False
 
     @property
     def types(self) -> Numeric:
@@ -85,8 +87,8 @@ class FamilyFunctions:
             kernels/kinematics.py; zero if flat.
         to_frame: (family, i, v) -> components in the frame of i of a vector v in space; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
-        of_bond: (family, i, k, constants of a material) -> the same with the index of the bond's material in it, see
-            kernels/by_region.py; the constants themselves without regions.
+        of_bond: (family, i, k, constants of a material) -> the same, whose last one is the index of the bond's material
+            (kernels/by_region.py) or the value of point i; the constants themselves without either.
     """
 
     struct: Any
@@ -209,7 +211,7 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
 def table_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a cloud or a grid: tables [member, row]."""
     types = layout.types
-    gridded, curved = layout.kind == "grid", layout.curved
+    gridded, curved, by_point = layout.kind == "grid", layout.curved, layout.by_point
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     # What a layout does not need stays without an array.
@@ -235,6 +237,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         chords: wp.array2d(dtype=vec3)
         tilts: wp.array2d(dtype=vec2)
         materials: wp.array2d(dtype=wp.uint8)
+        point_values: wp.array(dtype=real)
 
     @wp.func
     def row_of(family: Family, i: int):
@@ -324,13 +327,16 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     @wp.func
     def of_bond(family: Family, i: int, k: int, constants: Any):
         own = type(constants)(constants)
-        own[-1] = real(family.materials[k, i])
+        if wp.static(by_point):
+            own[-1] = family.point_values[i]
+        else:
+            own[-1] = real(family.materials[k, i])
         return own
 
     return FamilyFunctions(
         Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
         chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
-        of_bond=of_bond if layout.regions else same_constants(Family),
+        of_bond=of_bond if layout.regions or by_point else same_constants(Family),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import warp as wp
 
-from .factories import FunctionFactory
+from .factories import FunctionFactory, constants_of
 from .materials import MaterialFunctions, invariants
 from .numeric import numeric
 
@@ -200,6 +200,32 @@ def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
         named(response, energy_of, "response"),
         no_volume_change,
         incompressible_width,
+    )
+
+
+@functools.cache
+def incompressible_sheet(parts_of: Callable[[int], tuple[wp.Function, ...]]) -> MaterialFunctions:
+    """All functions of an incompressible material of any kind from a factory of its stress, energy and response.
+
+    For materials that are not isotropic, or have more than four constants; see kernels/materials.py.
+    """
+    parts = functools.cache(parts_of)
+
+    def near(bits):
+        types, stress = numeric(bits), parts(bits)[0]
+        real, mat22, Constants = types.real, types.mat22, constants_of(stress)
+
+        @wp.func
+        def stress_near(G: mat22, constants: Constants, guess: real):
+            return stress(G, constants), guess
+
+        return stress_near
+
+    return MaterialFunctions(
+        named(lambda bits: parts(bits)[:2], parts_of, "functions"),
+        named(near, parts_of, "near"),
+        named(lambda bits: parts(bits)[2], parts_of, "response"),
+        no_volume_change,
     )
 
 

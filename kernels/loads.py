@@ -65,3 +65,22 @@ def support_forces(bits: int) -> Kernel:
         out[p] = -force[points[p]]
 
     return support_forces
+
+
+@functools.cache
+def scaled_values(bits: int) -> Kernel:
+    """Kernel that fills `values` with `unit` times the factor of a schedule."""
+    real, vec3 = numeric(bits).real, numeric(bits).vec3
+
+    @kernel()
+    def scale_values(
+        unit: wp.array(dtype=real),
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        values: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        values[i] = factors[schedule][0] * unit[i]
+
+    return scale_values

@@ -23,16 +23,18 @@ class Pointwise:
         function: Warp function (begin, end, arguments) that works on the points begin to end - 1.
         arguments: Its Warp struct.
         effects: The arrays that it accesses, by their names in the struct.
+        rare: Whether it needs many registers, but only at few points.
     """
 
     function: wp.Function
     arguments: Any
     name: str
     effects: Effects
+    rare: bool = False
 
 
 def pointwise(
-    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
+    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = (), rare: bool = False
 ) -> Callable[[Callable[..., None]], Pointwise]:
     """Decorator that turns a function (begin, end, arguments) into a pointwise stage.
 
@@ -41,7 +43,7 @@ def pointwise(
 
     def declare(function: Callable[..., None]) -> Pointwise:
         effects = Effects("point", frozenset(writes), frozenset(gathers))
-        return Pointwise(wp.func(function), arguments, function.__name__, effects)
+        return Pointwise(wp.func(function), arguments, function.__name__, effects, rare)
 
     return declare
 
@@ -65,25 +67,8 @@ def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
         do_first(begin, end, arguments.a)
         do_second(begin, end, arguments.b)
 
-    return Pointwise(both, Both, f"{first.name}, {second.name}", Effects("point", frozenset()))
-
-
-@functools.cache
-def spread_points(stage: Pointwise, run: int) -> wp.Kernel:
-    """As `every_point`, but the points of a thread are far apart."""
-    Arguments, function = stage.arguments, stage.function
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def spread_points(arguments: Arguments, first: int, stop: int):
-        threads = (stop - first + wp.static(run - 1)) / wp.static(run)
-        # Warp spells out a loop whose length it knows: a heavy stage would be compiled eight times, for a minute.
-        parts = (stop - first + threads - 1) / threads
-        for part in range(parts):
-            i = first + wp.tid() + part * threads
-            if i < stop:
-                function(i, i + 1, arguments)
-
-    return spread_points
+    rare = first.rare or second.rare
+    return Pointwise(both, Both, f"{first.name}, {second.name}", Effects("point", frozenset()), rare)
 
 
 @functools.cache

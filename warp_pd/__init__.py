@@ -70,6 +70,7 @@ if TYPE_CHECKING:
         Sphere,
         TearingEnergy,
         TriangleMesh,
+        ValuesInTime,
         newton_bodies,
     )
     from .run.built import Built
@@ -103,7 +104,7 @@ else:
             "geometry.together": "glued placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
             "EnclosedVolume Fixed Free Joint Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
-            "Sphere TearingEnergy TriangleMesh newton_bodies",
+            "Sphere TearingEnergy TriangleMesh ValuesInTime newton_bodies",
             "run.result": "Result",
             "run.scene": "Measure Outcome",
             "geometry.curves": "Circle Polygon Spline",
@@ -184,6 +185,7 @@ __all__ = [
     "TearingEnergy",
     "TensionField",
     "TriangleMesh",
+    "ValuesInTime",
     "Visco",
     "ViscoBondBased",
     "Yeoh",

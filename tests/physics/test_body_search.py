@@ -1,4 +1,4 @@
-"""What points remember of the search, and the marks of large sheets, change no bit of a run."""
+"""What points remember of the search, marks, and how many launches a free body has change no bit of a run."""
 
 import numpy as np
 import pytest
@@ -51,12 +51,16 @@ def test_points_seldom_ask(plain):
         assert np.median(seen[asked, 3]) > 0.1 * plain.built.simulation.sheet.spacing
 
 
-@pytest.mark.parametrize("slack", [bodies.SLACK, 0.0], ids=["seldom", "in every step"])
-def test_marked_points_touch_the_same(plain, monkeypatch, slack):
-    """However often they are marked again, as a free body yields."""
-    # Sheets that are marked are too large for a test.
-    monkeypatch.setattr(built_motion, "MARKED_FROM", 0)
-    monkeypatch.setattr(bodies, "SLACK", slack)
-    marked = scene().run(device="cpu", precision=32)
-    assert marked.built.context.fields["ball_marks"].numpy().any()
-    require_same_bits(plain, marked)
+def test_points_without_a_mark_touch_the_same(plain, monkeypatch):
+    """A free body that yields touches any point."""
+    monkeypatch.setattr(bodies, "SLACK", 0.0)
+    assert plain.built.context.fields["ball_marks"].numpy().any()
+    require_same_bits(plain, scene().run(device="cpu", precision=32))
+
+
+def test_one_launch_is_the_launches_one_by_one(plain, monkeypatch):
+    """On a GPU; a CPU runs blocks one after the other, but this sheet has only one."""
+    monkeypatch.setattr(built_motion, "run_together", lambda blocks, *_: blocks == 1)
+    joined = scene().run(device="cpu", precision=32)
+    assert [item.name for item in joined.built.context.stages["step"]].count("all_at_once") == 2
+    require_same_bits(plain, joined)

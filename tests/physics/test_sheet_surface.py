@@ -1,5 +1,7 @@
 """Contact of triangles of sheets with each other: nothing passes, and momentum, energy, friction, cracks and bits."""
 
+import itertools
+
 import numpy as np
 import pytest
 from helpers import square
@@ -83,6 +85,22 @@ def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed):
     assert np.diff([row["sheet_friction"] for row in rows]).min() > -1e-12 * first["kinetic"]
     assert max(abs(row["balance_error"]) for row in rows) < 5e-3
     assert result.summary["stable_dt"] == pytest.approx(STABLE, rel=0.02)
+
+
+def test_ipctk_finds_no_collision_in_any_step():
+    """The continuous collision detection of incremental potential contact, which has no code in common with ours."""
+    ipctk = pytest.importorskip("ipctk")
+    simulation = collision(3.0 * WAVES, sideways=0.05 * WAVES, steps=24)
+    result, steps = followed(simulation)
+    triangles = simulation.sheet.triangles
+    mesh = ipctk.CollisionMesh(simulation.sheet.positions, ipctk.edges(triangles), triangles)
+    # By default a fifth of each distance counts as zero; we keep a tenth.
+    exact = {"narrow_phase_ccd": ipctk.TightInclusionCCD(conservative_rescaling=0.999)}
+    assert result.history[-1]["contact"] > 0.0
+    assert all(ipctk.is_step_collision_free(mesh, *pair, **exact) for pair in itertools.pairwise(steps.places))
+    upper = (simulation.sheet.pieces == 2)[:, None]
+    through = np.where(upper, steps.places[0] - (0.0, 0.0, 4.0 * simulation.sheet.spacing), steps.places[0])
+    assert not ipctk.is_step_collision_free(mesh, steps.places[0], through, **exact)
 
 
 def test_friction_is_that_of_coulomb():

@@ -43,7 +43,8 @@ class LaunchSequence:
         rounds = [[item for item in stage if number % item.every == 0] for number in range(begin, begin + repeat)]
         self.items = [item for once in rounds for item in once]
         if stage.wraparound is not None:
-            between = [item for once in rounds[1:] for item in (stage.wraparound, *once[1:-1])]
+            early = stage.leading
+            between = [i for once in rounds[1:] for i in (*once[:early], stage.wraparound, *once[early + 1 : -1])]
             self.items = [*rounds[0][:-1], *between, rounds[-1][-1]]
         self._replay: Callable[[], None] | None = None
         self._commands: list[Callable[[], None]] = []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,7 +17,7 @@ from typing import Any, TypeAlias
 import warp as wp
 
 from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
+from ..kernels.pointwise import Pointwise, every_point, in_turn
 from .cores import cores
 from .fields import Array
 
@@ -24,8 +25,8 @@ from .fields import Array
 POINT_RUN = 256
 # So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
 FEW_POINTS, FEW_BLOCKS = 2**15, 4
-# Points of a thread of a GPU in a stage that does nothing at most points.
-SPREAD_RUN = 8
+# Blocks of a larger launch per multiprocessor, which keep few registers for work that is rare.
+RARE_BLOCKS = 5
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,8 @@ class Launch:
         only_if: Array; while its first entry is 0, a CPU skips the launch, and on a GPU the kernel does nothing.
         grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
         every: Interval of repetitions of a repeated stage in which it runs.
+        early: Whether it may run before the last launch of the previous repetition.
+        late: The same launch after the early ones of the next repetition, if it then has other arguments.
     """
 
     name: str
@@ -141,6 +144,8 @@ class Launch:
     only_if: Array | None = None
     grouped: bool = False
     every: int = 1
+    early: bool = False
+    late: Launch | None = None
 
     @property
     def points(self) -> tuple[int, int]:
@@ -166,10 +171,9 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; for a pointwise stage it is declared on first use, after joining."""
         if isinstance(self.source, Pointwise):
-            if self.run == SPREAD_RUN:
-                return spread_points(self.source, self.run)
             few = self.run == 1 and self.threads <= FEW_POINTS
-            return every_point(self.source, self.run, (self.block_dim, FEW_BLOCKS) if few else None)
+            blocks = FEW_BLOCKS if few else RARE_BLOCKS if self.source.rare else 0
+            return every_point(self.source, self.run, (self.block_dim, blocks) if blocks else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -218,6 +222,7 @@ class Stage:
         when: How often it runs, for `plan`.
         wraparound: For a repeated stage, a launch that replaces the last launch and the first of the next repetition,
             or None.
+        leading: Number of early launches, which then run before it.
     """
 
     name: str
@@ -226,6 +231,7 @@ class Stage:
     block_dim: int
     items: list[Item]
     wraparound: Launch | None = None
+    leading: int = 0
     _every: int = field(default=1, init=False)
 
     def __iter__(self) -> Iterator[Item]:
@@ -258,6 +264,7 @@ class Stage:
         span: Span | None = None,
         only_if: Array | None = None,
         grouped: bool = False,
+        early: bool = False,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -270,7 +277,7 @@ class Stage:
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
             block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
-            grouped=grouped, every=self._every,
+            grouped=grouped, every=self._every, early=early,
         )  # fmt: skip
         self.items.append(made)
 
@@ -281,27 +288,30 @@ class Stage:
         threads: int,
         *,
         begin: int = 0,
-        alone: bool = False,
         only_if: Array | None = None,
         grouped: bool = False,
+        late: Mapping[str, Any] | None = None,
         **arguments: Any,
     ) -> None:
         """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
 
-        With `alone` it is not joined; this suits work at few points that needs many registers. A stage with `only_if`
-        is not joined either where it can be skipped: on a CPU, and on a GPU if `grouped`.
+        A stage with `only_if` is not joined where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`:
+        arguments that differ after the early launches of the next repetition.
 
         Raises:
             TypeError: if an argument is missing or unknown.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
-        run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
-        alone = alone or grouped or (only_if is not None and not self.device.is_cuda)
+        run = 1 if self.device.is_cuda else POINT_RUN
+        alone = grouped or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
             begin, run, alone=alone, only_if=only_if, grouped=grouped, every=self._every,
-        )  # fmt: skip
+)  # fmt: skip
+        if late is not None:
+            after = {"arguments": with_values(part.arguments(), {**arguments, **late})}
+            launch.late = replace(launch, arguments=after, touched=touched(part.effects, after))
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
 
@@ -310,9 +320,14 @@ class Stage:
         self.items.append(replace(call, every=self._every))
 
     def fuse_wraparound(self) -> None:
-        """Join the last launch with the first one of the next repetition if they can share a launch."""
-        if len(self.items) > 1 and self.items[0].every == self.items[-1].every == 1:
-            self.wraparound = _joined(self.items[-1], self.items[0])
+        """Join the last launch with the first one of the next repetition that is not early, if they can share one."""
+        early = list(itertools.takewhile(lambda item: isinstance(item, Launch) and item.early, self.items))
+        inner, last = self.items[len(early) :], self.items[-1]
+        if len(inner) > 1 and all(item.every == 1 for item in (*early, inner[0], last)):
+            if early and isinstance(last, Launch):
+                last = last.late or last
+            if not any(last.touched.must_wait_for(item.touched) for item in early):
+                self.wraparound, self.leading = _joined(last, inner[0]), len(early)
 
     def launches(self) -> Iterator[Launch]:
         """Every kernel launch, including the wraparound."""
@@ -350,8 +365,9 @@ def _joined(first: Item, second: Item) -> Launch | None:
     part = in_turn(first.source, second.source)
     both = part.arguments()
     both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
+    late = _joined(first.late or first, second.late or second) if first.late or second.late else None
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
     return replace(
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
-        touched=first.touched | second.touched,
+        touched=first.touched | second.touched, late=late,
     )  # fmt: skip

@@ -128,6 +128,7 @@ class Context:
         compact: Name of the influence function of a compact cloud (kernels/families.py); "" on other sheets. Set
             by the force law, which is built before any kernel.
         regions: Whether bonds have several materials (kernels/by_region.py), set by the force law.
+        by_point: Whether the last constant of the material is a value of the point, set by the force law.
         state: Arrays shared by all parts.
     """
 
@@ -149,6 +150,7 @@ class Context:
     prefix: str = ""
     compact: str = ""
     regions: bool = False
+    by_point: bool = False
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -167,8 +169,9 @@ class Context:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
         return Layout(
-            sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions
-        )
+            sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions,
+            self.by_point,
+        )  # fmt: skip
 
     def array(
         self,

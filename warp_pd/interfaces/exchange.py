@@ -173,7 +173,7 @@ def add_exchanges(context: Context) -> None:
                 items.append(call)
                 added.add(id(call))
             items.append(item)
-        if 0 in found[stage.name]:
+        if any(place <= stage.leading for place in found[stage.name]):
             stage.wraparound = None
         if has_streams(context.device):
             items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)

@@ -9,14 +9,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.bond_associated import bond_associated
 from ..kernels.factories import FunctionFactory
+from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
@@ -112,6 +114,7 @@ class BondAssociatedForce(FamilyLaw):
     response: FunctionFactory | None = None
     terms: Array | None = None
     state: Array | None = None
+    remembered: FunctionFactory | None = None
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         features, sheet = context.features, context.sheet
@@ -124,21 +127,41 @@ class BondAssociatedForce(FamilyLaw):
                 raise InputError("weights = 'published': not supported on several processes; expected 'plain'")
             # Their kernels compute the weights themselves.
             require_one_material(sheet, "weights 'published'")
-        regions = capabilities(law.material).regions
-        context.regions = bool(regions)
-        if not regions and self._has_compact_families(context):
+        known = capabilities(law.material)
+        regions = known.regions
+        context.regions, context.by_point = bool(regions), known.by_point is not None
+        if not regions and not context.by_point and self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
             context.compact = str(law.influence) if named else "table"
         settings = law.horizon, law.influence, self.weights
         tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
         families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
+        if known.by_point is not None:
+            self._put_point_values(known.by_point)
+        self.remembered = known.remembers
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
         self.key: Key = (self.layout, law.material.functions, law.form)
         self.kernels = bond_associated(*self.key)
         self.earlier_energy, self.partial_energy = self.kernels.earlier_energy, self.kernels.partial_energy
         self.path = force_path(self, inverse, weights)
+
+    def _put_point_values(self, values: Any) -> None:
+        """Put the values by point of the material's last constant on the device.
+
+        Raises:
+            InputError: for a sheet that is not a cloud, several processes, or anything but one finite number a point.
+        """
+        context, sheet, name = self.context, self.context.sheet, f"{type(self.material).__name__}.by_point"
+        if sheet.layout != "cloud" or self.weights == "published" or context.partition is not None:
+            raise InputError(f"{name}: expected sheet.as_cloud(), weights with an energy and a single process")
+        given = numbers(name, called(name, values, sheet.points.T.copy()) if callable(values) else values)
+        if given.shape not in ((), (sheet.size,)):
+            raise InputError(f"{name}: expected a number or shape ({sheet.size},), got shape {given.shape}")
+        each = np.broadcast_to(given, sheet.size)
+        self.point_values = context.array("point_values", self.owner, context.types.real, each, restart=True)
+        self.struct.point_values = self.point_values
 
     def _has_compact_families(self, context: Context) -> bool:
         """Whether its families are a compact cloud, see kernels/families.py."""
@@ -175,6 +198,16 @@ class BondAssociatedForce(FamilyLaw):
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
         self.path.add_energy(stage, displacement, out)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase, and those of what the material remembers."""
+        super().add(phase, stage)
+        if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
+            stage.launch(
+                self.owner, remembered(self.key[0], self.material.functions, self.remembered), self.points,
+                **self.family_arguments(self.context.state.displacement), constants=self.constants,
+                largest=self.point_values,
+            )  # fmt: skip
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the point fields shown in frames: means over each point's bonds."""

@@ -67,7 +67,7 @@ class FamilyLaw(BuiltLaw):
         takes_curved: Whether the law supports curved sheets.
         takes_graded: Whether it supports sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
-        takes_regions: Whether its material may be a ByRegion.
+        takes_regions: Whether its material may be a ByRegion or have values by point.
         divides: Whether it supports several processes.
     """
 
@@ -87,6 +87,7 @@ class FamilyLaw(BuiltLaw):
     takes_graded: bool = False
     takes_tension_field: bool = False
     takes_regions: bool = False
+    point_values: Array | None = None
     divides: bool = False
 
     def __init__(
@@ -124,8 +125,10 @@ class FamilyLaw(BuiltLaw):
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
-        if known.regions and not self.takes_regions:
-            raise InputError(f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion")
+        if (known.regions or known.by_point is not None) and not self.takes_regions:
+            raise InputError(
+                f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion or `by_point`"
+            )
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
         constants = padded_constants(law.material)
         self.constants = context.types.constants(len(constants))(*constants)

@@ -6,6 +6,7 @@ from .energy import borne, energy_density, stretch_of_density, tension_energy_de
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .maxwell import Maxwell
 from .pairwise import Bimodular
+from .plane_stress import PlaneStress
 from .prony import Prony
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
 from .tension_field import WRINKLES, TensionField, with_wrinkles
@@ -24,6 +25,7 @@ __all__ = [
     "NeoHookean",
     "Ogden",
     "PairwiseMaterial",
+    "PlaneStress",
     "Prony",
     "TensionField",
     "Yeoh",

@@ -45,8 +45,10 @@ class ByRegion(PlaneStress):
             raise InputError(f"ByRegion.regions: expected 1 to 255 regions, got {len(self.regions)}")
         for k, material in enumerate(self.materials):
             check_material(material, "functions", f"ByRegion.regions[{k - 1}][1]" if k else "ByRegion.material")
-            if capabilities(material).regions:
-                raise InputError("ByRegion: expected a single material in each region, got another ByRegion")
+            known = capabilities(material)
+            if known.regions or known.by_point is not None:
+                what = "another ByRegion" if known.regions else "values by point"
+                raise InputError(f"ByRegion: expected a single material in each region, got {what}")
 
     @property
     def materials(self) -> tuple[Material, ...]:

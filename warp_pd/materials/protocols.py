@@ -63,6 +63,10 @@ class Capabilities:
         resisting: Of a material of tension field theory, the material that resists compression.
         materials: All materials of a ByRegion.
         regions: Its pairs of points and their material.
+        by_point: Values that replace its last constant, by point: a number, an array of shape (N,), or a function of
+            the point coordinates as for `Sheet`.
+        remembers: Cached factory of (G, constants) -> a number, whose largest mean over the family of a point so far is
+            its value by point: an internal variable. It grows in every step, and in every frame of a static solver.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 
@@ -81,6 +85,8 @@ class Capabilities:
     resisting: Material | None = None
     materials: Sequence[Material] = ()
     regions: Sequence[tuple[Any, Material]] = ()
+    by_point: Any = None
+    remembers: FunctionFactory | None = None
     one_modulus: bool = False
 
 

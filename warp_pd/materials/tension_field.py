@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..device.checks import InputError, one_of
 from .plane_stress import PlaneStress
@@ -44,6 +44,8 @@ class TensionField(PlaneStress):
             raise InputError("TensionField.material = ByRegion: expected a TensionField in each region instead")
         if known.goes_slack:
             raise InputError(f"TensionField.material = {name}: expected a material that resists compression")
+        if known.remembers is not None:
+            raise InputError(f"TensionField.material = {name}: expected a material without an internal variable")
         if not known.isotropic:
             raise InputError(f"TensionField.material = {name}: expected an isotropic material, with `isotropic = True`")
 
@@ -56,6 +58,11 @@ class TensionField(PlaneStress):
     def lock(self) -> float | None:
         """Locking parameter of the material [-], or None."""
         return capabilities(self.material).lock
+
+    @property
+    def by_point(self) -> Any:
+        """Values by point of the material."""
+        return capabilities(self.material).by_point
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -21,6 +21,8 @@ MOST_POLYGONS = 60_000
 STYLES = ("-", "--", "-.", ":")
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
+# Width of a body over that of the sheet below which it is marked in a picture from above.
+NEEDLE = 0.05
 # Width of strokes [points].
 STROKE = 0.5
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
@@ -86,7 +88,7 @@ def from_above(
     label: str | None = None,
     limits: tuple[float, float] | None = None,
 ) -> None:
-    """Draw the deformed sheet at some times, seen from +z; arguments as for `surfaces`."""
+    """Draw the deformed sheet and thin bodies at some times, seen from +z; arguments as for `surfaces`."""
     from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
@@ -102,6 +104,11 @@ def from_above(
     seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
     for axes, frame in zip(panels.flat, frames, strict=False):
         _paint(axes, replace(frame, ball=None, bodies=()), field, scale, seen)
+        for vertices, _ in frame.bodies:
+            # A larger body would hide the sheet, and the lines of this one could not be seen.
+            if len(vertices) and np.ptp(vertices[:, :2], axis=0).max() < NEEDLE * (high - low).max():
+                middle = vertices[:, :2].mean(axis=0)
+                axes.plot(*middle, "o", markersize=5.0, color=BODY, markeredgecolor=EDGE, markeredgewidth=0.7)
         axes.set(aspect="equal", title=frame.when)
         axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.set_xlim(low[0] - margin, high[0] + margin)
@@ -141,7 +148,7 @@ def reference(
     limits: tuple[float, float] | None = None,
 ) -> None:
     """Draw a field on the reference sheet at some times, for example to show the paths of cracks."""
-    from_above(path, [replace(f, points=f.reference) for f in frames], field, label, limits)
+    from_above(path, [replace(f, points=f.reference, bodies=()) for f in frames], field, label, limits)
 
 
 def curves(

@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere
     from .boundary_force import BoundaryForce
     from .contact import RigidBall, RigidContact
-    from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
+    from .enclosed import BuiltEnclosed, Enclosed, EnclosedGas, EnclosedVolume
     from .joint import Joint
     from .loads import BodyForce, PointForce, Pressure
     from .newton_world import newton_bodies
+    from .point_values import ValuesInTime
     from .reaction import Reaction
     from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
     from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
@@ -31,10 +32,11 @@ else:
             "body_shapes": "Box Capsule Cylinder Plane Sphere",
             "boundary_force": "BoundaryForce",
             "contact": "RigidBall RigidContact",
-            "enclosed": "Enclosed EnclosedGas EnclosedVolume",
+            "enclosed": "BuiltEnclosed Enclosed EnclosedGas EnclosedVolume",
             "joint": "Joint",
             "loads": "BodyForce PointForce Pressure",
             "newton_world": "newton_bodies",
+            "point_values": "ValuesInTime",
             "reaction": "Reaction",
             "rupture": "BondCriterion CriticalEnergy CriticalStretch",
             "scene_rupture": "horizon_for_tears length_for_tears notes_on_criterion stretch_or_energy",
@@ -50,6 +52,7 @@ __all__ = [
     "BondCriterion",
     "BoundaryForce",
     "Box",
+    "BuiltEnclosed",
     "Capsule",
     "CriticalEnergy",
     "CriticalStretch",
@@ -72,6 +75,7 @@ __all__ = [
     "Sphere",
     "TearingEnergy",
     "TriangleMesh",
+    "ValuesInTime",
     "horizon_for_tears",
     "length_for_tears",
     "newton_bodies",

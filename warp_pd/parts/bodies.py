@@ -33,7 +33,7 @@ SKIN = 1e-4
 FAR, UNSURE = 4.0, 1e-5
 # Longest motion of a body with edges in a step if triangles touch it [spacings]; at twice that its edges cut in.
 EDGE_TRAVEL = 0.05
-# Distance by which a free body may yield in a step before the points of large sheets are marked again [spacings].
+# Distance by which a free body may yield in a step before any point may touch it [spacings].
 SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30

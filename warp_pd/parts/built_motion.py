@@ -19,8 +19,6 @@ from ..kernels.body_motion import free_motion, path_motion, vec6d
 from ..kernels.effects import Kernel
 from ..kernels.free_contact import Equations, FreeBody, FreeContact, free_contact
 
-# Number of points from which those that may touch are marked first; on smaller sheets the extra launches cost more.
-MARKED_FROM = 2**17
 # Lists of points or triangles: number of threads per block on a GPU that work on a list, or make it, and maximum number
 # of blocks; more would not run at once.
 LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
@@ -93,8 +91,7 @@ class BuiltMotion:
     """A motion on a device; see kernels/body_motion.py for its arrays.
 
     Attributes:
-        marks: Whether each point may touch, (N,) uint8, on large sheets and for a free body; see
-            kernels/body_search.py.
+        marks: Whether each point may touch a free body, (N,) uint8; see kernels/body_search.py.
         free: Whether the sheet moves the body.
     """
 
@@ -104,13 +101,11 @@ class BuiltMotion:
         """Allocate the arrays of the pose."""
         self.name, self.context = name, context
         points = context.sheet.size
-        # The size of the whole sheet decides, so that several processes use the same kernels as one.
-        large = self.free or context.whole.size >= MARKED_FROM
-        self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
+        self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if self.free else None
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
         self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
-        self.motion = self._array("motion", wp.vec3d, np.zeros((2, 3)))
+        self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
 
     def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
         return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
@@ -121,7 +116,11 @@ class BuiltMotion:
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches of contact with points; `values`: members of the struct of `of`."""
         act, _take = body_contact(of, at_end)
-        stage.pointwise(self.name, act, self.context.sheet.size, alone=self.marks is not None, **values)
+        # Where the step is followed by the next one, the body has already moved on.
+        before = {"place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:]}
+        stage.pointwise(
+            self.name, act, self.context.sheet.size, late=before if at_end else None, **values
+        )  # fmt: skip
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles; `when`: options of the launch."""
@@ -180,7 +179,7 @@ class OnPath(BuiltMotion):
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
-                rotation=self.rotation, motion=self.motion,
+                rotation=self.rotation, motion=self.motion, early=True,
             )  # fmt: skip
 
 
@@ -234,7 +233,7 @@ class InFlight(BuiltMotion):
             "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
             "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
             "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
-            "entries": near.entries, "listed": near.listed,
+            "entries": near.entries, "listed": near.listed, "gate": room("gate", wp.int32, 1, "once"),
         }  # fmt: skip
         self._of = with_values(FreeBody(), {**numbers, **arrays})
 
@@ -250,11 +249,12 @@ class InFlight(BuiltMotion):
 
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches that compute the response of the body to the touching points, and those of contact."""
-        kernels = self._kernels(of, at_end)
-        if not at_end:
-            self._near.add(stage)
-        for kernel in (kernels.find, kernels.give_way, kernels.strike):
-            self._near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
+        kernels, near = self._kernels(of, at_end), self._near
+        together = run_together(near.blocks, self.context.device, values["seen"] is not None)
+        if not at_end and not together:
+            near.add(stage)
+        for kernel in (kernels.at_once,) if together else (kernels.find, kernels.give_way, kernels.strike):
+            near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles."""
@@ -292,6 +292,14 @@ class InFlight(BuiltMotion):
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)
+
+
+def run_together(blocks: int, device: wp.Device, searched: bool) -> bool:
+    """Whether so many blocks of threads are to wait for each other, which they can if all run at the same time.
+
+    A mesh is searched twice, the second time in the caches; for other shapes separate launches are faster.
+    """
+    return bool(searched and device.is_cuda and blocks <= device.sm_count)
 
 
 def _matrix(q: np.ndarray) -> np.ndarray:

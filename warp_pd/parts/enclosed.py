@@ -72,6 +72,11 @@ class Enclosed(Load):
         """Discharge coefficient of crack openings [-] (0: no leak), and gas density outside [kg/m^3]."""
         return 0.0, 1.0
 
+    @property
+    def loses(self) -> bool:
+        """Whether the contents change in the steps of a run: `BuiltEnclosed.left` then exists."""
+        return self.outflow[0] > 0.0
+
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the volume on a device."""
         return BuiltEnclosed(self, context, law)
@@ -182,6 +187,8 @@ class BuiltEnclosed(BuiltLoad):
 
     Attributes:
         enclosed: Pressure [Pa], volume [m^3], and derivative of the pressure along the last direction.
+        left: Factor on the law's factor, such as the amount of gas left [-]; one float64, in restart files, or None.
+        constants: Constants of the pressure law.
     """
 
     follows_displacement = True
@@ -209,13 +216,16 @@ class BuiltEnclosed(BuiltLoad):
         volume = volume_of(positions + context.initial_displacement, triangles) / len(cuts)
         self._coefficient = 1.0 / (6.0 * len(cuts))
         pressure_law, constants = load.law(load.extra + (volume if abs(volume) > TOLERANCE * extent**3 else 0.0))
-        self._constants = wp.vec4d(*constants, *[0.0] * (4 - len(constants)))
+        self.constants = wp.vec4d(*constants, *[0.0] * (4 - len(constants)))
         self._schedule = context.clock.register(load.schedule())
         breakable, self._outflow = law.intact is not None, load.outflow
         leaks = self._outflow[0] > 0.0
+        self.left: Array | None = None
+        if load.loses:
+            self.left = context.array("gas_left", self.owner, wp.float64, np.ones(1), per="once", restart=True)
         if leaks and not breakable:
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 if bonds cannot break")
-        key = (context.bits, pressure_law, self._schedule is not None, leaks)
+        key = (context.bits, pressure_law, self._schedule is not None, load.loses)
         self._set_pressure = enclosed_pressure(*key)
         self._add_force, self._add_tangent = enclosed_force(types.bits, breakable)
         self._allocate_surface(positions, faces, triangles, breakable)
@@ -251,11 +261,10 @@ class BuiltEnclosed(BuiltLoad):
         self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
 
     def _allocate_leak(self, faces: int, leaks: bool) -> None:
-        """Allocate the remaining fraction of the gas and the sums of open areas, if gas can leak."""
-        self._left = self._open_blocks = self._open = None
+        """Allocate the sums of open areas, if gas leaks through cracks."""
+        self._open_blocks = self._open = None
         if leaks:
             context, blocks = self.context, -(-faces // BLOCK)
-            self._left = context.array("gas_left", self.owner, wp.float64, np.ones(1), per="once", restart=True)
             self._open_blocks = context.array("open_areas", self.owner, wp.float64, shape=(2, blocks), per="block")
             shape = (2, -(-blocks // BLOCK))
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
@@ -284,7 +293,8 @@ class BuiltEnclosed(BuiltLoad):
             caps.append(cap_of(ring))
         return caps
 
-    def _add_pressure(self, stage: Stage, displacement: Array, direction: Array | None) -> None:
+    def add_pressure(self, stage: Stage, displacement: Array, direction: Array | None = None) -> None:
+        """Add the launches that fill `enclosed` at a displacement [m]."""
         context = self.context
         sum_triangles, sum_sums = enclosed_volume(context.bits, direction is not None)
         stage.launch(
@@ -295,14 +305,14 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(self.owner, sum_sums, self._sums.shape[1], blocks=self._blocks, sums=self._sums)
         stage.launch(
             self.owner, self._set_pressure, 1,
-            sums=self._sums, coefficient=self._coefficient, chamber=self._extra, constants=self._constants,
-            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left, enclosed=self.enclosed,
+            sums=self._sums, coefficient=self._coefficient, chamber=self._extra, constants=self.constants,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self.left, enclosed=self.enclosed,
         )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches of the volume, its pressure, and the force on the points."""
         size = self.context.sheet.size
-        self._add_pressure(stage, displacement, None)
+        self.add_pressure(stage, displacement)
         self._add_torn(stage)
         stage.pointwise(
             self.owner, self._add_force, size, **self._arguments(displacement), faces=self._faces,
@@ -324,7 +334,7 @@ class BuiltEnclosed(BuiltLoad):
         assert self._open_blocks is not None and self._open is not None
         sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None)
         _, sum_sums = enclosed_volume(context.bits, False)
-        self._add_pressure(stage, displacement, None)
+        self.add_pressure(stage, displacement)
         self._add_torn(stage)
         stage.launch(
             self.owner, sum_open, self._open_blocks.shape[1],
@@ -335,8 +345,8 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(
             self.owner, lose_gas, 1,
             sums=self._open, enclosed=self.enclosed, discharge=6.0 * self._coefficient * self._outflow[0],
-            density=self._outflow[1], constants=self._constants, step=context.state.step,
-            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left,
+            density=self._outflow[1], constants=self.constants, step=context.state.step,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self.left,
         )  # fmt: skip
 
     def _arguments(self, displacement: Array) -> dict[str, Any]:
@@ -347,17 +357,17 @@ class BuiltEnclosed(BuiltLoad):
         """Add the launches of the derivative of the force along a direction."""
         if self._intact is not None:
             return False
-        self._add_pressure(stage, displacement, direction)
+        self.add_pressure(stage, displacement, direction)
         arguments = {**self._arguments(displacement), "direction": direction, "change": out}
         stage.launch(self.owner, self._add_tangent, self.context.sheet.size, **arguments)
         return True
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the leak, and those of the volume and pressure for the history."""
-        if phase is Phase.INTERNAL_VARIABLES and self._left is not None:
+        if phase is Phase.INTERNAL_VARIABLES and self._open is not None:
             self._add_leak(stage)
         if phase is Phase.FRAME:
-            self._add_pressure(stage, self.context.state.displacement, None)
+            self.add_pressure(stage, self.context.state.displacement)
 
     def column_names(self) -> Sequence[str]:
         """Pressure and volume."""

@@ -17,6 +17,7 @@ import pytest
 import warp as wp
 from curved_sheets import small_tube
 from helpers import NEO, play_gpu, square, tune_paths
+from own_parts import recipe
 from shared_scenes import composed
 from shared_scenes import scene as shared
 
@@ -49,6 +50,7 @@ from warp_pd import (
     Simulation,
     Sphere,
     TearingEnergy,
+    ValuesInTime,
     Visco,
     Yeoh,
     placed,
@@ -108,6 +110,12 @@ def further():
         "bending": Simulation(plane, law, Newton(preconditioner="direct"), loads=[clamp], bending=True),
         "bending curved": Simulation(small_tube(), law, Newton(), loads=[Fixed([0])], bending=1e-4),
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
+        "values by point": Simulation(
+            small_tube(),
+            BondAssociated(recipe("mullins").Mullins(1e3, 1.5, 100.0)),
+            Explicit(1.0),
+            loads=[Fixed([0]), ValuesInTime([(0.0, 1.0)])],
+        ),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
         "curved torn": Simulation(
@@ -167,15 +175,15 @@ def gpu_paths():
 @pytest.fixture(scope="module")
 def recorded(gpu_paths):
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    # The last case as on a large sheet.
-    small, large = (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS), (0, 0)
+    # The last case as on a large sheet, and on a GPU.
+    small, together = stable_step.MANY_BLOCKS, built_motion.run_together
     made, more = compare_checkouts.parts(), further()
     found = _launches_of(made[name]() for name in CASES) + _launches_of(more.values())
     try:
-        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = large
+        stable_step.MANY_BLOCKS, built_motion.run_together = 0, lambda *_: True
         found += _launches_of([more["bodies"]])
     finally:
-        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = small
+        stable_step.MANY_BLOCKS, built_motion.run_together = small, together
     unique = {}
     for built, launch in [*found, *gpu_paths]:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))

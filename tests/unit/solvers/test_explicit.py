@@ -5,6 +5,7 @@ import pytest
 from helpers import NEO, build, square
 
 from warp_pd import (
+    BodyPath,
     BondAssociated,
     BoundaryForce,
     CriticalEnergy,
@@ -16,7 +17,9 @@ from warp_pd import (
     Pressure,
     Prony,
     RigidBall,
+    RigidBody,
     Simulation,
+    Sphere,
     Visco,
     Yeoh,
 )
@@ -30,6 +33,7 @@ def moved(sheet):
 YEOH = Yeoh(c10=0.1996e6, c20=0.0170e6)
 TERMS = (Prony(c10=0.1e6, c20=0.01e6, time=1.0), Prony(c10=0.05e6, time=0.1))
 BALL = RigidBall(0.03, (0.05, 0.05, 0.016), velocity=(0.0, 0.0, -3.0))
+DOWN = [(0.05, 0.05, 0.0251), (0.05, 0.06, 0.02), (0.05, 0.05, 0.025)]
 # What a scene has, and the parts of the launch that two of its steps share, or None.
 SHARED = {
     "bare": (lambda sheet: {}, ["gather", "kick", "drift"]),
@@ -43,6 +47,12 @@ SHARED = {
     ),
     "pressure that follows": (lambda sheet: {"loads": [Pressure(5e4)], "damage": CriticalStretch(1.001)}, None),
     "boundary force": (lambda sheet: {"loads": [*moved(sheet), BoundaryForce(1e9)]}, ["kick", "prescribe", "drift"]),
+    "body on a path": (
+        lambda sheet: {
+            "contact": RigidBody(Sphere(0.05), BodyPath([0.0, 5e-4, 1e-3], DOWN), friction=0.3)
+        },
+        ["gather", "kick", "strike_points", "drift", "strike_points"],
+    ),
     "Prony terms, energy": (
         lambda sheet: {
             "force": Visco(YEOH, horizon=2.015, prony=TERMS), "loads": moved(sheet), "damage": CriticalEnergy(0.5)

@@ -1,0 +1,48 @@
+"""Internal variable of a material: the largest value so far of a function of the strain, by point."""
+
+import functools
+
+import warp as wp
+
+from .bond_associated import bond_associated
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory, constants_of
+from .families import Layout, family_functions
+
+
+@functools.cache
+def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory) -> Kernel:
+    """Kernel that raises `largest` [points] to the mean over each family of `value_of`, (G, constants) -> a number.
+
+    Its intact intersections count by their weights.
+    """
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    f, law = family_functions(layout), bond_associated(layout, material, "variational").mechanics
+    Family, Constants, value = f.struct, constants_of(material(layout.bits)[0]), value_of(layout.bits)
+
+    @kernel(gathers=("displacement",))
+    def remember(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        first: int,
+        largest: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        undamaged = law.is_undamaged(family, intact, i)
+        total = real(0.0)
+        weights = real(0.0)
+        for j in range(family.members):
+            there, H1, H2, _inverse, weight, tilt = law.visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                total += weight * value(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                weights += weight
+        if weights > real(0.0):
+            largest[i] = wp.max(largest[i], total / weights)
+
+    return remember

@@ -1,0 +1,74 @@
+"""The comparisons with others: page, numbers and README agree, and a row runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from validation import __main__, bulges, comparison, page, relaxation, rows
+
+from warp_pd.fitting import nominal_stress
+
+
+def test_order_is_that_of_a_converging_sequence():
+    spacings = [0.4, 0.2, 0.1]
+    assert comparison.order([[1.0 + h**2, 2.0 - h**2] for h in spacings], spacings) == pytest.approx(2.0)
+    assert comparison.order([[1.0], [1.0], [2.0]], spacings) is None
+    assert comparison.order([[1.0 + h] for h in spacings[:2]], spacings[:2]) is None
+
+
+def test_the_page_and_the_readme_say_what_the_numbers_say():
+    found = page.records()
+    assert len(found) >= 10
+    assert page.summary(found) in page.README.read_text()
+    text = page.PAGE.read_text()
+    for heading, lines in page.sections(found).items():
+        assert "\n".join([heading, "", *lines]).rstrip() in text
+
+
+@pytest.mark.parametrize("name", rows.NAMES)
+def test_numbers_are_those_of_the_row(name):
+    row, runs = rows.row(name), page.records()[name]
+    assert row.verdict and row.source and len(runs) == len({run["full"] for run in runs})
+    for run in runs:
+        assert run["theirs"] == pytest.approx(row.theirs, rel=1e-5) and len(run["ours"]) == len(run["points"])
+        if row.counts and None not in run["ours"][-1]:
+            assert run["deviation"] == pytest.approx(comparison.median_deviation(run["ours"][-1], row.theirs), abs=1e-5)
+
+
+def test_constants_do_not_know_what_they_predict():
+    free = bulges.rubber("kawabata")
+    curves = {curve.control: curve for curve in bulges.tests(bulges.FILES["kawabata"])}
+    for loading in ("uniaxial", "planar"):
+        off = nominal_stress(free, loading, np.asarray(curves[loading].at)) / curves[loading].values - 1.0
+        assert np.median(np.abs(off)) < 0.05
+    assert bulges.rubber("kawabata", True).c10 != pytest.approx(free.c10, rel=1e-3)
+
+
+def test_branches_are_those_of_the_relaxation_test():
+    at, force = relaxation.columns("time", "relaxation")
+    times = np.union1d(np.linspace(0.0, at[-1], 20001), at)
+    held = np.minimum(1.0 + relaxation.RAMP * times, relaxation.HELD)
+    network, *branches = relaxation.moduli()
+    stress = network * (held - held**-2)
+    for modulus, time in zip(branches, relaxation.TIMES, strict=True):
+        stress += modulus * relaxation.branch(times, held, time)
+    off = np.interp(at, times, stress) * relaxation.SECTION / force - 1.0
+    assert np.sqrt((off**2).mean()) < 0.05
+
+
+def test_a_row_runs(tmp_path, monkeypatch):
+    """The pole of a bulge of 25 points has the stress of its own law within 3 % up to a stretch of 1.7."""
+    whole = rows.row("meunier")
+    at = tuple(x for x in whole.at if x < 1.7)
+
+    def model(points, device):
+        stretch, stress = bulges.bulge(bulges.rubber("meunier"), points, at[-1], device)
+        return 1e-6 * np.interp(at, stretch, stress)
+
+    law = 1e-6 * nominal_stress(bulges.rubber("meunier"), "equibiaxial", np.array(at))
+    small = replace(whole, at=at, theirs=tuple(law.tolist()), points=(25,), model=model, reasons=None)
+    monkeypatch.setitem(rows.ROWS, "meunier", small)
+    __main__.main(["meunier", "--device", "cpu", "--numbers", str(tmp_path / "numbers.json")])
+    ((run,),) = page.records(tmp_path / "numbers.json").values()
+    assert abs(run["worst"]) < 0.03
+    assert run["spacing"] == [pytest.approx(0.1 / 24, rel=1e-5)]

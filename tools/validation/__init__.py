@@ -1,0 +1,1 @@
+"""Comparisons with what other people measured or computed; docs/validation.md."""

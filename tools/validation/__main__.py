@@ -1,0 +1,54 @@
+"""Compare with what others measured or computed: the rows of docs/validation.md.
+
+    python -m tools.validation notch                             one row, at a size for two cores: minutes
+    python -m tools.validation --full --device cuda:0            all rows at full size, on a GPU
+    python -m tools.validation --only-page                       page and pictures from the numbers that exist
+
+Every call adds or replaces rows in docs/validation/numbers.json, and renews the page, its picture and the line of the
+README from all of them. With --numbers elsewhere it does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+if __name__ == "__main__":
+    # tools/ in place of its own folder: the tools import each other as scripts.
+    sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+from study import load_rows, run_tool, save_rows, study_parser
+
+from validation.comparison import measured
+from validation.page import NUMBERS, make
+from validation.rows import NAMES, row
+
+
+def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Options of the command line."""
+    parser = study_parser(__doc__, device=None, only_page=False, commit=None)
+    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(NAMES)}; by default all")
+    parser.add_argument("--full", action="store_true", help="at full size")
+    parser.add_argument("--numbers", type=Path, default=NUMBERS, help="file of the numbers")
+    options = parser.parse_args(arguments)
+    for name in set(options.rows) - set(NAMES):
+        parser.error(f"ROW = {name!r}: expected one of {', '.join(NAMES)}")
+    return options
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run rows, keep their numbers, renew the page."""
+    options = parsed(arguments)
+    for name in [] if options.only_page else options.rows or NAMES:
+        found = measured(row(name), options.full, options.device, options.commit)
+        others = [run for run in load_rows(options.numbers) if (run["row"], run["full"]) != (name, options.full)]
+        save_rows(options.numbers, [*others, found])
+        print(f"{name}: {found['ours'][-1]} against {found['theirs']} ({found['seconds']} s)", flush=True)
+    if options.numbers == NUMBERS:
+        make()
+
+
+if __name__ == "__main__":
+    run_tool(main)

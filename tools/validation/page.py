@@ -1,0 +1,128 @@
+"""Page, pictures and the line of the README, from the numbers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from study import DOCS, ROOT, Row, load_rows, picture, renew, table, write_page
+
+from validation.comparison import Comparison
+from validation.rows import ROWS
+
+NUMBERS, PICTURE = DOCS / "validation" / "numbers.json", DOCS / "validation" / "rows.png"
+PAGE, README = DOCS / "validation.md", ROOT / "README.md"
+Runs = list[Row]
+
+
+def records(path: Path = NUMBERS) -> dict[str, Runs]:
+    """Runs of all rows, by name in the order of the page; the one at full size last."""
+    found = sorted(load_rows(path), key=lambda run: run["full"])
+    runs = {name: [run for run in found if run["row"] == name] for name in ROWS}
+    return {name: of for name, of in runs.items() if of}
+
+
+def percent(value: float | None) -> str:
+    """A ratio in a cell."""
+    return "-" if value is None else f"{100.0 * value:.1f} %"
+
+
+def numbers(values: list[float | None]) -> str:
+    """Ordinates in a cell: three at most."""
+    chosen = values if len(values) <= 3 else [values[0], values[len(values) // 2], values[-1]]
+    return ", ".join("none" if value is None else f"{value:.3g}" for value in chosen)
+
+
+def cells(row: Comparison, runs: Runs) -> list[str]:
+    """One line of the table."""
+    run = runs[-1]
+    where = f"{1e3 * run['spacing'][-1]:.2g} mm"
+    order = "-" if run["order"] is None else f"{run['order']:.1f}"
+    ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
+    deviation = percent(run["deviation"]) if row.counts else "(bound)"
+    return [f"[{row.title}](#{row.name})", ours, theirs, row.scatter, deviation, where, order, percent(run["change"])]
+
+
+def summary(found: dict[str, Runs]) -> str:
+    """The line of the README."""
+    counted = {name: found[name][-1]["deviation"] for name in found if ROWS[name].counts}
+    known = {name: value for name, value in counted.items() if value is not None}
+    missed = len(counted) - len(known)
+    worst = max(known, key=lambda name: known[name])
+    failed = f"; ours fails in {missed}" if missed else ""
+    return (
+        f"Against {len(found)} published experiments and computations, none tuned: median deviation "
+        f"{percent(float(np.median(list(known.values()))))}, the worst {percent(known[worst])} "
+        f"({ROWS[worst].title[0].lower()}{ROWS[worst].title[1:]}){failed}: [validation](docs/validation.md)."
+    )
+
+
+def section(row: Comparison, runs: Runs) -> list[str]:
+    """Lines of a row's own section."""
+    run = runs[-1]
+    sizes = "; ".join(
+        f"{run['made']}, {run['seconds']:.0f} s, {', '.join(map(str, run['points']))} points" for run in runs
+    )
+    lines = [f'<a id="{row.name}"></a>', f"**{row.title}.** {row.source} ({row.seen}): {row.measured}.", ""]
+    lines += [f"Constants: {row.constants}. `python -m tools.validation {row.name}`; {sizes}.", "", row.verdict]
+    if run["reasons"]:
+        lines += [
+            "",
+            "Tests: " + "; ".join(f"{what} {numbers([value])}" for what, value in run["reasons"].items()) + ".",
+        ]
+    return [*lines, ""]
+
+
+def draw(path: Path, found: dict[str, Runs]) -> None:
+    """One panel a row: theirs, and ours at all spacings."""
+    columns = 4
+    with picture(path, -(-len(found) // columns), columns, size=(3.0, 2.3)) as axes:
+        for panel, (name, runs) in zip(axes.flat, found.items(), strict=False):
+            row, run = ROWS[name], runs[-1]
+            words = isinstance(run["at"][0], str)
+            at = np.arange(len(run["at"])) if words else np.array(run["at"])
+            panel.plot(at, run["theirs"], "ko-" if len(at) > 1 and not words else "ko", ms=4, label="theirs")
+            for points, ours in zip(run["points"], run["ours"], strict=True):
+                panel.plot(
+                    at,
+                    np.array(ours, float),
+                    "x-" if len(at) > 1 and not words else "x",
+                    ms=5,
+                    label=f"ours, {points} points",
+                )
+            if words:
+                panel.set_ylim(0.0, 1.5 * max(run["theirs"]))
+                panel.set_xticks(at, run["at"], fontsize=7)
+                panel.set_xlim(-0.5, len(at) - 0.5)
+            panel.set_title(row.title, fontsize=8)
+            panel.set_xlabel(row.labels[0], fontsize=7)
+            panel.set_ylabel(row.labels[1], fontsize=7)
+            panel.tick_params(labelsize=7)
+            panel.legend(fontsize=6)
+        for panel in list(axes.flat)[len(found) :]:
+            panel.remove()
+
+
+def sections(found: dict[str, Runs]) -> dict[str, list[str]]:
+    """Lines of the page by heading."""
+    head = ["row", "ours", "theirs", "their scatter", "median deviation", "spacing", "order", "last change"]
+    rows = table(head, [cells(ROWS[name], runs) for name, runs in found.items()])
+    each = [line for name, runs in found.items() for line in section(ROWS[name], runs)]
+    return {
+        "## Numbers": [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"],
+        "## Row by row": each,
+    }
+
+
+def make() -> None:
+    """Renew page, picture and the line of the README."""
+    # The only use of an image library.
+    from small_pictures import limit, shrunk
+
+    found = records()
+    draw(PICTURE, found)
+    PICTURE.write_bytes(shrunk(PICTURE, limit(PICTURE)))
+    renew(PAGE, sections(found))
+    line = re.compile(r"^Against \d+ published .*\n", re.MULTILINE)
+    write_page(README, line.sub(lambda _: summary(found) + "\n", README.read_text()))

@@ -1,0 +1,56 @@
+"""Values of the points that a material takes as its last constant, changed in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..device.checks import InputError
+from ..device.fields import to_host
+from ..device.launches import Stage
+from ..device.schedules import factor_schedule
+from ..interfaces import BuiltLaw, BuiltPart, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.loads import scaled_values
+from .loads import Ramp
+
+
+@dataclass(frozen=True)
+class ValuesInTime(Part):
+    """Multiplies the values by point of the material (`Material.by_point`) by a factor in time, such as a temperature.
+
+    Their change does work that the energy balance does not know.
+
+    Attributes:
+        ramp: Pairs (time [s], factor).
+    """
+
+    ramp: Ramp
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """The factor on a device. Raises InputError for a material without values by point, or no pairs."""
+        schedule = factor_schedule("ValuesInTime", self.ramp)
+        if law.point_values is None or schedule is None:
+            raise InputError(f"ValuesInTime.ramp = {self.ramp!r}: expected pairs, and a material with `by_point`")
+        return ScaledValues(context, law, context.clock.register(schedule))
+
+
+class ScaledValues(BuiltPart):
+    """The values on a device."""
+
+    label = "loads: ValuesInTime"
+
+    def __init__(self, context: Context, law: BuiltLaw, schedule: int | None) -> None:
+        assert law.point_values is not None
+        self.context, self.values, self.schedule = context, law.point_values, schedule
+        given = to_host(self.values)
+        self.unit = context.array("unit_values", "ValuesInTime", context.types.real, given)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that sets the values when the schedules change."""
+        if phase in (Phase.SCHEDULES, Phase.CLOCK):
+            context = self.context
+            stage.launch(
+                "ValuesInTime", scaled_values(context.bits), context.sheet.size, unit=self.unit,
+                factors=context.clock.scheduled, schedule=self.schedule, values=self.values,
+            )  # fmt: skip
