@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from validation import __main__, bulges, comparison, page, relaxation, rows
+from validation import __main__, bulges, comparison, page, relaxation
 
 from warp_pd.fitting import nominal_stress
 
@@ -25,9 +25,9 @@ def test_the_page_and_the_readme_say_what_the_numbers_say():
         assert "\n".join([heading, "", *lines]).rstrip() in text
 
 
-@pytest.mark.parametrize("name", rows.NAMES)
+@pytest.mark.parametrize("name", list(page.ROWS))
 def test_numbers_are_those_of_the_row(name):
-    row, runs = rows.row(name), page.records()[name]
+    row, runs = page.ROWS[name], page.records()[name]
     assert row.verdict and row.source and len(runs) == len({run["full"] for run in runs})
     for run in runs:
         assert run["theirs"] == pytest.approx(row.theirs, rel=1e-5) and len(run["ours"]) == len(run["points"])
@@ -58,7 +58,7 @@ def test_branches_are_those_of_the_relaxation_test():
 
 def test_a_row_runs(tmp_path, monkeypatch):
     """The pole of a bulge of 25 points has the stress of its own law within 3 % up to a stretch of 1.7."""
-    whole = rows.row("meunier")
+    whole = page.ROWS["meunier"]
     at = tuple(x for x in whole.at if x < 1.7)
 
     def model(points, device):
@@ -67,7 +67,7 @@ def test_a_row_runs(tmp_path, monkeypatch):
 
     law = 1e-6 * nominal_stress(bulges.rubber("meunier"), "equibiaxial", np.array(at))
     small = replace(whole, at=at, theirs=tuple(law.tolist()), points=(25,), model=model, reasons=None)
-    monkeypatch.setitem(rows.ROWS, "meunier", small)
+    monkeypatch.setitem(page.ROWS, "meunier", small)
     __main__.main(["meunier", "--device", "cpu", "--numbers", str(tmp_path / "numbers.json")])
     ((run,),) = page.records(tmp_path / "numbers.json").values()
     assert abs(run["worst"]) < 0.03

@@ -22,27 +22,26 @@ if __name__ == "__main__":
 from study import load_rows, run_tool, save_rows, study_parser
 
 from validation.comparison import measured
-from validation.page import NUMBERS, make
-from validation.rows import NAMES, row
+from validation.page import NUMBERS, ROWS, make
 
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, device=None, only_page=False, commit=None)
-    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(NAMES)}; by default all")
+    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(ROWS)}; by default all")
     parser.add_argument("--full", action="store_true", help="at full size")
     parser.add_argument("--numbers", type=Path, default=NUMBERS, help="file of the numbers")
     options = parser.parse_args(arguments)
-    for name in set(options.rows) - set(NAMES):
-        parser.error(f"ROW = {name!r}: expected one of {', '.join(NAMES)}")
+    for name in set(options.rows) - set(ROWS):
+        parser.error(f"ROW = {name!r}: expected one of {', '.join(ROWS)}")
     return options
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run rows, keep their numbers, renew the page."""
     options = parsed(arguments)
-    for name in [] if options.only_page else options.rows or NAMES:
-        found = measured(row(name), options.full, options.device, options.commit)
+    for name in [] if options.only_page else options.rows or ROWS:
+        found = measured(ROWS[name], options.full, options.device, options.commit)
         others = [run for run in load_rows(options.numbers) if (run["row"], run["full"]) != (name, options.full)]
         save_rows(options.numbers, [*others, found])
         print(f"{name}: {found['ours'][-1]} against {found['theirs']} ({found['seconds']} s)", flush=True)

@@ -31,7 +31,7 @@ from warp_pd.scenes.pure_shear_tear import HEIGHT
 
 # A crack whose length grows so many times as fast as its tip advances has branched.
 BRANCHED = 1.25
-OVERLOADS = (1.3, 1.6, 2.0, 2.5)
+OVERLOADS = (1.3, 1.6, 2.0)
 # Length of the damage field [m]: short, so that the strip is strong enough to bear its overload.
 FIELD = 2.2e-3
 # Natural rubber of Treloar, stretched equally both ways; Gc of natural rubber that does not tear slowly.

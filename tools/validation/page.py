@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 from study import DOCS, ROOT, Row, load_rows, picture, renew, table, write_page
 
+from validation import bulges, cracks, relaxation, tears
 from validation.comparison import Comparison
-from validation.rows import ROWS
 
 NUMBERS, PICTURE = DOCS / "validation" / "numbers.json", DOCS / "validation" / "rows.png"
 PAGE, README = DOCS / "validation.md", ROOT / "README.md"
 Runs = list[Row]
+# All rows, by name, in the order of the page.
+ROWS = {row.name: row for part in (bulges, relaxation, tears, cracks) for row in (make() for make in part.ROWS)}
 
 
 def records(path: Path = NUMBERS) -> dict[str, Runs]:
@@ -59,19 +61,17 @@ def summary(found: dict[str, Runs]) -> str:
 
 
 def section(row: Comparison, runs: Runs) -> list[str]:
-    """Lines of a row's own section."""
-    run = runs[-1]
-    sizes = "; ".join(
+    """The paragraph of a row."""
+    made = "; ".join(
         f"{run['made']}, {run['seconds']:.0f} s, {', '.join(map(str, run['points']))} points" for run in runs
     )
-    lines = [f'<a id="{row.name}"></a>', f"**{row.title}.** {row.source} ({row.seen}): {row.measured}.", ""]
-    lines += [f"Constants: {row.constants}. `python -m tools.validation {row.name}`; {sizes}.", "", row.verdict]
-    if run["reasons"]:
-        lines += [
-            "",
-            "Tests: " + "; ".join(f"{what} {numbers([value])}" for what, value in run["reasons"].items()) + ".",
-        ]
-    return [*lines, ""]
+    found = "; ".join(f"{what} {numbers([value])}" for what, value in runs[-1]["reasons"].items())
+    text = (
+        f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
+        f"Constants: {row.constants}. *{row.verdict}*{f' Tests: {found}.' if found else ''} "
+        f"`python -m tools.validation {row.name}`: {made}."
+    )
+    return [text, ""]
 
 
 def draw(path: Path, found: dict[str, Runs]) -> None:
