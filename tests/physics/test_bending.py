@@ -150,6 +150,10 @@ def test_a_cantilever_bends_like_a_beam():
         errors.append(result.frame.displacement[tip, 2].mean() / exact - 1.0)
         assert result.history[-1]["bending"] == pytest.approx(0.5 * force * exact, rel=2e-3)
     assert np.abs(errors).max() < 1e-3 and orders(errors).min() > 1.4
+    # The modes have a tangent of their own, after that of Newton's method.
+    (frequency,) = natural_modes(result.built, 1).frequencies
+    exact = 3.516 * np.sqrt(STIFFNESS / (1000.0 * THICKNESS)) / LENGTH**2 / (2.0 * np.pi)
+    assert frequency == pytest.approx(exact, rel=5e-3)
 
 
 def test_a_clamped_plate_vibrates_at_its_frequency():
