@@ -71,14 +71,20 @@ def bending(bits: int, curved: bool) -> BendingKernels:
 
     @wp.struct
     class Plate:
-        ring: wp.array2d(dtype=wp.int32)  # points to which the slope of a point is fitted, (most, N); -1 for none
+        # Points are of few kinds on a lattice: tables have a column for each kind, so that a step reads few bytes.
+        kind: wp.array(dtype=wp.int32)
+        ring: wp.array2d(dtype=wp.int32)  # steps to the points of a fit, 0 for none
         weights: wp.array2d(dtype=vec2)
-        own: wp.array(dtype=vec2)  # sum of its weights
-        fitted: wp.array2d(dtype=wp.int32)  # points whose slope is fitted to a point, (most, N)
+        own: wp.array(dtype=vec2)  # sum of the weights
+        fitted: wp.array2d(dtype=wp.int32)  # steps to the points whose fit has this one, 0 for none
         fitted_weights: wp.array2d(dtype=vec2)
-        triangles: wp.array(dtype=wp.vec3i)
-        around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner of a point, (most, N); -1 for none
-        sides: wp.array2d(dtype=mat22)  # columns: sides 1 and 2 in the plane of a corner, (3, F); flat: (1, F)
+        around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner, less 3 x the first triangle of the point; -1: none
+        first_triangle: wp.array(dtype=wp.int32)
+        # So are triangles.
+        face_kind: wp.array(dtype=wp.int32)
+        first_corner: wp.array(dtype=wp.int32)
+        corners: wp.array(dtype=wp.vec3i)  # steps from the first corner
+        sides: wp.array2d(dtype=mat22)  # columns: sides 1 and 2 in the plane of a corner, (3, kinds); flat: (1, kinds)
         stiffness: wp.array(dtype=real)  # D times area [J m^2]
         rest_sides: wp.array2d(dtype=vec3)  # only of curved sheets, (2, F)
         rest: wp.array2d(dtype=vec3)  # g and r of the stress-free sheet, (6, F)
@@ -97,9 +103,9 @@ def bending(bits: int, curved: bool) -> BendingKernels:
     @wp.func
     def plane(plate: Plate, t: int, corner: int):
         if wp.static(curved):
-            return plate.sides[corner, t]
+            return plate.sides[corner, plate.face_kind[t]]
         else:
-            return plate.sides[0, t]
+            return plate.sides[0, plate.face_kind[t]]
 
     @wp.func
     def vectors(first: vec3, second: vec3, d0: mat32, d1: mat32, d2: mat32):
@@ -118,13 +124,13 @@ def bending(bits: int, curved: bool) -> BendingKernels:
     @wp.func
     def moments_of(plate: Plate, t: int, k: vec6):
         """Derivative of the energy by the six strains."""
-        s = plate.sides[0, t]
+        s = plane(plate, t, 0)
         aa = s[0, 0] * s[0, 0] + s[1, 0] * s[1, 0]
         bb = s[0, 1] * s[0, 1] + s[1, 1] * s[1, 1]
         ab = s[0, 0] * s[0, 1] + s[1, 0] * s[1, 1]
         over = real(1.0) / (aa * bb - ab * ab)
         p, q, r = bb * over, aa * over, -ab * over
-        size, nu = plate.stiffness[t], plate.poisson
+        size, nu = plate.stiffness[plate.face_kind[t]], plate.poisson
         # Mixed components of the curvature.
         kaa, kab = p * k[0] + r * k[2], p * k[2] + r * k[1]
         kba, kbb = r * k[0] + q * k[2], r * k[2] + q * k[1]
@@ -142,7 +148,8 @@ def bending(bits: int, curved: bool) -> BendingKernels:
     @wp.func
     def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
         """What a displacement adds to the sides and to the six vectors."""
-        c = plate.triangles[t]
+        start = plate.first_corner[t]
+        c = plate.corners[plate.face_kind[t]] + wp.vec3i(start, start, start)
         first, second = displacement[c[1]] - displacement[c[0]], displacement[c[2]] - displacement[c[0]]
         d0, d1, d2 = (
             slope[c[0]] * plane(plate, t, 0),
@@ -159,7 +166,7 @@ def bending(bits: int, curved: bool) -> BendingKernels:
             b.first = first + plate.rest_sides[0, t]
             b.second = second + plate.rest_sides[1, t]
         else:
-            s = plate.sides[0, t]
+            s = plane(plate, t, 0)
             zero = real(0.0)
             b.first = first + vec3(s[0, 0], s[1, 0], zero)
             b.second = second + vec3(s[0, 1], s[1, 1], zero)
@@ -196,12 +203,10 @@ def bending(bits: int, curved: bool) -> BendingKernels:
     @kernel(gathers=("displacement",))
     def slopes(plate: Plate, displacement: wp.array(dtype=vec3), first: int, slope: wp.array(dtype=mat32)):
         i = wp.tid() + first
-        here = displacement[i]
+        here, kind = displacement[i], plate.kind[i]
         total = mat32()
         for k in range(plate.ring.shape[0]):
-            j = plate.ring[k, i]
-            if j >= 0:
-                total += wp.outer(displacement[j] - here, plate.weights[k, i])
+            total += wp.outer(displacement[i + plate.ring[k, kind]] - here, plate.weights[k, kind])
         slope[i] = total
 
     @kernel(per="face")
@@ -287,11 +292,11 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        total, push = mat32(), vec3()
+        total, push, kind = mat32(), vec3(), plate.kind[i]
         for k in range(plate.around.shape[0]):
-            place = plate.around[k, i]
+            place = plate.around[k, kind]
             if place >= 0:
-                t, corner = place // 3, place % 3
+                t, corner = plate.first_triangle[i] + place // 3, place % 3
                 total += wp.outer(normal[t], couple[corner, t])
                 push += pulled(pull, t, corner)
         moment[i] = total
@@ -311,11 +316,11 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        total, push = mat32(), vec3()
+        total, push, kind = mat32(), vec3(), plate.kind[i]
         for k in range(plate.around.shape[0]):
-            place = plate.around[k, i]
+            place = plate.around[k, kind]
             if place >= 0:
-                t, corner = place // 3, place % 3
+                t, corner = plate.first_triangle[i] + place // 3, place % 3
                 total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
                 push += pulled(pull, t, corner)
         moment[i] = total
@@ -324,11 +329,10 @@ def bending(bits: int, curved: bool) -> BendingKernels:
     @kernel(gathers=("moment",))
     def spread(plate: Plate, moment: wp.array(dtype=mat32), sign: real, first: int, force: wp.array(dtype=vec3)):
         i = wp.tid() + first
-        total = -moment[i] * plate.own[i]
+        kind = plate.kind[i]
+        total = -moment[i] * plate.own[kind]
         for k in range(plate.fitted.shape[0]):
-            j = plate.fitted[k, i]
-            if j >= 0:
-                total += moment[j] * plate.fitted_weights[k, i]
+            total += moment[i + plate.fitted[k, kind]] * plate.fitted_weights[k, kind]
         force[i] = force[i] + sign * total
 
     @kernel(gathers=("displacement", "slope"))
@@ -340,11 +344,11 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         out: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        total = wp.float64(0.0)
+        total, kind = wp.float64(0.0), plate.kind[i]
         for k in range(plate.around.shape[0]):
-            place = plate.around[k, i]
+            place = plate.around[k, kind]
             if place >= 0:
-                b = bent(plate, place // 3, displacement, slope)
+                b = bent(plate, plate.first_triangle[i] + place // 3, displacement, slope)
                 total += wp.float64(wp.dot(b.strain, b.moment))
         out[i] = total / wp.float64(6.0)
 

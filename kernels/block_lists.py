@@ -31,38 +31,6 @@ def arrive(arrived: wp.array(dtype=wp.int32)) -> int:
     ...
 
 
-_WAIT = """
-#if defined(__CUDA_ARCH__)
-    __syncthreads();
-    if (threadIdx.x == 0) {
-        if (ends) {
-            __threadfence();
-            atomicAdd(gate.data, 1);
-        } else {
-            while (*((volatile int*)gate.data) == turn) __nanosleep(100);
-        }
-        __threadfence();
-    }
-    __syncthreads();
-#endif
-"""
-
-
-@wp.func_native(_WAIT)
-def wait_for_last(gate: wp.array(dtype=wp.int32), turn: int, ends: bool):
-    """Let blocks wait until the one that ends last has come here; `turn` is what `gate` held before they arrived.
-
-    Only for as many blocks as run at once.
-    """
-    ...
-
-
-@wp.func_native("return *((volatile int*)gate.data);")
-def turn_of(gate: wp.array(dtype=wp.int32)) -> int:
-    """What a gate holds now."""
-    ...
-
-
 @functools.cache
 def sum_of_blocks(kind: Any) -> wp.Function:
     """Function (value, count, part, lane, sums, counts, arrived) -> whether the block ends last; then also the sum.
@@ -115,12 +83,13 @@ def entry_of(part: int, k: int, blocks: int):
     return 32 * (turn * blocks + part) + k - 32 * turn
 
 
-@wp.func
-def list_of_block(
-    marks: wp.array(dtype=wp.uint8), block: int, part: int, lane: int, entries: wp.array(dtype=wp.int32),
+@kernel(per="block")
+def list_marked(
+    marks: wp.array(dtype=wp.uint8), block: int, first: int, entries: wp.array(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):  # fmt: skip
-    """Write the marked entries of a block, of `block` entries, to the beginning of its part of `entries`."""
+    """Write the marked entries of each block, of `block` entries, to the beginning of its part of `entries`."""
+    part, lane = place_in_block(wp.tid() + first)
     blocks = counts.shape[0]
     count = wp.int32(0)
     for k in range(lane, block, wp.block_dim()):
@@ -138,13 +107,3 @@ def list_of_block(
                 if marks[i] != wp.uint8(0):
                     entries[at] = i
                     at += 1
-
-
-@kernel(per="block")
-def list_marked(
-    marks: wp.array(dtype=wp.uint8), block: int, first: int, entries: wp.array(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
-):  # fmt: skip
-    """Write the marked entries of each block to its part of `entries`."""
-    part, lane = place_in_block(wp.tid() + first)
-    list_of_block(marks, block, part, lane, entries, counts)

@@ -18,8 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from .block_functions import synchronize as wait_for_block
-from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks, turn_of, wait_for_last
+from .block_lists import entry_of, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, STRUCK, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
@@ -67,7 +66,6 @@ class FreeBody:
     entries: wp.array(dtype=wp.int32)
     listed: wp.array(dtype=wp.int32)
     arrived: wp.array(dtype=wp.int32)
-    gate: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -122,7 +120,6 @@ class FreeContact:
         give_way: The second solution; moves the body by it.
         strike: Gives the points their impulses, subtracts these from the momentum of the body.
         take: Gives them the impulses found by kernels/surface_contact.py.
-        at_once: List of the points, `find`, `give_way` and `strike` in one launch, for blocks that run at once.
     """
 
     struct: Any
@@ -130,7 +127,6 @@ class FreeContact:
     give_way: Kernel
     strike: Kernel
     take: Kernel
-    at_once: Kernel
 
 
 @functools.cache
@@ -181,8 +177,9 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
         body.momenta[2] = body.momenta[2] + velocity - before
         body.momenta[3] = body.momenta[3] + spin - spin_before
 
-    @wp.func
-    def find(part: int, lane: int, block: int, a: BodyContact, body: FreeBody):
+    @kernel(per="block", writes=(*(f"a.{name}" for name in FOUND), *solving))
+    def find_contact(a: BodyContact, body: FreeBody, block: int, first: int):
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
         for k in range(lane, body.listed[part], wp.block_dim()):
@@ -195,10 +192,10 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
         ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
         if ends and lane == 0:
             body.changes[0] = solved(sums, body)
-        return ends
 
-    @wp.func
-    def yield_to(part: int, lane: int, block: int, a: BodyContact, body: FreeBody):
+    @kernel(per="block", writes=("body.place", "body.rotation", "body.motion", *solving))
+    def give_way(a: BodyContact, body: FreeBody, block: int, first: int):
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
         d = body.changes[0]
@@ -231,10 +228,10 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
             change = solved(sums, body)
             body.changes[0] = change
             change_motion(change, wp.static(int(at_end)), wp.float64(a.step[0]), body.place, body.rotation, body.motion)
-        return ends
 
-    @wp.func
-    def strike(part: int, lane: int, block: int, a: BodyContact, body: FreeBody):
+    @kernel(per="block", writes=(*struck, "body.entries", "body.listed", *lost))
+    def strike_points(a: BodyContact, body: FreeBody, block: int, first: int):
+        part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
         number = body.listed[part]
@@ -267,37 +264,6 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
                 body.momenta[3] = body.motion[1]
                 body.motion[0] = velocity
 
-    found = (*(f"a.{name}" for name in FOUND), *solving)
-    moved = ("body.place", "body.rotation", "body.motion")
-    listed = ("body.entries", "body.listed")
-
-    @kernel(per="block", writes=found)
-    def find_contact(a: BodyContact, body: FreeBody, block: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
-        find(part, lane, block, a, body)
-
-    @kernel(per="block", writes=(*moved, *solving))
-    def give_way(a: BodyContact, body: FreeBody, block: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
-        yield_to(part, lane, block, a, body)
-
-    @kernel(per="block", writes=(*struck, *listed, *lost))
-    def strike_points(a: BodyContact, body: FreeBody, block: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
-        strike(part, lane, block, a, body)
-
-    @kernel(per="block", writes=(*found, *moved, *struck, *listed, *lost, "body.gate"))
-    def all_at_once(a: BodyContact, body: FreeBody, block: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
-        turn = turn_of(body.gate)
-        if wp.static(not at_end):
-            list_of_block(a.marks, block, part, lane, body.entries, body.listed)
-            # Threads of the block read what others have written.
-            wait_for_block()
-        wait_for_last(body.gate, turn, find(part, lane, block, a, body))
-        wait_for_last(body.gate, turn + 1, yield_to(part, lane, block, a, body))
-        strike(part, lane, block, a, body)
-
     @kernel(per="block", writes=(*(f"a.{name}" for name in TAKEN), *lost))
     def take_impulses(a: BodyContact, body: FreeBody, block: int, first: int):
         part, lane = place_in_block(wp.tid() + first)
@@ -314,4 +280,4 @@ def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_e
         if ends and lane == 0:
             give(sums, body)
 
-    return FreeContact(BodyContact, find_contact, give_way, strike_points, take_impulses, all_at_once)
+    return FreeContact(BodyContact, find_contact, give_way, strike_points, take_impulses)

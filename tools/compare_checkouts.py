@@ -116,6 +116,7 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("tube_bulge", {"points": 12, "switch": 0, "steps": 12}),
     ("tube", {"points": 24, "frames": 3}),
     ("two_sheets", {"points": 13, "frames": 20}),
+    ("wrinkles", {"points": 25, "thickness": 3e-4, "duration": 5e-3, "frames": 2}),
     ("peel", {"points": 31, "peel": 0.02, "speed": 0.1, "strength": 1e4, "frames": 20}),
     ("lap_joint", {"points": 33, "speed": 0.2, "frames": 20}),
     ("patched_sheet", {"points": 17, "duration": 0.1, "frames": 10}),

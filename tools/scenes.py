@@ -88,6 +88,7 @@ SCENES = (
     SceneCase("gripper", "Gripper", {"points": 31, "frames": 30}),
     SceneCase("folded_sheet", "Strip that folds", {"points": 41, "frames": 40}),
     SceneCase("two_sheets", "A sheet pulled over another one", {"points": 17, "frames": 20}),
+    SceneCase("wrinkles", "Wrinkles of a stretched strip"),
     SceneCase("peel", "Glued strips peeled apart", {"points": 31}),
     SceneCase("lap_joint", "Lap joint"),
     SceneCase("patched_sheet", "A patch over a slit"),

@@ -11,6 +11,7 @@ from small_runs import run, simulate
 
 from warp_pd import (
     ArcLength,
+    BodyPath,
     EnclosedVolume,
     Fixed,
     InputError,
@@ -18,6 +19,8 @@ from warp_pd import (
     Motion,
     Newton,
     Pressure,
+    RigidBody,
+    Sphere,
     Yeoh,
     read_series,
 )
@@ -26,10 +29,12 @@ from warp_pd.scenes.balloon import exact_pressure
 from warp_pd.solvers.turning_points import Point, changes
 
 
-def snapping(solver, precision=64, **options):
+def snapping(solver, precision=64, pressure=5e3, contact=None, **options):
     sheet = square(9)
-    loads = [Fixed(sheet.edges("all")), Pressure(5e3)]
-    simulation = simulate(sheet, solver, material=Yeoh(c10=5e4, c30=5.0), weights="corrected", loads=loads)
+    loads = [Fixed(sheet.edges("all")), Pressure(pressure)]
+    simulation = simulate(
+        sheet, solver, material=Yeoh(c10=5e4, c30=5.0), weights="corrected", loads=loads, contact=contact
+    )
     return simulation.run(device="cpu", precision=precision, **options)
 
 
@@ -64,6 +69,19 @@ def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(prec
     assert result.frame.displacement == pytest.approx(jumped.frame.displacement, abs=tolerance)
     (note,) = [note for note in jumped.summary["notes"] if "limit point" in note]
     assert "ArcLength" in note
+
+
+def test_a_body_stops_a_snap():
+    """The sheet passes the maximum of the pressure, falls against a ball above it, and takes more pressure again."""
+    ball = RigidBody(Sphere(1.0), BodyPath([0.0], [(0.05, 0.05, 0.58)]))
+    path, jumped = (snapping(solver, pressure=3.6e3, contact=ball) for solver in (ArcLength(), Newton(load_steps=12)))
+    free, force = (np.array([row[name] for row in path.history]) for name in ("load_factor", "body_force_z"))
+    assert path.status == "finished" and kinds(path) == ["maximum", "minimum"]
+    first, second = (found["step"] for found in path.summary["solve"]["found"])
+    assert (force[: first + 1] == 0.0).all() and (force[second:] > 0.0).all() and free[-1] == 1.0
+    assert free[first + 1] < free[first] and 1.0 in [row["unstable"] for row in path.history]
+    assert path.frame.displacement == pytest.approx(jumped.frame.displacement, abs=1e-6)
+    assert path.history[-1]["unstable"] == 0.0
 
 
 def test_a_piston_behind_a_soft_spring_snaps_back():
@@ -139,7 +157,8 @@ def test_a_path_that_is_not_over_says_so():
 def test_a_path_that_ends_early_says_why():
     result = snapping(ArcLength(most_iterations=1, most_cuts=0, tolerance=1e-12))
     assert result.status == "not converged"
-    assert any("even the shortest step failed, as Newton's method ended" in note for note in result.summary["notes"])
+    texts = [result.summary["message"], *result.summary["notes"]]
+    assert sum("even the shortest step failed, as Newton's method ended" in text for text in texts) == 2
 
 
 def test_a_path_may_begin_where_the_start_is_no_equilibrium():

@@ -1,5 +1,6 @@
 """A ball at rest on a clamped disc: force against depth meets the shooting of tools/references."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -28,6 +29,7 @@ from warp_pd import (
     Sheet,
     Simulation,
     Sphere,
+    TearingEnergy,
 )
 from warp_pd.fitting.equilibrium import require_newton
 from warp_pd.geometry.curves import Circle
@@ -208,6 +210,16 @@ def test_static_contact_goes_on_after_a_stop(tmp_path):
     require_same_when_stopped(lambda: lowered(*disc(13)), tmp_path, [2])
 
 
+def test_a_path_of_a_ball_ends_where_newtons_method_does():
+    """The motion of the ball is the load factor; at the first point it touches the sheet."""
+    along, at_once = (lowered(*disc(13), solver=solver).run(device="cpu") for solver in (ArcLength(), None))
+    assert along.status == "finished" and along.history[-1]["load_factor"] == 1.0 and len(along.history) > 5
+    assert along.frame.displacement == pytest.approx(at_once.frame.displacement, abs=1e-6 * RADIUS)
+    forces = [row["body_force_z"] for row in along.history]
+    assert forces[-1] == pytest.approx(at_once.history[-1]["body_force_z"], rel=1e-5)
+    assert (np.diff(forces) > 0.0).all()
+
+
 def test_derivatives_at_equilibrium_refuse_contact():
     with pytest.raises(InputError, match="contact: expected None for derivatives at equilibrium"):
         require_newton(lowered(*disc(9)))
@@ -222,13 +234,18 @@ def test_derivatives_at_equilibrium_refuse_contact():
             {"motion": Free(0.1, (0.0, 0.0, ABOVE))},
             "motion = Free: expected a BodyPath with a static solver; Free needs Explicit",
         ),
-        ({"solver": ArcLength(increment=0.1)}, "ArcLength has no contact; expected Newton, Relaxation or Explicit"),
         ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),
     ],
 )
 def test_what_static_contact_refuses(changes, words):
     with pytest.raises(InputError, match=words):
         lowered(*disc(9), **changes).build("cpu")
+
+
+def test_a_path_takes_contact_or_tears():
+    scene = replace(lowered(*disc(13), solver=ArcLength()), damage=TearingEnergy(10.0))
+    with pytest.raises(InputError, match="'body': expected no damage with ArcLength, or the solver Newton"):
+        scene.build("cpu")
 
 
 def test_the_force_on_a_still_ball_is_what_a_load_leaves():

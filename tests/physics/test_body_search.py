@@ -1,4 +1,4 @@
-"""What points remember of the search, marks, and how many launches a free body has change no bit of a run."""
+"""What points remember of the search, and marks, change no bit of a run."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from helpers import square
 from small_runs import simulate
 
 from warp_pd import BodyPath, Box, Explicit, Free, RigidBody, Sphere, TriangleMesh
-from warp_pd.parts import bodies, built_motion
+from warp_pd.parts import bodies
 
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
 
@@ -56,11 +56,3 @@ def test_points_without_a_mark_touch_the_same(plain, monkeypatch):
     monkeypatch.setattr(bodies, "SLACK", 0.0)
     assert plain.built.context.fields["ball_marks"].numpy().any()
     require_same_bits(plain, scene().run(device="cpu", precision=32))
-
-
-def test_one_launch_is_the_launches_one_by_one(plain, monkeypatch):
-    """On a GPU; a CPU runs blocks one after the other, but this sheet has only one."""
-    monkeypatch.setattr(built_motion, "run_together", lambda blocks, *_: blocks == 1)
-    joined = scene().run(device="cpu", precision=32)
-    assert [item.name for item in joined.built.context.stages["step"]].count("all_at_once") == 2
-    require_same_bits(plain, joined)

@@ -23,6 +23,7 @@ SMALL = {
     "kapton_shear": {"points": 38, "tolerance": 1e-6},
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
+    "wrinkles": {"points": 25, "thickness": 3e-4, "duration": 5e-3, "frames": 2},
     "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 2.0},
     "balloon_paths": {"points": 7},

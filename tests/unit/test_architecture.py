@@ -117,6 +117,15 @@ def test_import_waits_for_nothing_else():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_a_scene_without_a_file_is_refused_before_anything_is_imported():
+    code = (
+        "import sys, click.testing; from warp_pd.__main__ import main\n"
+        "done = click.testing.CliRunner().invoke(main, ['run', 'needles'])\n"
+        "sys.exit(0 if done.exit_code == 2 and 'warp' not in sys.modules else 1)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_pages_of_this_kind_are_in_the_navigation():
     navigation = (ROOT / "mkdocs.yml").read_text()
     assert "architecture.md" in navigation

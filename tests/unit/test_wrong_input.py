@@ -65,7 +65,7 @@ WRONG = {
     ),
     "a path with rupture": (
         lambda: simulated(solver=ArcLength(), damage=CriticalStretch(1.5)).build("cpu"),
-        "damage = CriticalStretch: ArcLength does not support rupture; expected Newton",
+        "damage = CriticalStretch: expected TearingEnergy with ArcLength, or the solver Newton",
     ),
     "Newton": (lambda: Newton(tolerance=1.0), "tolerance = 1.0: expected a number greater than 0 and less than 1"),
     "Relaxation": (lambda: Relaxation(tolerance=2), "tolerance = 2: expected a number greater than 0 and less than 1"),

@@ -148,7 +148,9 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
     apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
     if sheet.barriers is not None and len(sheet.barriers):
         longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing
-        apart |= dilated(image.marked(np.unique(sheet.barriers)), image.reach + 2 + int(np.ceil(longest)))
+        # A bond of the family that crosses a barrier does so within reach, half a barrier at most from an end of it,
+        # which is marked half a cell at most from its place.
+        apart |= dilated(image.marked(np.unique(sheet.barriers)), int(np.ceil(image.reach + 0.5 * longest + 0.499)))
     if sheet.bodies is not None:
         body = np.zeros(image.index.shape, np.int32)
         body[image.grid[image.on, 1], image.grid[image.on, 0]] = sheet.bodies[image.on]

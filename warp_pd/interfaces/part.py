@@ -277,12 +277,14 @@ class BuiltRupture(BuiltPart, Protocol):
         intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
         memory: Arrays with the irreversible state of rupture, such as the bits of intact bonds.
         close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
+        tear_energy: Energy of a tear as long as the damage field's length [J]; 0 without a damage field.
     """
 
     damage: Array
     intact_faces: Array
     memory: Sequence[Array]
     close_enough: float = 0.0
+    tear_energy: float = 0.0
 
     def prepare_at_rest(self) -> None:
         """Compose the stages of `break_at_rest`; static solvers call it once."""
@@ -298,6 +300,14 @@ class BuiltRupture(BuiltPart, Protocol):
             Whether equilibrium must be found again.
         """
         ...
+
+    def energy_at_rest(self, again: bool | None) -> float:
+        """Energy of the damage field [J] that `break_at_rest` would find; 0 without a damage field.
+
+        Args:
+            again: As for `break_at_rest`; None for the energy of the damage as it is.
+        """
+        return 0.0
 
     def fingerprint(self) -> str:
         """Hash of values of user functions, which a restart file must match in addition to the settings."""

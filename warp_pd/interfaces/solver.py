@@ -99,18 +99,6 @@ class System:
                 if len(trial):
                     raise InputError(f"{part.label}: not supported by the solver {solver}; expected Explicit")
 
-    def refuse_contact(self, solver: str) -> None:
-        """Refuse static contact for a solver that cannot solve it.
-
-        Raises:
-            InputError: if there is any.
-        """
-        for load in self.external.following:
-            if load.at_rest is not None:
-                raise InputError(
-                    f"{load.label}: the solver {solver} has no contact; expected Newton, Relaxation or Explicit"
-                )
-
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
         """Set the time per step, the end time and optionally the current time [s]; evaluate the schedules."""
         if self._schedules is None:

@@ -23,6 +23,8 @@ OWNER = "bending"
 HELD, RIGID = 7, 8
 # Strain of the differences that give the modulus of a law.
 STRAIN = 1e-3
+# Difference of two numbers of tables that count as the same: round-off of a lattice.
+SAME = 1e-10
 
 
 def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltLaw:
@@ -125,22 +127,18 @@ class BendingForce:
         flat = np.stack([np.einsum("fcb,fcm->fbm", planes[triangles[:, c] % len(planes)], sides) for c in corners])
         flat *= np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None]
         area = 0.5 * np.linalg.norm(np.cross(sides[:, :, 0], sides[:, :, 1]), axis=1)
-        s = self.slopes
-        ring, order = _columns(s.point, sheet.size)
-        fitted, back = _columns(s.other, sheet.size)
-        around, places = _columns(triangles.ravel(), sheet.size)
-        own = np.stack([np.bincount(s.point, s.weights[:, b], sheet.size) for b in range(2)], axis=1)
-        values: dict[str, tuple[Any, np.ndarray]] = {
-            "ring": (wp.int32, _filled(ring, s.other[order], -1)),
-            "weights": (self.context.types.vec2, _filled(ring, s.weights[order], 0.0)),
-            "own": (self.context.types.vec2, own),
-            "fitted": (wp.int32, _filled(fitted, s.point[back], -1)),
-            "fitted_weights": (self.context.types.vec2, _filled(fitted, s.weights[back], 0.0)),
-            "triangles": (wp.vec3i, triangles),
-            "around": (wp.int32, _filled(around, places, -1)),
-            "sides": (self.context.types.mat22, flat),
-            "stiffness": (self.context.types.real, self.stiffness[triangles].mean(axis=1) * area),
-        }
+        t = self.context.types
+        values: dict[str, tuple[Any, np.ndarray]] = {}
+        values |= self._point_tables(np.arange(len(x)), t)
+        corners = triangles - triangles[:, :1]
+        stiffness = self.stiffness[triangles].mean(axis=1) * area
+        shapes = np.moveaxis(flat, 0, 1).reshape(len(area), -1) / sheet.spacing
+        numbers = np.column_stack([shapes, stiffness / stiffness.max()])
+        kind, one = kinds(corners, numbers)
+        values |= {
+            "face_kind": (wp.int32, kind), "first_corner": (wp.int32, triangles[:, 0]),
+            "corners": (wp.vec3i, corners[one]), "sides": (t.mat22, flat[:, one]), "stiffness": (t.real, stiffness[one]),
+        }  # fmt: skip
         if curved:
             values["rest_sides"] = (self.context.types.vec3, np.moveaxis(sides, 2, 0))
             values["rest"] = (self.context.types.vec3, self._rest(sides, flat))
@@ -149,6 +147,26 @@ class BendingForce:
             setattr(plate, name, self.context.array(f"plate_{name}", OWNER, dtype, value, per="table"))
         plate.poisson = self.poisson
         return plate
+
+    def _point_tables(self, every: np.ndarray, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
+        """Tables of the kinds of points."""
+        s, triangles, size = self.slopes, self.context.sheet.triangles, len(every)
+        places, order = _columns(s.point, size)
+        ring, weights = _filled(places, (s.other - s.point)[order], 0), _filled(places, s.weights[order], 0.0)
+        places, order = _columns(s.other, size)
+        fitted, back = _filled(places, (s.point - s.other)[order], 0), _filled(places, s.weights[order], 0.0)
+        places, order = _columns(triangles.ravel(), size)
+        first = np.zeros(size, int)
+        first[places[1][::-1]] = order[::-1] // 3
+        around = _filled(places, order - 3 * first[places[1]], -1)
+        own = weights.sum(axis=0)
+        scaled = [np.moveaxis(w, 1, 0).reshape(size, -1) * self.context.sheet.spacing for w in (weights, back)]
+        kind, one = kinds(np.concatenate([ring, fitted, around]).T, np.column_stack(scaled))
+        return {
+            "kind": (wp.int32, kind), "ring": (wp.int32, ring[:, one]), "weights": (t.vec2, weights[:, one]),
+            "own": (t.vec2, own[one]), "fitted": (wp.int32, fitted[:, one]), "fitted_weights": (t.vec2, back[:, one]),
+            "around": (wp.int32, around[:, one]), "first_triangle": (wp.int32, first),
+        }  # fmt: skip
 
     def _rest(self, sides: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """Vectors g and r of the stress-free sheet [m], (6, F, 3); see kernels/bending.py."""
@@ -219,6 +237,14 @@ class BendingForce:
             InputError: if the law has none.
         """
         return BendingTangent(self, self.law.tangent(context, geometric))
+
+
+def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Kind of each row of whole steps and of numbers of order 1, which are alike to SAME, and a row of each kind."""
+    parts = np.column_stack([steps, np.rint(numbers / SAME)]).astype(np.int64)
+    factors = np.random.default_rng(0).integers(1, 2**62, parts.shape[1])
+    _, one, kind = np.unique(parts @ factors, return_index=True, return_inverse=True)
+    return kind, one
 
 
 def _columns(owner: np.ndarray, size: int) -> tuple[tuple[np.ndarray, np.ndarray, int, int], np.ndarray]:

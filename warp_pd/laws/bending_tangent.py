@@ -32,6 +32,7 @@ class BendingTangent:
 
     def __init__(self, force: BendingForce, law: Tangent) -> None:
         self.force, self.law = force, law
+        self._stage: str | None = None
         t, faces = force.context.types, len(force.context.sheet.triangles)
         self._here, self._along, self._out = (force.point_array(name, t.vec3) for name in ("here", "along", "image"))
         self._slope, self._slope_change = (
@@ -89,11 +90,12 @@ class BendingTangent:
     def matrix(self) -> Any:
         """K of bending alone [N/m], sparse, shape (3 N, 3 N)."""
         context, columns = self.force.context, self._columns
-        name = "columns of bending"
-        if context.prefix + name not in context.stages:
-            stage = context.stage(name, "every column of the stiffness of bending")
+        if self._stage is None:
+            # Of this tangent: natural modes have one of their own, after Newton's.
+            self._stage = f"columns of bending {len(context.stages)}"
+            stage = context.stage(self._stage, "every column of the stiffness of bending")
             self.add_bending(stage, self._along, self._out)
-        run = context.sequence(name).run
+        run = context.sequence(self._stage).run
         blocks = np.zeros((len(columns.other), 3, 3))
         for colour, entries in enumerate(columns.of_colour):
             chosen = columns.colours == colour

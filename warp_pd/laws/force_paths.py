@@ -45,7 +45,8 @@ class Tuning:
     # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
     # one thread a point.
     lattice_bonds: int = 300_000
-    # Threads per block of that kernel: with a family in registers, few threads fit a multiprocessor.
+    # Threads per block of that kernel, twice as many in float64: with a family in registers, few threads fit a
+    # multiprocessor; in float64 it does not fit, and is read again.
     lattice_block: int = 64
     # Maximum number of blocks of families: enough to fill a GPU; each works until all families are done. With a list
     # most blocks would find nothing, and starting them takes time.
@@ -401,10 +402,11 @@ class UndamagedLattice:
         """Add the launches of each strip."""
         law = self.law
         listed = (self.others, self.count) if law.layout.breakable else (None, None)
+        block_dim = TUNING.lattice_block * law.context.bits // 32
         for strip in self.forces.strips:
             # First: it need not wait for an exchange.
             stage.launch(
-                law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin, block_dim=TUNING.lattice_block,
+                law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin, block_dim=block_dim,
                 family_class=law.struct.family_class, inner=self.inner, intact=law.intact, displacement=displacement,
                 places=self.places,
                 # An argument, not a constant, so that the compiler does not unroll the loop over the turns.

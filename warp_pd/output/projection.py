@@ -17,8 +17,8 @@ LARGEST_BODY = 2.0
 SQUARES, SQUARES_OF_CURVED = 12, 8
 # Pixels along the longer side of a panel, and samples of all triangles, about the most.
 PIXELS, MOST_SAMPLES = 900, 12_000_000
-# Smaller pixels along a painted one; what is painted on, a colour that no sheet has.
-FINE, GROUND = 2, (255, 255, 254)
+# Smaller pixels along a painted one; width of a stroke in these; what is painted on, a colour that no sheet has.
+FINE, STROKE, GROUND = 2, 3, (255, 255, 254)
 # Parts of a pixel between two samples.
 BETWEEN = 0.7
 
@@ -178,7 +178,7 @@ def painted(
     places, colours = ((corners - low) / pixel).reshape(-1, 6).tolist(), np.rint(255.0 * inks).astype(int).tolist()
     for place, colour, stroke in zip(places, map(tuple, colours), strokes.tolist(), strict=True):
         if stroke:
-            brush.line(place[:4], fill=colour, width=FINE)
+            brush.line(place[:4], fill=colour, width=STROKE)
         else:
             brush.polygon(place, fill=colour)
     clear = np.all(np.asarray(image) == GROUND, axis=2)

@@ -415,6 +415,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
 
     def passed(self) -> bool:
         """Return whether the body has passed through the sheet since the last load step that it did not."""
+        if not self.part.shape.bounded:
+            # The centre of a half space lies on its surface.
+            return False
         torn, now = None, self._from_centre()
         if self._intact is not None and self._law.intact is not None:
             torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))

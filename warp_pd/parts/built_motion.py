@@ -233,7 +233,7 @@ class InFlight(BuiltMotion):
             "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
             "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
             "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
-            "entries": near.entries, "listed": near.listed, "gate": room("gate", wp.int32, 1, "once"),
+            "entries": near.entries, "listed": near.listed,
         }  # fmt: skip
         self._of = with_values(FreeBody(), {**numbers, **arrays})
 
@@ -249,12 +249,11 @@ class InFlight(BuiltMotion):
 
     def strike(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any]) -> None:
         """Add the launches that compute the response of the body to the touching points, and those of contact."""
-        kernels, near = self._kernels(of, at_end), self._near
-        together = run_together(near.blocks, self.context.device, values["seen"] is not None)
-        if not at_end and not together:
-            near.add(stage)
-        for kernel in (kernels.at_once,) if together else (kernels.find, kernels.give_way, kernels.strike):
-            near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
+        kernels = self._kernels(of, at_end)
+        if not at_end:
+            self._near.add(stage)
+        for kernel in (kernels.find, kernels.give_way, kernels.strike):
+            self._near.launch(stage, kernel, a=with_values(kernels.struct(), values), body=self._of)
 
     def take(self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], **when: Any) -> None:
         """Add the launch that applies the impulses of triangles."""
@@ -292,14 +291,6 @@ class InFlight(BuiltMotion):
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)
-
-
-def run_together(blocks: int, device: wp.Device, searched: bool) -> bool:
-    """Whether so many blocks of threads are to wait for each other, which they can if all run at the same time.
-
-    A mesh is searched twice, the second time in the caches; for other shapes separate launches are faster.
-    """
-    return bool(searched and device.is_cuda and blocks <= device.sm_count)
 
 
 def _matrix(q: np.ndarray) -> np.ndarray:

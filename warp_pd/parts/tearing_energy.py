@@ -45,7 +45,7 @@ GPU_THREADS, CPU_THREADS = 2**15, 64
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
 # in motion; largest number of looks at one displacement.
-SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 16, 50
 # Relative residual down to which the displacement follows the damage while this changes.
 CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
@@ -152,6 +152,7 @@ class DamageField(Damaged):
             float(np.linalg.norm(np.ptp(points, axis=0))),
         )  # fmt: skip
         self.length, self.limit = self.constants.length, self.constants.limit
+        self.tear_energy = 0.25 * float(np.min(self._energy)) * self.length * context.whole.mean_thickness
         self._fastest = self.constants.steepness
         weak = self._fastest > 2.0
         self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
@@ -296,10 +297,13 @@ class DamageField(Damaged):
             self._add_list(stage)
             self._add_empty(stage)
         if phase is Phase.FRAME:
-            stage.launch(
-                self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
-                couplings=self._couplings, limit=self._limits, damage=self.field, out=self.fracture,
-            )  # fmt: skip
+            self._add_energy(stage)
+
+    def _add_energy(self, stage: Stage) -> None:
+        stage.launch(
+            self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
+            couplings=self._couplings, limit=self._limits, damage=self.field, out=self.fracture,
+        )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that compute the damage of a step and break bonds."""
@@ -314,6 +318,7 @@ class DamageField(Damaged):
         self._add_rousing(damage)
         self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
         self._add_severing(self.context.stage("rupture", AT_REST))
+        self._add_energy(self.context.stage("energy of the damage", AT_REST))
 
     def break_at_rest(self, again: bool) -> bool:
         """Minimise the energy over the damage at the current displacement, and break bonds near full damage.
@@ -324,20 +329,9 @@ class DamageField(Damaged):
         Returns:
             Whether the damage changed by more than SETTLED, or a bond broke.
         """
-        intact, field = self.memory[0].numpy().copy(), self.field.numpy().copy()
-        if not again:
-            self._least = field.copy()
-        # Sweeps write the points of the list alone: others have the damage of now in both arrays.
-        self.field.assign(self._least)
-        self._other.assign(self._least)
         # Sweeps leave the outermost ghost points wrong.
-        before, own = self._least, self._own
-        for _ in range(MAX_REPEATS):
-            self.context.run("damage")
-            now = self.field.numpy().copy()
-            if not self.context.communicator.any(bool(np.abs(now - before)[own].max() > 0.1 * SETTLED)):
-                break
-            before = now
+        intact, field, own = self.memory[0].numpy().copy(), self.field.numpy().copy(), self._own
+        now = self._minimise(again)
         self.context.run("rupture")
         broken = (self.memory[0].numpy() != intact).any(axis=0)
         self._least[broken] = now[broken]
@@ -345,6 +339,31 @@ class DamageField(Damaged):
         # Where nothing changed the displacement is in equilibrium with the damage that was.
         self.assign(now if self.context.communicator.any(changed) else field)
         return changed
+
+    def energy_at_rest(self, again: bool | None) -> float:
+        """Energy of the field [J] that `break_at_rest` would find, or of the damage as it is."""
+        field = self.field.numpy().copy()
+        if again is not None:
+            self._minimise(again)
+        self.context.run("energy of the damage")
+        self.field.assign(field)
+        return float(self.context.total(self.fracture))
+
+    def _minimise(self, again: bool) -> np.ndarray:
+        """Minimise the energy over the damage above its bounds; return the damage, (N,)."""
+        if not again:
+            self._least = self.field.numpy().copy()
+        # Sweeps write the points of the list alone: others have the damage of now in both arrays.
+        self.field.assign(self._least)
+        self._other.assign(self._least)
+        now = self._least
+        for _ in range(MAX_REPEATS):
+            before = now
+            self.context.run("damage")
+            now = self.field.numpy().copy()
+            if not self.context.communicator.any(bool(np.abs(now - before)[self._own].max() > 0.1 * SETTLED)):
+                break
+        return now
 
     def _add_rousing(self, stage: Stage) -> None:
         """Add the launch that marks awake points."""

@@ -317,6 +317,9 @@ def draw(
 def _not_converged(recorder: Recorder) -> str:
     assert recorder.solve is not None
     reached = recorder.solve["reached"]
+    if recorder.solve.get("ended"):
+        cause = recorder.solve["ended"]
+        return f"the path ends at load factor {reached:.4g}: even the shortest step failed, as {cause}"
     text = (
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
         f"the last good load step is at load factor {reached:.4g}"
@@ -327,8 +330,6 @@ def _not_converged(recorder: Recorder) -> str:
             f"{text}; likely cause: the supports leave {free} of 6 rigid-body motions free; expected supports "
             "(Fixed, Motion) that prevent them"
         )
-    if recorder.built.solver.turns:
-        return f"{text}; try a smaller increment"
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 

@@ -24,7 +24,7 @@ from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
-from .static_rupture import MIN_LOAD, StaticRupture
+from .static_rupture import MIN_LOAD, StaticRupture, copies, put_back
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -252,7 +252,7 @@ class Relaxing:
         built.stiffen()
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
-            good, broken = self._remember(), self.built.rupture.remember()
+            good, broken = self._remember(), copies(built.rupture.memory)
             converged = self._load_step(index)
             sink.residual = self.entries[-1]["residuals"][-1]
             sink.solve = {
@@ -269,7 +269,7 @@ class Relaxing:
                 # where --resume goes on.
                 if index > 1:
                     self._restore(good)
-                    self.built.rupture.restore(broken)
+                    put_back(broken)
                 else:
                     sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
                 return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..device.fields import Array, assign
+from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import StaticSolver
-from .static_rupture import StaticRupture
+from .static_rupture import Kept, StaticRupture, copies, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
 # A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
@@ -81,14 +81,9 @@ class Search(StaticSystem):
         """Follow the load path; return the final status."""
         finest, planned = self.levels[0], self.planned
         self._start_report(sink)
-        if finest.contacts:
-            finest.linearise(0.0)
-            sheet = finest.context.sheet
-            stiffness = finest.tangent.modulus() * float(np.mean(sheet.thickness)) / sheet.spacing**2
-            for contact in finest.contacts:
-                contact.stiffen(stiffness)
+        self._stiffen()
         reached = sink.time / self.settings.duration
-        broken, settled = self._keep(reached)
+        kept = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
@@ -96,15 +91,13 @@ class Search(StaticSystem):
             if converged:
                 self._compare(reached, factor)
                 reached = factor
-                broken, settled = self._keep(reached)
+                kept = self._keep(reached)
                 if factor == goal:
                     self._record(sink, reached)
                 continue
             wp.copy(finest.displacement, self.good)
             self._earlier_factor = self._kept_factor = None
-            self.rupture.restore(broken)
-            for array, values in settled:
-                array.assign(values)
+            put_back(kept)
             self._cutbacks += 1
             self._size *= 0.5
             if self._cutbacks > self.settings.most_cuts:
@@ -126,8 +119,8 @@ class Search(StaticSystem):
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
-    def _keep(self, reached: float) -> tuple[Sequence[np.ndarray], list[tuple[Array, np.ndarray]]]:
-        """Store the state as the last good load step; return the states of rupture and of contact."""
+    def _keep(self, reached: float) -> Kept:
+        """Store the state as the last good load step; return that of contact and rupture."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -136,8 +129,8 @@ class Search(StaticSystem):
         wp.copy(self.good, self.levels[0].displacement)
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        settled = [array for contact in self.levels[0].contacts for array in contact.memory]
-        return self.rupture.remember(), [(array, array.numpy().copy()) for array in settled]
+        settled = (array for contact in self.levels[0].contacts for array in contact.memory)
+        return copies((*settled, *self.rupture.memory))
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.

@@ -13,6 +13,8 @@ from .linear import LinearSolver
 
 # Accuracy of eigenvalues over the largest, and vectors of the Krylov space besides those that are wanted.
 ACCURACY, FURTHER = 1e-4, 12
+# Sine of the angle between eigenvectors that count as one.
+SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -67,18 +69,50 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
 
     if not level.following:
         inverse = _extreme(solved, len(free), 1, "LM")
-        return None if inverse is None else Stability(negative, [1.0 / float(inverse[0][0])], whole(inverse[1]))
-    found = _extreme(solved_product, len(free), min(number, len(free) - 2), "SR")
+        return (
+            None if inverse is None else Stability(negative, [1.0 / float(inverse[0][0])], whole(inverse[1][:, 0].real))
+        )
+    found = _lowest(solved_product, len(free), min(number, len(free) - 2))
     if found is None:
         return None
     values, mode = found
     return Stability(negative + int((values < 0.0).sum()), values.tolist(), whole(mode))
 
 
+def _lowest(
+    product: Callable[[np.ndarray], np.ndarray], size: int, number: int
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Lowest eigenvalues in order, all negative ones among them, and the vector of the one nearest to zero; real parts.
+
+    A Krylov space has one vector of a multiple eigenvalue. The others are those of the operator on the quotient by the
+    space of the vectors found (Schur deflation), on which the deflated operator is 1.
+    """
+    from scipy.linalg import orth
+
+    basis = np.zeros((size, 0))
+
+    def deflated(x: np.ndarray) -> np.ndarray:
+        inside = basis @ (basis.T @ x)
+        image = product(x - inside)
+        return np.asarray(image - basis @ (basis.T @ image) + inside)
+
+    further: list[float] = []
+    found = first = _extreme(deflated, size, number, "SR")
+    while found is not None and (found[0] < 0.0).any() and basis.shape[1] < size // 2:
+        vectors = found[1][:, found[0] < 0.0]
+        basis = orth(np.column_stack([basis, vectors.real, vectors.imag]), rcond=SAME)
+        found = _extreme(deflated, size, number, "SR")
+        further += [] if found is None else found[0][found[0] < 0.0].tolist()
+    if first is None or found is None:
+        return None
+    values, vectors = first
+    return np.sort([*values, *further]), vectors[:, np.argmin(np.abs(values))].real
+
+
 def _extreme(
     product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Largest ("LM") or lowest ("SR") eigenvalues in order, and the vector of the one nearest to zero; real parts."""
+    """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order, and their vectors, one a column."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
     operator = LinearOperator((size, size), matvec=product, dtype=np.float64)
@@ -88,4 +122,5 @@ def _extreme(
         values, vectors = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=krylov)
     except ArpackNoConvergence:
         return None
-    return np.sort(values.real), vectors[:, np.argmin(np.abs(values))].real
+    order = np.argsort(values.real)
+    return values.real[order], vectors[:, order]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..device.fields import Array
 from ..interfaces import System
 
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
@@ -14,6 +15,21 @@ from ..interfaces import System
 MIN_LOAD = 1e-3
 # Rounds of rupture at one load step after which the tear counts as running through.
 MAX_ROUNDS = 1000
+
+
+# Irreversible state, such as broken bonds and the multipliers of contact: arrays and their values.
+Kept = list[tuple[Array, np.ndarray]]
+
+
+def copies(arrays: Iterable[Array]) -> Kept:
+    """Arrays and copies of their values."""
+    return [(array, array.numpy().copy()) for array in arrays]
+
+
+def put_back(kept: Kept) -> None:
+    """Give arrays the values that they had."""
+    for array, values in kept:
+        array.assign(values)
 
 
 class StaticRupture:
@@ -40,6 +56,11 @@ class StaticRupture:
         """
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 
+    def energy(self, rounds: int | None = None) -> float:
+        """Energy of the damage field [J] that `breaks` would find; without `rounds`, that of the damage as it is."""
+        assert self._rupture is not None
+        return self._rupture.energy_at_rest(None if rounds is None else rounds > 0)
+
     def goes_on(self, load_step: Mapping[str, Any]) -> bool:
         """Whether a load step of the report reached the maximum number of rounds, so that the tear runs through."""
         if load_step["rounds"] < MAX_ROUNDS:
@@ -55,12 +76,7 @@ class StaticRupture:
             for share in dict.fromkeys(self._endless)
         ]
 
-    def remember(self) -> Sequence[np.ndarray]:
-        """Copies of the current rupture state."""
-        return [] if self._rupture is None else [array.numpy().copy() for array in self._rupture.memory]
-
-    def restore(self, kept: Sequence[np.ndarray]) -> None:
-        """Restore a rupture state returned by `remember`."""
-        if self._rupture is not None:
-            for array, values in zip(self._rupture.memory, kept, strict=True):
-                array.assign(values)
+    @property
+    def memory(self) -> Sequence[Array]:
+        """Arrays of the irreversible state."""
+        return [] if self._rupture is None else self._rupture.memory

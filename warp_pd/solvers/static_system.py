@@ -84,6 +84,16 @@ class StaticSystem:
         """Put back what `host_state` gave."""
         self.sizes = Sizes(**state["sizes"])
 
+    def _stiffen(self) -> None:
+        """Give contact a stiffness like that of the sheet."""
+        level = self.levels[0]
+        if level.contacts:
+            level.linearise(0.0)
+            sheet = level.context.sheet
+            stiffness = level.tangent.modulus() * float(np.mean(sheet.thickness)) / sheet.spacing**2
+            for contact in level.contacts:
+                contact.stiffen(stiffness)
+
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context = self.settings.preconditioner, self.system.context
         for load in self.system.external.following:

@@ -27,6 +27,35 @@ def add_kernel():
 
 
 @functools.cache
+def shift_kernel():
+    """pair = (2 pair[0], pair[0])."""
+
+    @kernel(per="once")
+    def shift(first: int, pair: wp.array(dtype=float)):
+        pair[1] = pair[0]
+        pair[0] = 2.0 * pair[0]
+
+    return shift
+
+
+@functools.cache
+def add_first():
+    """Pointwise stage: out[i] += source[0]."""
+
+    @wp.struct
+    class First:
+        source: wp.array(dtype=float)
+        out: wp.array(dtype=float)
+
+    @pointwise(First, writes=("out",), gathers=("source",))
+    def add_the_first(begin: int, end: int, a: First):
+        for i in range(begin, end):
+            a.out[i] = a.out[i] + a.source[0]
+
+    return add_the_first
+
+
+@functools.cache
 def neighbour_sum():
     """Pointwise stage: out[i] = source[i - 1] + source[i + 1]."""
 
@@ -137,6 +166,24 @@ def test_wraparound_is_the_stage_again_and_again():
         assert len(sequence.items) == (11 if fused else 15)
         sequence.run()
         results.append([x.numpy() for x in (a, b, c)])
+    np.testing.assert_array_equal(results[0], results[1])
+
+
+def test_early_launches_run_before_the_last_of_the_previous_repetition():
+    """It then reads what they have left of the previous one: here the first entry of two."""
+    results = []
+    for late in (False, True):
+        a, b, pair = array(1.0), array(0.0), array(1.0, 1.0)
+        made = stage()
+        # Moves the first entry on, which the second one keeps until then.
+        made.launch("one", shift_kernel(), 1, pair=pair, early=late)
+        made.pointwise("two", twice(), 1, source=a, out=b)
+        made.launch("three", add_kernel(), 1, a=pair, b=b)
+        made.pointwise("four", add_first(), 1, source=pair, out=a, late={"source": pair[1:]})
+        made.fuse_wraparound()
+        assert (made.wraparound is not None, made.leading) == (late, int(late))
+        LaunchSequence(made, 5).run()
+        results.append([x.numpy() for x in (a, b)])
     np.testing.assert_array_equal(results[0], results[1])
 
 

@@ -58,7 +58,6 @@ from warp_pd import (
 )
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
-from warp_pd.parts import built_motion
 from warp_pd.solvers import stable_step
 
 ROOT = Path(__file__).parents[3]
@@ -175,15 +174,15 @@ def gpu_paths():
 @pytest.fixture(scope="module")
 def recorded(gpu_paths):
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    # The last case as on a large sheet, and on a GPU.
-    small, together = stable_step.MANY_BLOCKS, built_motion.run_together
+    # The last case as on a large sheet.
+    small = stable_step.MANY_BLOCKS
     made, more = compare_checkouts.parts(), further()
     found = _launches_of(made[name]() for name in CASES) + _launches_of(more.values())
     try:
-        stable_step.MANY_BLOCKS, built_motion.run_together = 0, lambda *_: True
+        stable_step.MANY_BLOCKS = 0
         found += _launches_of([more["bodies"]])
     finally:
-        stable_step.MANY_BLOCKS, built_motion.run_together = small, together
+        stable_step.MANY_BLOCKS = small
     unique = {}
     for built, launch in [*found, *gpu_paths]:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))

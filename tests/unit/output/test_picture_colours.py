@@ -16,7 +16,7 @@ from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
 from warp_pd.output.plots import MOST_POLYGONS
-from warp_pd.output.projection import View, material_lines, nearest_about, places_of, raster
+from warp_pd.output.projection import View, material_lines, nearest_about, places_of, raster, sphere
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
 
@@ -149,6 +149,15 @@ def test_a_sheet_that_hides_another_is_drawn_last(pixels, tmp_path, as_pixels):
         assert (np.abs(pixels - hidden).max(axis=1) <= 1).mean() < 0.01
 
 
+def test_pictures_from_above_mark_bodies_too_thin_to_see(monkeypatch):
+    """A pin is marked where it is; a ball would hide the sheet, and neither is where the reference sheet is."""
+    vertices, triangles = sphere(np.array([0.3, 0.6, 0.1]), 0.01)
+    frame = replace(sheet_shown(5), bodies=[(vertices, triangles), (20.0 * vertices, triangles)])
+    marks = figure_of(monkeypatch, plots.from_above, [frame], "u3").axes[0].lines
+    np.testing.assert_allclose([mark.get_xydata()[0] for mark in marks], [(0.3, 0.6)], atol=1e-3)
+    assert not figure_of(monkeypatch, plots.reference, [frame], "u3").axes[0].lines
+
+
 def test_lines_of_the_material_lie_on_the_deformed_sheet():
     frame = sheet_shown(13, lift=0.2)
     lines, owners = material_lines(frame)
@@ -226,7 +235,8 @@ def test_names_say_what_they_are():
     assert (column_unit("ball_force_z"), column_unit("pressure"), column_unit("mine")) == ("N", "Pa", "")
 
 
-def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels):
+@pytest.mark.parametrize("painted", [False, True])
+def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels, monkeypatch, painted):
     """A bump with a hole and a ball on it: few pixels differ, those of edges and lines."""
     frame = sheet_shown(41, lift=0.3)
     x, y = frame.reference[:, :2].T
@@ -235,7 +245,10 @@ def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels):
     frame = replace(frame, triangles=frame.triangles[whole], ball=(np.array([0.7, 0.3, 0.35]), 0.2))
     shown = []
     for pixels in (True, False):
-        as_pixels(pixels)
+        if painted:
+            monkeypatch.setattr(plots, "MOST_VECTORS", 0 if pixels else MOST_POLYGONS)
+        else:
+            as_pixels(pixels)
         plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
         shown.append(imread(tmp_path / "a.png")[..., :3])
     different = np.abs(shown[0] - shown[1]).max(axis=2) > 0.1

@@ -1,0 +1,92 @@
+"""A strip between two clamps is stretched, and wrinkles along its length with a wavelength set by bending.
+
+0.25 x 0.1 m of neo-Hookean rubber, mu 2 MPa, 0.07 mm thick, is stretched by 10 %, as in Nayyar, Ravi-Chandar and Huang
+(Int. J. Solids Struct. 48, 2011). The clamps keep its width; where it narrows between them it is compressed across. Two
+columns of points in each clamp hold its slope. Small random heights start the wrinkles.
+
+Cerda and Mahadevan (Phys. Rev. Lett. 90, 2003) balance bending across the wrinkles with the tension T along them:
+
+    wavelength = 2 sqrt(pi) (D / T)^(1/4) L^(1/2),     D = mu h^3 / 3,
+
+with the length L of the stretched strip. Without bending (`--set bending=False`) wrinkles are as short as the spacing.
+"""
+
+import numpy as np
+
+from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Sheet, Simulation
+from warp_pd.device.checks import positive
+from warp_pd.measures import support_force
+
+LENGTH, WIDTH, MU = 0.25, 0.1, 2e6
+
+
+def build(
+    points: int = 161,
+    horizon: float = 1.5,
+    thickness: float = 7e-5,
+    strain: float = 0.1,
+    bending: bool = True,
+    duration: float = 0.15,
+    damping: float = 200.0,
+    frames: int = 20,
+) -> Simulation:
+    """Build the scene.
+
+    Args:
+        points: Points along the strip between the clamps.
+        strain: Length that is added to the strip over its length [-].
+        bending: Whether it has bending stiffness.
+        damping: Mass damping [1/s], in which the strip comes to rest.
+    """
+    spacing = LENGTH / (points - 1)
+    rows = round(WIDTH / spacing) + 1
+    sheet = Sheet.rectangle(
+        LENGTH + 2.0 * spacing, (rows - 1) * spacing, thickness=thickness, density=1000.0, points=points + 2
+    )
+    along, across = (sheet.points[:, 0] - spacing) / LENGTH, sheet.points[:, 1]
+    left, right = (np.flatnonzero(side) for side in (along < 1e-6, along > 1.0 - 1e-6))
+    heights = np.random.default_rng(0).normal(size=rows)
+    start = np.zeros((sheet.size, 3))
+    reached = np.clip(along, 0.0, 1.0)
+    narrowed = (1.0 - (1.0 + positive("strain", strain)) ** -0.5) * (1.0 - (2.0 * reached - 1.0) ** 4)
+    start[:, 0] = strain * LENGTH * reached
+    start[:, 1] = narrowed * (0.5 * across.max() - across)
+    start[:, 2] = thickness * np.sin(np.pi * reached) * heights[np.rint(across / spacing).astype(int)]
+    middle = np.flatnonzero(np.abs(along - 0.5) < 0.6 / (points - 1))
+    middle = middle[np.argsort(across[middle], kind="stable")]
+    middle = middle[np.append(True, np.diff(across[middle]) > 0.5 * spacing)]
+
+    def predicted(built):
+        tension = abs(support_force(built, right)[0]) / WIDTH
+        stiffness = MU * thickness**3 / 3.0
+        return 2.0 * np.sqrt(np.pi) * (stiffness / tension) ** 0.25 * np.sqrt(LENGTH * (1.0 + strain))
+
+    return Simulation(
+        sheet,
+        force=BondAssociated(NeoHookean(mu=MU, bulk=1e3 * MU), horizon=horizon),
+        loads=[Fixed(left), Fixed(right)],
+        bending=bending,
+        initial_displacement=start,
+        solver=Explicit(duration, frames=frames, damping=damping, safety=0.5),
+        measures=[
+            Measure("amplitude", "m", lambda built, frame: 0.5 * np.ptp(frame.displacement[middle, 2])),
+            Measure("wavelength", "m", lambda built, frame: wavelength(across[middle], frame.displacement[middle])),
+            Measure("predicted_wavelength", "m", lambda built, frame: predicted(built)),
+        ],
+        section="own wrinkles",
+        pictures=pictures,
+    )
+
+
+def wavelength(across, displacement):
+    """Wavelength along a line of points [m]: that of the sine with the same mean squares of height and slope."""
+    y, height = across + displacement[:, 1], displacement[:, 2]
+    slope = np.gradient(height, y)
+    return float(2.0 * np.pi * np.sqrt(np.trapezoid(height**2, y) / np.trapezoid(slope**2, y)))
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    shown = plots.frames_at(folder, [history[-1]["time"]])
+    plots.from_above(folder / "wrinkles.png", shown, field="u3", label="height (m)")
