@@ -1,6 +1,11 @@
 """Frames of a small sheet that tears under a ball, for the tests of writers."""
 
+import os
+import signal
+import subprocess
+import sys
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 
@@ -62,3 +67,27 @@ def write_all(writer, path, first=0, last=FRAMES, frame=make_frame, **options) -
         for index in range(first, last):
             open_file.write(frame(surface, index))
     return surface
+
+
+WRITE_FOREVER = """
+import importlib, sys, torn_frames
+module, writer, frame, path = sys.argv[1:]
+surface = torn_frames.make_surface()
+opened = getattr(importlib.import_module(module), writer)(path, surface)
+for index in range(10**6):
+    opened.write(getattr(torn_frames, frame)(surface, index))
+    print(index, flush=True)
+"""
+
+
+def write_until_killed(writer, path, frames, frame=make_frame) -> None:
+    """Another process writes frames, and is killed after so many."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITE_FOREVER, writer.__module__, writer.__name__, frame.__name__, str(path)],
+        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+    )  # fmt: skip
+    while int(process.stdout.readline()) < frames:
+        pass
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    process.stdout.close()

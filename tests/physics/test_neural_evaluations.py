@@ -49,8 +49,8 @@ def test_a_users_module_with_the_closed_form_gives_the_closed_form(sheet, precis
 
 @pytest.mark.parametrize(
     ("sheet", "precision", "breakable"),
-    [(square(11), 64, True), (square(11), 32, False), (jittered(11), 64, False), (jittered(11), 32, True)],
-    ids=["torn lattice", "lattice", "cloud", "torn cloud"],
+    [(square(11), 64, True), (square(11), 32, False), (jittered(11), 32, True)],
+    ids=["torn lattice", "lattice", "torn cloud"],
 )
 def test_fused_and_torch_agree(sheet, precision, breakable):
     forces = []

@@ -77,9 +77,8 @@ def compare(sheet, horizon, bits, cut=None, material=NEO, law=None):
     return launches
 
 
-@pytest.mark.parametrize(("horizon", "bits", "material"), [(2.015, 32, GENT), (LARGE, 32, NEO)])
-def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, material):
-    quick, reference = compare(square(15), horizon, bits, material=material)
+def test_undamaged_families_inside_a_lattice(large_on_gpu):
+    quick, reference = compare(square(15), 2.015, 32, material=GENT)
     assert {"undamaged_family_force", "family_block_force"} <= set(quick)
     assert "variational_force" in reference
 
@@ -97,9 +96,8 @@ SLIT = square(13).cut((0.0, 0.052), (0.06, 0.052))
     [
         (square(15), 1.5, 32, None),
         (square(15), 3.15, 64, CUT),
-        (square(15), 4.15, 32, CUT),
         (jittered(13), 1.5, 64, CUT),
-        (SLIT, 3.15, 64, None),
+        (SLIT, 3.15, 64, CUT),
         (holed(19), 1.5, 64, CUT),
     ],
 )
@@ -141,18 +139,10 @@ def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
     assert "family_block_force" in quick
 
 
-@pytest.mark.parametrize(
-    ("sheet", "horizon", "bits", "cut", "material"),
-    [
-        (square(13), 3.15, 64, CUT, NEO),
-        (jittered(13), 2.015, 64, None, NEO),
-        (SLIT, 2.015, 32, CUT, GENT),
-        (holed(19), 2.015, 64, CUT, NEO),
-    ],
-)
-def test_one_thread_per_bond(gpu_paths, sheet, horizon, bits, cut, material):
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), SLIT, holed(19)], ids=["lattice", "cloud", "slit", "grid"])
+def test_one_thread_per_bond(gpu_paths, sheet):
     """A GPU takes small sheets so."""
-    quick, _ = compare(sheet, horizon, bits, cut=cut, material=material)
+    quick, _ = compare(sheet, 2.015, 64, cut=CUT)
     assert "family_block_force" in quick and "undamaged_family_force" not in quick
 
 

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
-import signal
-import subprocess
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -36,33 +32,9 @@ def faces_of(mesh: UsdGeom.Mesh, index: int) -> np.ndarray:
     return np.array(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
 
 
-WRITE_UNTIL_KILLED = """
-import sys
-from torn_frames import make_frame, make_surface
-from warp_pd.output.usd import UsdAnimation
-surface = make_surface()
-animation = UsdAnimation(sys.argv[1], surface)
-for index in range(10**6):
-    animation.write(make_frame(surface, index))
-    print(index, flush=True)
-"""
-
-
 def test_killed_run_leaves_what_was_saved(tmp_path: Path) -> None:
     path = tmp_path / "animation.usd"
-    environment = {**os.environ, "PYTHONPATH": str(Path(torn_frames.__file__).parent)}
-    process = subprocess.Popen(
-        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(path)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
-    assert process.stdout is not None
-    while int(process.stdout.readline()) < SAVE_EVERY + 5:
-        pass
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
-    process.stdout.close()
+    torn_frames.write_until_killed(UsdAnimation, path, SAVE_EVERY + 5)
     stage = Usd.Stage.Open(str(path))
     mesh = UsdGeom.Mesh.Get(stage, SHEET)
     frames = len(mesh.GetPointsAttr().GetTimeSamples())
