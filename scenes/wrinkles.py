@@ -26,8 +26,8 @@ def build(
     thickness: float = 7e-5,
     strain: float = 0.1,
     bending: bool = True,
-    duration: float = 0.15,
-    damping: float = 200.0,
+    duration: float = 0.08,
+    damping: float = 300.0,
     frames: int = 20,
 ) -> Simulation:
     """Build the scene.
