@@ -17,6 +17,8 @@ from .smoother import FEW_ITERATIONS, FEW_SAFETY, SWEEPS, Smoother
 
 # Aggregates on the coarsest level at most, which is factorised.
 MAX_COARSEST = 300
+# Cycles of a solve up to which the next tangent keeps the aggregates; setting them up costs as much as ten cycles.
+KEPT_CYCLES = 12
 # All couplings count as strong: they reach two horizons, and an aggregate becomes a family. Weights by row sums need no
 # estimate of the largest eigenvalue, which takes longer than everything else.
 OPTIONS: dict[str, Any] = {
@@ -37,9 +39,18 @@ class Aggregates:
         self._sparse: Any = level.tangent.sparse()
         self._points = in_space(level.context.sheet.points)
         self._coarse: Any = None
+        self._cycles = 0
 
-    def prepare(self) -> bool:
-        """Set up the aggregates for the present tangent; return whether they are usable."""
+    def prepare(self, keep: bool = False) -> bool:
+        """Set up the aggregates for the present tangent; return whether they are usable.
+
+        Args:
+            keep: Whether those of an earlier tangent will do, if its solve took few cycles.
+        """
+        if keep and self.usable and self._cycles <= KEPT_CYCLES:
+            self._cycles = 0
+            return True
+        self._cycles = 0
         from pyamg import smoothed_aggregation_solver
         from pyamg.multilevel import MultilevelSolver
 
@@ -68,6 +79,7 @@ class Aggregates:
 
     def cycle(self, finest: int) -> None:
         """Run one V-cycle."""
+        self._cycles += 1
         level, smoother = self.level, self._smoother
         level.run("down")
         # The image of the solution has the sign of the force: right-hand side minus K x.

@@ -23,7 +23,7 @@ MAX_TRIALS = 12
 # Nor may the unbalanced force become so many times larger: beyond an energy barrier that work has no sign to trust.
 MAX_GROWTH = 10.0
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
-SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.1, 1e-3, 100.0, 1e-7
+SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.03, 1e-3, 100.0, 1e-7
 # A linear solve reaches this fraction of the residual at most, and no further than the tolerance asks.
 # Aggregates leave more of the soft motions across the sheet in a residual of the same size.
 LOOSEST, LOOSEST_ALGEBRAIC, TIGHTEST = 0.05, 0.01, 1e-6
@@ -57,8 +57,8 @@ class Descent:
         settings: Settings of the search.
         level: The lattice.
         solver: Its linear solver.
-        linearise: Function that computes the tangent with an added tension [Pa], and returns whether factorisation
-            succeeded.
+        linearise: Function that computes the tangent with an added tension [Pa], with the aggregates of the last
+            tangent if they will do (bool), and returns whether factorisation succeeded.
         target: Displacement of held components [m], shape (N, 3); others are meaningless.
         sizes: Scales of stiffness and load of the sheet.
         tolerance: Relative residual at which the level is in equilibrium.
@@ -66,7 +66,7 @@ class Descent:
     """
 
     def __init__(
-        self, settings: StaticSolver, level: Level, solver: LinearSolver, linearise: Callable[[float], bool],
+        self, settings: StaticSolver, level: Level, solver: LinearSolver, linearise: Callable[[float, bool], bool],
         target: np.ndarray, sizes: Sizes, tolerance: float, told: Callable[[int, float], None] | None,
     ) -> None:  # fmt: skip
         self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise
@@ -80,7 +80,8 @@ class Descent:
             self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
         self.lifting = bool(self.lift.any())
         self.tension = 0.0
-        self._kept = False
+        # Whether there are aggregates of a tangent of this load step.
+        self._kept = self._aggregated = False
         self.residuals: list[float] = []
         self.step_lengths: list[float] = []
 
@@ -119,7 +120,8 @@ class Descent:
         level, sizes = self.level, self.sizes
         while True:
             least = level.tangent.min_tension(relative)
-            usable = self._kept or self.linearise(max(self.tension, least))
+            usable = self._kept or self.linearise(max(self.tension, least), self._aggregated)
+            self._aggregated = usable
             self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
             if not sizes.modulus:
                 sizes.modulus = level.tangent.modulus()
@@ -137,7 +139,7 @@ class Descent:
                         return found
             if self.constant:
                 return None
-            self._kept = False
+            self._kept = self._aggregated = False
             self.tension = max(10.0 * self.tension, FIRST_TENSION * sizes.modulus)
             if self.tension > MAX_TENSION * sizes.modulus:
                 return None

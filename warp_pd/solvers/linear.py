@@ -67,10 +67,14 @@ class LinearSolver:
         stage.launch(OWNER, level.kernels.scale_blocks, n, **vectors, inverse_blocks=level.tangent.inverse_blocks)
         self._combination, self._block_scaling = stage.launches()
 
-    def prepare(self) -> bool:
-        """Factorise or aggregate if the preconditioner needs it; return whether that succeeded."""
+    def prepare(self, keep: bool = False) -> bool:
+        """Factorise or aggregate if the preconditioner needs it; return whether that succeeded.
+
+        Args:
+            keep: Whether the aggregates of an earlier tangent will do.
+        """
         if self.hierarchy is not None:
-            return self.hierarchy.prepare()
+            return self.hierarchy.prepare(keep)
         if self._sparse is not None:
             self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None

@@ -155,8 +155,8 @@ class Hierarchy:
         """Whether the coarsest tangent could be factorised."""
         return self._coarsest is not None
 
-    def prepare(self) -> bool:
-        """Return whether the levels are usable; `linearise` has set them up."""
+    def prepare(self, keep: bool = False) -> bool:
+        """Return whether the levels are usable; `linearise` has set them up, so there is nothing to keep."""
         return self.usable
 
     def sides(self, index: int) -> tuple[Array, Array]:

@@ -223,8 +223,14 @@ class StaticSystem:
             u = level.displacement.numpy()
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
-    def linearise(self, index: int, tension: float) -> bool:
-        """Compute the tangent and preconditioner of a level; return whether it is of use; not at a slack start."""
+    def linearise(self, index: int, tension: float, keep: bool = False) -> bool:
+        """Compute the tangent and preconditioner of a level; return whether it is of use; not at a slack start.
+
+        Args:
+            index: The level.
+            tension: Added tension [Pa].
+            keep: Whether the aggregates of an earlier tangent will do.
+        """
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)
             return self.hierarchy.usable
@@ -232,7 +238,7 @@ class StaticSystem:
         level.linearise(tension)
         if tension == 0.0 and not self.sizes.modulus and level.tangent.is_slack():
             return False
-        return self.solvers[0].prepare()
+        return self.solvers[0].prepare(keep)
 
 
 class BuiltStatic(BuiltSolver):
