@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import LinearOperator, cg, splu
 
 # Force per unit stress, in spacings, that counts as balanced.
 BALANCED = 1e-10
 # Where positive weights cannot balance a point, residual^2 / (2 softness) joins the objective instead.
-SOFTNESS = (1e-2, 1e-4)
+SOFTNESS = 1e-4
 # Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
-HOPELESS = 1e4
+HOPELESS = 200.0
+# Relative residual of a step, and the iterations after which it is worth a factorisation.
+ACCURACY, MOST_ITERATIONS = 1e-3, 12
 
 
 def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
@@ -25,13 +27,11 @@ def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarr
     _, ratio, balanced = _maximise(problem, nothing, nothing)
     if balanced:
         return ratio
-    multiplier = nothing
-    for price in SOFTNESS:
-        multiplier, ratio, _ = _maximise(problem, multiplier, np.full(len(gap), price))
+    multiplier, ratio, _ = _maximise(problem, nothing, np.full(len(gap), SOFTNESS))
     # Most points can be balanced all the same: stay soft only where much is left.
-    left = np.abs(price * multiplier)
+    left = np.abs(SOFTNESS * multiplier)
     for fraction in (0.3, 0.1, 0.03):
-        local = np.where(left > fraction * left.max(), price, 0.0)
+        local = np.where(left > fraction * left.max(), SOFTNESS, 0.0)
         _, local_ratio, balanced = _maximise(problem, multiplier, local)
         if balanced:
             return local_ratio
@@ -76,6 +76,7 @@ def _maximise(
         Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
     """
     value, ratio, slope = problem.value(multiplier, softness)
+    factors: Any = None
     for _ in range(steps):
         gradient = problem.left(ratio) - softness * multiplier
         if np.abs(gradient).max() <= 1e-12 or ratio.max() > HOPELESS:
@@ -83,13 +84,7 @@ def _maximise(
         curvature = problem.matrix @ sparse.diags(problem.plain * slope) @ problem.transposed
         # Multipliers that translate, turn or shear the sheet pull on no bond: their curvature is zero.
         shift = softness + 1e-13 * float(curvature.diagonal().max())
-        factors = splu(
-            (curvature + sparse.diags(shift)).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-        direction = factors.solve(gradient)
+        direction, factors = _solved(curvature + sparse.diags(shift), gradient, factors)
         rise = float(gradient @ direction)
         fraction = 1.0
         while fraction > 1e-8:
@@ -103,6 +98,19 @@ def _maximise(
         multiplier, value, ratio, slope = trial, trial_value, trial_ratio, trial_slope
     gradient = problem.left(ratio) - softness * multiplier
     return multiplier, ratio, float(np.abs(gradient).max()) <= BALANCED
+
+
+def _solved(matrix: sparse.csr_matrix, right_side: np.ndarray, factors: Any) -> tuple[np.ndarray, Any]:
+    """Solution by conjugate gradients with the factors of an earlier matrix, which are renewed if they do not help."""
+    if factors is not None:
+        inverse = LinearOperator(matrix.shape, factors.solve, dtype=np.float64)
+        found, failed = cg(matrix, right_side, rtol=ACCURACY, maxiter=MOST_ITERATIONS, M=inverse)
+        if not failed and found @ right_side > 0.0:
+            return found, factors
+    factors = splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    return factors.solve(right_side), factors
 
 
 def _change(above: np.ndarray, floor: float) -> np.ndarray:
