@@ -62,7 +62,7 @@ def test_examples_of_a_page_can_be_built(page):
     for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL):
         exec(compile(textwrap.dedent(code), page, "exec"), names)
     parts = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}
-    parts |= {"solvers": "every V-cycle", "visco": "branches", "rubbers": "ogden"}
+    parts |= {"solvers": "every V-cycle", "visco": "branches", "rubbers": "damage"}
     assert parts[page] in names["simulation"].plan("cpu")
     if page == "contact":
         assert "settle_contact" in names["indentation"].plan("cpu")

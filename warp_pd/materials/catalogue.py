@@ -15,8 +15,6 @@ from ..device.checks import InputError
 from .incompressible import MooneyRivlin, Ogden, Yeoh
 from .plane_stress import PlaneStress
 
-MEASURED = ("density", "strength", "tearing_energy")
-
 
 @dataclass(frozen=True)
 class Rubber:
@@ -30,6 +28,9 @@ class Rubber:
         residual: Root mean square deviation of the nominal stress over the largest stress of each test [-]; None
             where the constants are the source's, or pass through two numbers of a data sheet.
         measured: Other values known, "density", "strength" or "tearing_energy", with the source of each.
+
+    Raises:
+        InputError: if a density, strength or tearing energy is asked for that is not known.
     """
 
     name: str
@@ -41,17 +42,17 @@ class Rubber:
 
     @property
     def density(self) -> float:
-        """Mass density [kg/m^3]. Raises InputError if not known."""
+        """Mass density [kg/m^3]."""
         return self._known("density")
 
     @property
     def strength(self) -> float:
-        """Nominal stress at break in uniaxial tension [Pa]. Raises InputError if not known."""
+        """Nominal stress at break in uniaxial tension [Pa]."""
         return self._known("strength")
 
     @property
     def tearing_energy(self) -> float:
-        """Tearing energy [J/m^2]. Raises InputError if not known."""
+        """Tearing energy [J/m^2]."""
         return self._known("tearing_energy")
 
     def _known(self, quantity: str) -> float:
@@ -124,14 +125,6 @@ gum_rubber_james = Rubber(
     4.77,
     f"James, Green, Simpson, J. Appl. Polym. Sci. 19 (1975) 2033: gum vulcanisate, uniaxial; {TABLES}",
     0.0049,
-    NATURAL,
-)
-gum_rubber_jones = Rubber(
-    "gum_rubber_jones",
-    Ogden((1.185e6, 2.657e4), (0.7541, 3.576)),
-    2.76,
-    f"Jones, Treloar, J. Phys. D 8 (1975) 1285: natural rubber, uniaxial; {TABLES}",
-    0.0032,
     NATURAL,
 )
 isoprene_rubber = Rubber(
