@@ -136,10 +136,10 @@ isoprene_rubber = Rubber(
 )
 vhb_4910 = Rubber(
     "vhb_4910",
-    Ogden((1.4495e6, 14.98), (0.05, 6.814)),
-    2.99,
-    "Zhao, github.com/Chongran-Zhao/VHB4910_data (commit a23efd8): loading at 0.01 /s, which relaxes; fitted here",
-    0.0185,
+    Ogden((28400.0, 776.0), (1.149, 3.2056)),
+    6.0,
+    "Zhao, github.com/Chongran-Zhao/VHB4910_data (commit a23efd8): held for 400 s at eight stretches; fitted here",
+    0.0034,
 )
 polyurea = Rubber(
     "polyurea",
