@@ -58,7 +58,7 @@ class Tuning:
     cloud_ring: int = 2**18
     # Horizon [spacings] up to which families of a cloud have few enough members for blocks.
     compact_horizon: float = 4.0
-    # Number of points from which on memory counts more than time: tables of few bytes save two thirds, and cost a fifth.
+    # Number of points from which on memory counts more than time: small tables save two thirds of it, and cost a fifth.
     compact_points: int = 2**20
     # Entries of these tables have numbers of 31 bits.
     max_compact_points: int = 2**24
