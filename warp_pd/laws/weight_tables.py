@@ -15,10 +15,9 @@ from ..interfaces.context import Context
 if TYPE_CHECKING:
     from ..families.weights import CorrectedWeights, RectangleWeights
 
-# Largest horizon at which weights are corrected, and most points whose families are not deep inside a grid: beyond, the
-# solve takes minutes.
+# Largest horizon at which weights are corrected, and most points whose families are not deep inside a grid: 4 GB.
 MAX_CORRECTED = 4.5
-MAX_CORRECTED_CLOUD = 100_000
+MAX_CORRECTED_CLOUD = 1_000_000
 
 
 Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]

@@ -8,8 +8,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
+from ...device.checks import InputError
+
 # Force per unit stress, in spacings, that counts as balanced.
 BALANCED = 1e-10
+# Most components of force out of balance; beyond, factors take several GB and the solve minutes.
+MAX_BALANCES = 200_000
 # Where positive weights cannot balance a point, residual^2 / (2 softness) joins the objective instead.
 SOFTNESS = 1e-4
 # Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
@@ -22,6 +26,11 @@ def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarr
     """Ratios s, shape (U,), above the floor with the smallest change that satisfy matrix (plain (s - 1)) = gap."""
     if np.abs(gap).max(initial=0.0) <= BALANCED:
         return np.ones(len(plain))
+    if len(gap) > MAX_BALANCES:
+        raise InputError(
+            f"weights = 'corrected': {len(gap)} components of force out of balance in an irregular cloud, expected up "
+            f"to {MAX_BALANCES}; take a more even cloud, an outline, or other weights"
+        )
     problem = _Dual(matrix, matrix.T.tocsr(), plain, gap, floor)
     nothing = np.zeros(len(gap))
     _, ratio, balanced = _maximise(problem, nothing, nothing)

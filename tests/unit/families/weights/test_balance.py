@@ -12,7 +12,15 @@ from weight_cases import (
     third_areas,
 )
 
-from warp_pd.families.weights import corrected_weights, edge_vectors, plain_weights, reached_points, rectangle_corrected
+from warp_pd.device.checks import InputError
+from warp_pd.families.weights import (
+    corrected_weights,
+    dual,
+    edge_vectors,
+    plain_weights,
+    reached_points,
+    rectangle_corrected,
+)
 from warp_pd.families.weights.balance import FLOOR
 
 
@@ -35,6 +43,14 @@ def test_a_jittered_cloud_is_balanced(horizon, jitter):
     assert found.smallest_ratio > FLOOR
     assert found.weights.sum() == pytest.approx(areas.sum(), rel=1e-10)
     assert np.abs(out_of_balance(points, areas, family, found.weights, triangles)).max() < 1e-10
+
+
+def test_too_large_an_irregular_cloud_is_refused(monkeypatch):
+    monkeypatch.setattr(dual, "MAX_BALANCES", 100)
+    points, triangles = jittered_lattice(0.1)
+    areas = third_areas(points, triangles)
+    with pytest.raises(InputError, match=r"weights = 'corrected': .* expected up to 100"):
+        corrected_weights(points, areas, *cloud(points, 2.015), edge_vectors=edge_vectors(points, triangles))
 
 
 def test_the_points_that_no_positive_weights_balance_are_few():
