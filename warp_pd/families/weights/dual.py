@@ -116,9 +116,7 @@ def _solved(matrix: sparse.csr_matrix, right_side: np.ndarray, factors: Any) -> 
         found, failed = cg(matrix, right_side, rtol=ACCURACY, maxiter=MOST_ITERATIONS, M=inverse)
         if not failed and found @ right_side > 0.0:
             return found, factors
-    factors = splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return factors.solve(right_side), factors
 
 
