@@ -34,6 +34,7 @@ def build(
 
     Args:
         points: Points along the strip between the clamps.
+        thickness: Thickness of the strip [m].
         strain: Length that is added to the strip over its length [-].
         bending: Whether it has bending stiffness.
         damping: Mass damping [1/s], in which the strip comes to rest.

@@ -54,7 +54,7 @@ def test_examples_of_fits_run(code, capsys):
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["bodies", "contact", "self-contact", "solvers", "visco"])
+@pytest.mark.parametrize("page", ["bodies", "contact", "rubbers", "self-contact", "solvers", "visco"])
 def test_examples_of_a_page_can_be_built(page):
     if page == "bodies":
         pytest.importorskip("newton", reason="newton, the extra `bodies`, is not installed")
@@ -62,7 +62,7 @@ def test_examples_of_a_page_can_be_built(page):
     for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL):
         exec(compile(textwrap.dedent(code), page, "exec"), names)
     parts = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}
-    parts |= {"solvers": "every V-cycle", "visco": "branches"}
+    parts |= {"solvers": "every V-cycle", "visco": "branches", "rubbers": "damage"}
     assert parts[page] in names["simulation"].plan("cpu")
     if page == "contact":
         assert "settle_contact" in names["indentation"].plan("cpu")

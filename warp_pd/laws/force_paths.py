@@ -58,8 +58,7 @@ class Tuning:
     cloud_ring: int = 2**18
     # Horizon [spacings] up to which families of a cloud have few enough members for blocks.
     compact_horizon: float = 4.0
-    # Horizon up to which tables of few bytes cost no time, and number of points from which on they are worth it.
-    free_compact_horizon: float = 2.5
+    # Number of points from which on memory counts more than time: small tables save two thirds of it, and cost a fifth.
     compact_points: int = 2**20
     # Entries of these tables have numbers of 31 bits.
     max_compact_points: int = 2**24
@@ -316,9 +315,8 @@ class FamilyBlocks:
         sheet, features = context.whole, context.features
         able = has_shared_memory(context.device) and capabilities(material).near is not None
         cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
-        pays = horizon <= TUNING.free_compact_horizon or sheet.size >= TUNING.compact_points
-        few = horizon <= TUNING.compact_horizon
-        return able and cloud and pays and few and features.dynamic and not features.breakable
+        pays = sheet.size >= TUNING.compact_points and horizon <= TUNING.compact_horizon
+        return able and cloud and pays and features.dynamic and not features.breakable
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
