@@ -13,10 +13,14 @@ the second derivative of the position along two sides, and what a straight avera
 
 less the values of k and n . r of the stress-free sheet, with indices raised by its metric. See docs/bending.md.
 The force is minus the gradient of E, including that of n; `change` kernels have its derivative along a direction.
+
+With damage, E of a triangle is multiplied by what is left of its stiffness: the least g = (1 - d)^2 of its corners
+(kernels/damage_field.py), and 0 for good once a bond within the fit of one of them is broken, since a fit across a tear
+is no slope. The energy that this takes is summed over each step as kernels/rupture.py says.
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
@@ -42,6 +46,8 @@ class BendingKernels:
         gather_change: The same of the change.
         spread: Adds the force of the slopes to the points that they were fitted to.
         energy: Energy at each point, a third of each of its triangles.
+        weaken: Reduces what is left of the stiffness of triangles, and sums the energy lost; None without damage.
+        share_lost: Energy lost at each point, a third of each of its triangles; None without damage.
     """
 
     Plate: Any
@@ -53,15 +59,22 @@ class BendingKernels:
     gather_change: Kernel
     spread: Kernel
     energy: Kernel
+    weaken: Kernel | None = None
+    share_lost: Kernel | None = None
 
 
 @functools.cache
-def bending(bits: int, curved: bool) -> BendingKernels:
+def bending(
+    bits: int, curved: bool, breakable: bool = False, softened: bool = False, tracked: bool = False
+) -> BendingKernels:
     """Kernels of bending.
 
     Args:
         bits: 32 or 64.
         curved: Whether the sheet has a curvature free of stress, and a plane of its own at each point.
+        breakable: Whether bonds can break.
+        softened: Whether there is a damage field.
+        tracked: Whether to sum the energy lost to damage.
     """
     types = numeric(bits)
     real, vec3, vec2, mat22, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat22, types.mat32, types.vec6
@@ -89,6 +102,10 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         rest_sides: wp.array2d(dtype=vec3)  # only of curved sheets, (2, F)
         rest: wp.array2d(dtype=vec3)  # g and r of the stress-free sheet, (6, F)
         poisson: real
+        # Only where bonds can break.
+        via: wp.array2d(dtype=wp.int32)  # steps to points whose bonds a fit spans, the first is the point itself
+        spans: wp.array2d(dtype=wp.uint32)  # bits of these bonds, (steps x words, kinds)
+        left: wp.array(dtype=real)  # of the stiffness of a triangle
 
     @wp.struct
     class Bent:
@@ -106,6 +123,13 @@ def bending(bits: int, curved: bool) -> BendingKernels:
             return plate.sides[corner, plate.face_kind[t]]
         else:
             return plate.sides[0, plate.face_kind[t]]
+
+    @wp.func
+    def stiffness_of(plate: Plate, t: int):
+        if wp.static(breakable):
+            return plate.left[t] * plate.stiffness[plate.face_kind[t]]
+        else:
+            return plate.stiffness[plate.face_kind[t]]
 
     @wp.func
     def vectors(first: vec3, second: vec3, d0: mat32, d1: mat32, d2: mat32):
@@ -130,7 +154,7 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         ab = s[0, 0] * s[0, 1] + s[1, 0] * s[1, 1]
         over = real(1.0) / (aa * bb - ab * ab)
         p, q, r = bb * over, aa * over, -ab * over
-        size, nu = plate.stiffness[plate.face_kind[t]], plate.poisson
+        size, nu = stiffness_of(plate, t), plate.poisson
         # Mixed components of the curvature.
         kaa, kab = p * k[0] + r * k[2], p * k[2] + r * k[1]
         kba, kbb = r * k[0] + q * k[2], r * k[2] + q * k[1]
@@ -146,10 +170,14 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         )
 
     @wp.func
+    def corners_of(plate: Plate, t: int):
+        start = plate.first_corner[t]
+        return plate.corners[plate.face_kind[t]] + wp.vec3i(start, start, start)
+
+    @wp.func
     def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
         """What a displacement adds to the sides and to the six vectors."""
-        start = plate.first_corner[t]
-        c = plate.corners[plate.face_kind[t]] + wp.vec3i(start, start, start)
+        c = corners_of(plate, t)
         first, second = displacement[c[1]] - displacement[c[0]], displacement[c[2]] - displacement[c[0]]
         d0, d1, d2 = (
             slope[c[0]] * plane(plate, t, 0),
@@ -159,9 +187,10 @@ def bending(bits: int, curved: bool) -> BendingKernels:
         return first, second, vectors(first, second, d0, d1, d2)
 
     @wp.func
-    def bent(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+    def bent_by(plate: Plate, t: int, first: vec3, second: vec3, given: mat63):
+        """The state of a triangle from what a displacement adds to its sides and vectors."""
         b = Bent()
-        first, second, found = changed(plate, t, displacement, slope)
+        found = given
         if wp.static(curved):
             b.first = first + plate.rest_sides[0, t]
             b.second = second + plate.rest_sides[1, t]
@@ -185,6 +214,11 @@ def bending(bits: int, curved: bool) -> BendingKernels:
             b.strain = found * b.normal
         b.moment = moments_of(plate, t, b.strain)
         return b
+
+    @wp.func
+    def bent(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+        first, second, found = changed(plate, t, displacement, slope)
+        return bent_by(plate, t, first, second, found)
 
     @wp.func
     def couples_of(m: vec6):
@@ -352,4 +386,85 @@ def bending(bits: int, curved: bool) -> BendingKernels:
                 total += wp.float64(wp.dot(b.strain, b.moment))
         out[i] = total / wp.float64(6.0)
 
-    return BendingKernels(Plate, keep, slopes, moments, moments_change, gather, gather_change, spread, energy)
+    found = BendingKernels(Plate, keep, slopes, moments, moments_change, gather, gather_change, spread, energy)
+    if not breakable:
+        return found
+
+    @wp.func
+    def earlier(displacement: wp.array(dtype=vec3), velocity: wp.array(dtype=vec3), back: real, i: int):
+        return displacement[i] - back * velocity[i]
+
+    @wp.func
+    def earlier_slope(
+        plate: Plate, displacement: wp.array(dtype=vec3), velocity: wp.array(dtype=vec3), back: real, i: int
+    ):
+        here, kind, total = earlier(displacement, velocity, back, i), plate.kind[i], mat32()
+        for k in range(plate.ring.shape[0]):
+            there = earlier(displacement, velocity, back, i + plate.ring[k, kind])
+            total += wp.outer(there - here, plate.weights[k, kind])
+        return total
+
+    @wp.func
+    def energy_of_step(
+        plate: Plate, t: int, displacement: wp.array(dtype=vec3), velocity: wp.array(dtype=vec3), dt: real
+    ):
+        """2 E(half a step ago) - E(now) / 2 - E(one step ago) / 2."""
+        c, total = corners_of(plate, t), real(0.0)
+        for half_steps in range(wp.int32(3)):
+            back = half * real(half_steps) * dt
+            origin = earlier(displacement, velocity, back, c[0])
+            first = earlier(displacement, velocity, back, c[1]) - origin
+            second = earlier(displacement, velocity, back, c[2]) - origin
+            d0 = earlier_slope(plate, displacement, velocity, back, c[0]) * plane(plate, t, 0)
+            d1 = earlier_slope(plate, displacement, velocity, back, c[1]) * plane(plate, t, 1)
+            d2 = earlier_slope(plate, displacement, velocity, back, c[2]) * plane(plate, t, 2)
+            b = bent_by(plate, t, first, second, vectors(first, second, d0, d1, d2))
+            total += wp.where(half_steps == 1, real(2.0), -half) * half * wp.dot(b.strain, b.moment)
+        return total
+
+    @kernel(per="face")
+    def weaken(
+        plate: Plate,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        intact: wp.array2d(dtype=wp.uint32),
+        damage: wp.array(dtype=real),
+        first: int,
+        left: wp.array(dtype=real),
+        lost: wp.array(dtype=wp.float64),
+    ):
+        t = wp.tid() + first
+        before = left[t]
+        if before <= real(0.0):
+            return
+        c = corners_of(plate, t)
+        now = before
+        for corner in range(wp.int32(3)):
+            i = c[corner]
+            kind = plate.kind[i]
+            if wp.static(softened):
+                now = wp.min(now, (real(1.0) - damage[i]) * (real(1.0) - damage[i]))
+            for k in range(plate.spans.shape[0]):
+                word = k % intact.shape[0]
+                needed = plate.spans[k, kind]
+                if needed != wp.uint32(0):
+                    if (intact[word, i + plate.via[k // intact.shape[0], kind]] & needed) != needed:
+                        now = real(0.0)
+        if now < before:
+            if wp.static(tracked):
+                taken = (real(1.0) - now / before) * energy_of_step(plate, t, displacement, velocity, step[0])
+                lost[t] = lost[t] + wp.float64(taken)
+            left[t] = now
+
+    @kernel(gathers=("lost",))
+    def share_lost(plate: Plate, lost: wp.array(dtype=wp.float64), first: int, out: wp.array(dtype=wp.float64)):
+        i = wp.tid() + first
+        total, kind = wp.float64(0.0), plate.kind[i]
+        for k in range(plate.around.shape[0]):
+            place = plate.around[k, kind]
+            if place >= 0:
+                total += lost[plate.first_triangle[i] + place // 3]
+        out[i] = total / wp.float64(3.0)
+
+    return replace(found, weaken=weaken, share_lost=share_lost if tracked else None)

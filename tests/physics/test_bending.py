@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import build, internal_force, jittered, random_gradient, square, strain_energy, uniform
+from helpers import build, internal_force, jittered, random_gradient, sever, square, strain_energy, uniform
 from small_runs import run
 
 from warp_pd import (
@@ -15,7 +15,9 @@ from warp_pd import (
     NeoHookean,
     Newton,
     PointForce,
+    Relaxation,
     Sheet,
+    TearingEnergy,
 )
 from warp_pd.device.fields import assign
 from warp_pd.run.modes import natural_modes
@@ -208,10 +210,86 @@ def test_a_stiffer_plate_takes_shorter_steps():
     assert steps[0] / steps[1] == pytest.approx(2.0, rel=0.02)
 
 
+def weakened(built):
+    """Let triangles lose what broken bonds and damage take."""
+    built.context.run("step")
+    built.state.velocity.zero_()
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_a_damaged_sheet_keeps_gradient_and_momentum(name):
+    sheet = SHEETS[name]()
+    damage = np.random.default_rng(5).uniform(-0.5, 0.7, sheet.size).clip(0.0)
+    built, plain = (
+        build(sheet, bending=given, damage=TearingEnergy(1e6, initial_damage=damage), weights="corrected")
+        for given in (True, False)
+    )
+    here = rough_motion(sheet)
+    force = internal_force(built, here) - internal_force(plain, here)
+    size = np.abs(force).sum()
+    assert np.abs(force.sum(axis=0)).max() < 1e-12 * size
+    assert np.abs(np.cross(sheet.positions + here, force).sum(axis=0)).max() < 1e-12 * size
+    step, direction = 1e-6 * sheet.spacing, np.random.default_rng(4).normal(size=here.shape)
+    slope = bending_energy(built, here + step * direction) - bending_energy(built, here - step * direction)
+    assert slope / (2.0 * step) == pytest.approx(-(force * direction).sum(), rel=1e-6)
+    left = (1.0 - damage[sheet.triangles].max(axis=1)) ** 2
+    assert built.law.plate.left.numpy() == pytest.approx(left)
+
+
+@pytest.mark.parametrize("name", ["lattice", "cloud"])
+def test_two_pieces_of_a_torn_strip_bend_each_on_its_own(name):
+    """Pieces that are turned against each other are rigid: no moment, whatever fits across the tear would say."""
+    sheet = square(15) if name == "lattice" else jittered(15)
+    built, plain = (build(sheet, bending=given, damage=CriticalStretch(50.0)) for given in (True, False))
+    x, middle = sheet.points[:, 0], 0.5 * 0.1 + 0.1 * sheet.spacing
+    right, angle = x > middle, 0.7
+    motion = np.zeros((sheet.size, 3))
+    motion[right, 0] = (x[right] - middle) * (np.cos(angle) - 1.0) + 2.0 * sheet.spacing
+    motion[right, 2] = (x[right] - middle) * np.sin(angle)
+    whole = np.abs(internal_force(built, motion) - internal_force(plain, motion)).max()
+    for each in (built, plain):
+        sever(each, ((middle, -1.0), (middle, 1.0)))
+    weakened(built)
+    assert np.abs(internal_force(built, motion) - internal_force(plain, motion)).max() < 1e-9 * whole
+    curled = 0.1 * sheet.spacing * np.random.default_rng(1).normal(size=motion.shape)
+    still = np.abs(internal_force(built, curled) - internal_force(plain, curled)).max(axis=1)
+    assert still[np.abs(x - middle) > 0.02].min() > 0.0
+
+
+def torn_strip(damage, precision=64):
+    """A plate that bends and vibrates while it is torn apart."""
+    sheet = square(21, thickness=4e-3).cut((-0.01, 0.0501), (0.03, 0.0501))
+    ends = [sheet.edges("bottom"), sheet.edges("top")]
+    y = sheet.points[:, 1] / 0.1
+    velocity = np.zeros((sheet.size, 3))
+    velocity[:, 2] = 2.0 * np.sin(np.pi * y) ** 2
+    moved = Motion(ends[1], [0.0, 0.1], x=0.0, y=[0.0, 0.08], z=0.0)
+    return run(
+        sheet, Explicit(0.1, frames=25), loads=[Fixed(ends[0]), moved], bending=2e-4, initial_velocity=velocity,
+        damage=damage(np.concatenate(ends)), precision=precision,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize(
+    "damage",
+    [lambda ends: TearingEnergy(20.0, spared=ends), lambda ends: CriticalStretch(1.6, spared=ends)],
+    ids=["field", "stretch"],
+)
+def test_a_plate_torn_while_it_bends_keeps_its_energy(damage, precision):
+    results = [torn_strip(damage, precision) for _ in range(2)]
+    rows = results[0].history
+    assert results[0].status == "finished" and max(abs(row["balance_error"]) for row in rows) < 5e-3
+    lost = np.array([row["bending_lost"] for row in rows])
+    assert lost[-1] > 0.05 * max(row["bending"] for row in rows) and np.diff(lost).min() > -1e-3 * lost[-1]
+    for first, second in zip(*(r.built.context.fields for r in results), strict=True):
+        assert first.array.numpy().tobytes() == second.array.numpy().tobytes()
+
+
 def test_what_bending_refuses_and_a_scene_without_it():
     sheet = square(7)
     with pytest.raises(InputError, match=r"bending = -1\.0"):
         build(sheet, bending=-1.0)
-    with pytest.raises(InputError, match="not supported with damage"):
-        build(sheet, bending=True, damage=CriticalStretch(2.0))
+    with pytest.raises(InputError, match="damage not supported in static equilibrium"):
+        build(sheet, bending=True, damage=CriticalStretch(2.0), solver=Relaxation())
     assert not [stored for stored in build(sheet).context.fields if stored.field.owner == "bending"]

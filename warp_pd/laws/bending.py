@@ -11,12 +11,13 @@ import warp as wp
 from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families import pack
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import BendingKernels, bending
 from .bending_tangent import BendingTangent
-from .slopes import fitted_slopes
+from .slopes import CHUNK, fitted_slopes
 
 OWNER = "bending"
 # Points that are held in all three components, or in a rigid inclusion.
@@ -37,7 +38,8 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
             Poisson's ratio of the material; False for none.
 
     Raises:
-        InputError: for several processes, bonds that break, several materials, or a material without stiffness.
+        InputError: for several processes, bonds that break in static equilibrium, several materials, or a material
+            without stiffness.
     """
     if given is False:
         return law
@@ -45,8 +47,8 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         positive("bending", given)
     if context.partition is not None:
         raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
-    if context.features.breakable:
-        raise InputError(f"bending = {given}: not supported with damage; expected damage = None")
+    if context.features.breakable and not context.features.dynamic:
+        raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
     if context.regions:
         raise InputError(f"bending = {given}: not supported with several materials; expected one")
     return cast(BuiltLaw, BendingForce(law, context, given))
@@ -81,6 +83,7 @@ class BendingForce:
         kernels: Kernels of bending.
         plate: Their tables.
         energy: Energy of bending at each point at the last frame [J], (N,) float64.
+        lost: Energy lost to damage at each point at the last frame [J], (N,) float64; None if it is not tracked.
         coarsens: False: on coarser lattices the stiffness would be that of shorter waves.
     """
 
@@ -88,7 +91,10 @@ class BendingForce:
 
     def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
         self.law, self.context = law, context
-        self.kernels: BendingKernels = bending(context.bits, context.sheet.frames is not None)
+        f = context.features
+        self.kernels: BendingKernels = bending(
+            context.bits, context.sheet.frames is not None, f.breakable, f.softened, f.breakable and f.tracked
+        )
         self.stiffness, self.poisson = self._stiffness(given)
         self.slopes = fitted_slopes(context.sheet, (context.held & HELD == HELD) | (context.held & RIGID != 0))
         self.plate: Any = self._tables()
@@ -102,6 +108,12 @@ class BendingForce:
             )
         }  # fmt: skip
         self.energy = context.array("bending_energy", OWNER, wp.float64, shape=n)
+        self.lost: Array | None = None
+        self._softening: Array | None = None
+        self._lost: Array | None = None
+        if self.kernels.share_lost is not None:
+            self.lost = context.array("bending_lost", OWNER, wp.float64, shape=n)
+            self._lost = context.array("bending_lost_faces", OWNER, wp.float64, shape=faces, per="face", restart=True)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.law, name)
@@ -130,6 +142,8 @@ class BendingForce:
         t = self.context.types
         values: dict[str, tuple[Any, np.ndarray]] = {}
         values |= self._point_tables(np.arange(len(x)), t)
+        if self.context.features.breakable:
+            left = self.context.array("bending_left", OWNER, t.real, np.ones(len(triangles)), per="face", restart=True)
         corners = triangles - triangles[:, :1]
         stiffness = self.stiffness[triangles].mean(axis=1) * area
         shapes = np.moveaxis(flat, 0, 1).reshape(len(area), -1) / sheet.spacing
@@ -147,6 +161,8 @@ class BendingForce:
         for name, (dtype, value) in values.items():
             setattr(plate, name, self.context.array(f"plate_{name}", OWNER, dtype, value, per="table"))
         plate.poisson = self.poisson
+        if self.context.features.breakable:
+            plate.left = left
         return plate
 
     def _point_tables(self, every: np.ndarray, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
@@ -162,12 +178,48 @@ class BendingForce:
         around = _filled(places, order - 3 * first[places[1]], -1)
         own = weights.sum(axis=0)
         scaled = [np.moveaxis(w, 1, 0).reshape(size, -1) * self.context.sheet.spacing for w in (weights, back)]
-        kind, one = kinds(np.concatenate([ring, fitted, around]).T, np.column_stack(scaled))
-        return {
+        torn = self._spans(ring) if self.context.features.breakable else {}
+        checked = [values for _, values in torn.values()]
+        kind, one = kinds(np.concatenate([ring, fitted, around, *checked]).T, np.column_stack(scaled))
+        return {name: (dtype, values[:, one]) for name, (dtype, values) in torn.items()} | {
             "kind": (wp.int32, kind), "ring": (wp.int32, ring[:, one]), "weights": (t.vec2, weights[:, one]),
             "own": (t.vec2, own[one]), "fitted": (wp.int32, fitted[:, one]), "fitted_weights": (t.vec2, back[:, one]),
             "around": (wp.int32, around[:, one]), "first_triangle": (wp.int32, first),
         }  # fmt: skip
+
+    def _spans(self, ring: np.ndarray) -> dict[str, tuple[Any, np.ndarray]]:
+        """Bonds between each point and those of its fit; if one of them breaks, the fit reaches across a tear.
+
+        A fit point beyond the horizon is reached over a member of both families.
+        """
+        families, size, x = self.law.families, ring.shape[1], self.context.sheet.positions
+        parts, far = [], []
+        for begin in range(0, size, CHUNK):
+            points = np.arange(begin, min(begin + CHUNK, size))
+            members, spans = families.members_of(points), np.zeros((len(points), families.members), bool)
+            for other in points + ring[:, points]:
+                bond = members == other[:, None]
+                spans |= bond
+                beyond = (other != points) & ~bond.any(axis=1)
+                far.append(np.column_stack([points, other])[beyond])
+            parts.append(spans)
+        own, (start, end) = np.concatenate(parts), np.concatenate(far).T
+        of_start = families.members_of(start)
+        shared = (of_start[:, :, None] == families.members_of(end)[:, None]).any(axis=2) & (of_start >= 0)
+        away = np.linalg.norm(x[of_start] - 0.5 * (x[start] + x[end])[:, None], axis=2)
+        first = np.where(shared, away, np.inf).argmin(axis=1) if len(start) else start
+        own[start, first] |= shared.any(axis=1)
+        over = of_start[np.arange(len(start)), first]
+        second = (families.members_of(over) == end[:, None]) & shared.any(axis=1)[:, None]
+        steps, bits = np.zeros((1, size), int), pack(own)[None]
+        if len(start):
+            places, order = _columns(start, size)
+            steps = np.concatenate([steps, _filled(places, (over - start)[order], 0)])
+            bits = np.concatenate([bits, _filled(places, pack(second)[order], 0)])
+        return {
+            "via": (wp.int32, steps),
+            "spans": (wp.uint32, np.moveaxis(bits, 1, 2).reshape(-1, size)),
+        }
 
     def _rest(self, sides: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """Vectors g and r of the stress-free sheet [m], (6, F, 3); see kernels/bending.py."""
@@ -191,7 +243,13 @@ class BendingForce:
         """Add the launches of the law, and of the force or the energy of bending."""
         self.law.add(phase, stage)
         state = self.context.state
-        if phase is Phase.INTERNAL_FORCE:
+        if phase is Phase.INTERNAL_VARIABLES and self.kernels.weaken is not None:
+            stage.launch(
+                OWNER, self.kernels.weaken, len(self.context.sheet.triangles), plate=self.plate,
+                displacement=state.displacement, velocity=state.velocity, step=state.step, intact=self.law.intact,
+                damage=self._softening, left=self.plate.left, lost=self._lost,
+            )  # fmt: skip
+        elif phase is Phase.INTERNAL_FORCE:
             self._add_bending(stage, state.displacement, state.force)
         elif phase is Phase.FRAME:
             self.add_slopes(stage, state.displacement, self.slope)
@@ -199,6 +257,11 @@ class BendingForce:
                 OWNER, self.kernels.energy, self.context.sheet.size, plate=self.plate, displacement=state.displacement,
                 slope=self.slope, out=self.energy,
             )  # fmt: skip
+            if self.kernels.share_lost is not None:
+                stage.launch(
+                    OWNER, self.kernels.share_lost, self.context.sheet.size, plate=self.plate, lost=self._lost,
+                    out=self.lost,
+                )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
@@ -230,6 +293,18 @@ class BendingForce:
     def stored_energy(self) -> Mapping[str, Array]:
         """The strain energy of the law, and the energy of bending."""
         return {**self.law.stored_energy(), "bending": self.energy}
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """What the law loses, and the energy of bending lost to damage."""
+        lost = self.law.lost_energy()
+        return lost if self.lost is None else {**lost, "bending_lost": self.lost}
+
+    def soften(self, damage: Array) -> None:
+        """Reduce the stiffness of the law, and of triangles by the damage of their corners, (N,)."""
+        self.law.soften(damage)
+        self._softening = damage
+        left = (1.0 - damage.numpy()[self.context.sheet.triangles].max(axis=1)) ** 2
+        self.plate.left.assign(left)
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """The tangent of the law and of bending, for Newton's method.

@@ -39,6 +39,7 @@ COLUMNS = {
     "contact": "energy of the contact",
     "sheet_friction": "lost to friction of the sheet",
     "bending": "energy of bending",
+    "bending_lost": "energy of bending lost to tearing",
     "joint": "energy of the joint",
     "joint_released": "lost to breaking of the joint",
 }

@@ -108,6 +108,7 @@ def further():
         "visco slow": Simulation(plane, replace(visco, fast=False), Explicit(1.0)),
         "bending": Simulation(plane, law, Newton(preconditioner="direct"), loads=[clamp], bending=True),
         "bending curved": Simulation(small_tube(), law, Newton(), loads=[Fixed([0])], bending=1e-4),
+        "bending torn": Simulation(plane, law, Explicit(1.0), damage=TearingEnergy(1.0), bending=1e-4),
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
         "values by point": Simulation(
             small_tube(),
