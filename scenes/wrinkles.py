@@ -14,7 +14,7 @@ with the length L of the stretched strip. Without bending (`--set bending=False`
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Sheet, Simulation
-from warp_pd.device.checks import positive
+from warp_pd.device.checks import count, positive
 from warp_pd.measures import support_force
 
 LENGTH, WIDTH, MU = 0.25, 0.1, 2e6
@@ -39,7 +39,7 @@ def build(
         bending: Whether it has bending stiffness.
         damping: Mass damping [1/s], in which the strip comes to rest.
     """
-    spacing = LENGTH / (points - 1)
+    spacing = LENGTH / (count("points", points, 3) - 1)
     rows = round(WIDTH / spacing) + 1
     sheet = Sheet.rectangle(
         LENGTH + 2.0 * spacing, (rows - 1) * spacing, thickness=thickness, density=1000.0, points=points + 2

@@ -256,7 +256,9 @@ def study_parser(description: str | None, **defaults: Any) -> argparse.ArgumentP
         defaults: The shared options that the study takes, by name in OPTIONS, with their default values. Where --out
             has a default, a folder is accepted too: it gets a file of the same name.
     """
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
     for name, default in defaults.items():
         option = {**OPTIONS[name], "default": default}
         if name == "out" and default is not None:

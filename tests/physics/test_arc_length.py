@@ -17,6 +17,7 @@ from warp_pd import (
     InputError,
     MooneyRivlin,
     Motion,
+    NeoHookean,
     Newton,
     Pressure,
     RigidBody,
@@ -170,3 +171,20 @@ def test_a_path_may_begin_where_the_start_is_no_equilibrium():
     newton = run(sheet, Newton(), material=MooneyRivlin(5e4), weights="corrected", loads=loads)
     assert result.status == "finished" and result.history[-1]["load_factor"] == 1.0
     assert result.frame.displacement == pytest.approx(newton.frame.displacement, abs=1e-7)
+
+
+def test_a_path_beside_a_constant_load_begins_along_the_rising_one():
+    sheet = square(9)
+    loads = [
+        Fixed(sheet.edges("all")),
+        Pressure(-10.0, follower=False, ramp=[(0.0, 1.0)]),
+        Pressure(20.0),
+    ]
+    ends = [
+        simulate(sheet, solver, material=NeoHookean(mu=1e5, bulk=1e7), loads=loads).run(device="cpu", precision=64)
+        for solver in (ArcLength(), Newton())
+    ]
+    assert [end.status for end in ends] == ["finished", "finished"]
+    middle = [end.frame.displacement[40, 2] for end in ends]
+    assert middle[0] > 0.0
+    assert middle[0] == pytest.approx(middle[1], rel=1e-6)

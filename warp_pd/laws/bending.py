@@ -41,16 +41,18 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         InputError: for several processes, bonds that break in static equilibrium, several materials, or a material
             without stiffness.
     """
+    if isinstance(given, bool | np.bool_):
+        given = bool(given)
+    else:
+        positive("bending", given)
     if given is False:
         return law
-    if given is not True:
-        positive("bending", given)
     if context.partition is not None:
         raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
     if context.features.breakable and not context.features.dynamic:
         raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
-    if context.regions:
-        raise InputError(f"bending = {given}: not supported with several materials; expected one")
+    if context.regions or context.by_point:
+        raise InputError(f"bending = {given}: expected one material, the same at all points")
     return cast(BuiltLaw, BendingForce(law, context, given))
 
 

@@ -395,12 +395,13 @@ class Path(StaticSystem):
         size = norm(along)
         if not (math.isfinite(size) and size > 0.0):
             return None
-        cosine = mean_product(along, origin.direction) / size
-        if abs(cosine) >= SAME_BRANCH:
+        # The start may be no equilibrium, as with a constant load or of a prestretched sheet with a free edge: the path
+        # begins at its first point, along a rising load.
+        if self.state.step > 0:
+            cosine = mean_product(along, origin.direction) / size
+            if abs(cosine) < SAME_BRANCH:
+                return None
             size = math.copysign(size, cosine)
-        elif self.state.step > 0:
-            # Else the start is no equilibrium, as of a prestretched sheet with a free edge: the path begins here.
-            return None
         return along / size, 1.0 / size
 
     # Tears ---------------------------------------------------------------------------------------------

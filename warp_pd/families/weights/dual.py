@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg, splu
+from scipy.sparse.linalg import splu
 
 from ...device.checks import InputError
 
@@ -18,8 +18,6 @@ MAX_BALANCES = 200_000
 SOFTNESS = 1e-4
 # Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
 HOPELESS = 200.0
-# Relative residual of a step, and the iterations after which it is worth a factorisation.
-ACCURACY, MOST_ITERATIONS = 1e-3, 12
 
 
 def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
@@ -85,7 +83,6 @@ def _maximise(
         Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
     """
     value, ratio, slope = problem.value(multiplier, softness)
-    factors: Any = None
     for _ in range(steps):
         gradient = problem.left(ratio) - softness * multiplier
         if np.abs(gradient).max() <= 1e-12 or ratio.max() > HOPELESS:
@@ -93,7 +90,13 @@ def _maximise(
         curvature = problem.matrix @ sparse.diags(problem.plain * slope) @ problem.transposed
         # Multipliers that translate, turn or shear the sheet pull on no bond: their curvature is zero.
         shift = softness + 1e-13 * float(curvature.diagonal().max())
-        direction, factors = _solved(curvature + sparse.diags(shift), gradient, factors)
+        factors = splu(
+            (curvature + sparse.diags(shift)).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        direction = factors.solve(gradient)
         rise = float(gradient @ direction)
         fraction = 1.0
         while fraction > 1e-8:
@@ -107,17 +110,6 @@ def _maximise(
         multiplier, value, ratio, slope = trial, trial_value, trial_ratio, trial_slope
     gradient = problem.left(ratio) - softness * multiplier
     return multiplier, ratio, float(np.abs(gradient).max()) <= BALANCED
-
-
-def _solved(matrix: sparse.csr_matrix, right_side: np.ndarray, factors: Any) -> tuple[np.ndarray, Any]:
-    """Solution by conjugate gradients with the factors of an earlier matrix, which are renewed if they do not help."""
-    if factors is not None:
-        inverse = LinearOperator(matrix.shape, factors.solve, dtype=np.float64)
-        found, failed = cg(matrix, right_side, rtol=ACCURACY, maxiter=MOST_ITERATIONS, M=inverse)
-        if not failed and found @ right_side > 0.0:
-            return found, factors
-    factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return factors.solve(right_side), factors
 
 
 def _change(above: np.ndarray, floor: float) -> np.ndarray:
