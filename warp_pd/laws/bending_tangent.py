@@ -3,21 +3,49 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import Solve, SparseTangent, Tangent
+from ..interfaces.context import Context
+from ..kernels.bending import BendingKernels
+from .slopes import Slopes
 from .sparse import factorised
-
-if TYPE_CHECKING:
-    from .bending import BendingForce
 
 OWNER = "Newton"
 # Points up to which the tangent is factorised on the host: shorter waves are too stiff for 3x3 blocks.
 DIRECT_POINTS = 100_000
+
+
+class Bending(Protocol):
+    """What the tangent needs of the force of bending (interface).
+
+    Attributes:
+        context: Its context.
+        kernels: Kernels of bending.
+        plate: Their tables.
+        slopes: Points and weights of the slopes.
+        moment: Derivative of the energy by the slope of each point, (N,) mat32, a buffer.
+        moments: Those of triangles by name, buffers.
+    """
+
+    context: Context
+    kernels: BendingKernels
+    plate: Any
+    slopes: Slopes
+    moment: Array
+    moments: dict[str, Any]
+
+    def point_array(self, name: str, dtype: Any) -> Array:
+        """An array with an entry for each point."""
+        ...
+
+    def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
+        """Add the launch of the slopes of a displacement."""
+        ...
 
 
 class BendingTangent:
@@ -30,7 +58,7 @@ class BendingTangent:
 
     direct_points = DIRECT_POINTS
 
-    def __init__(self, force: BendingForce, law: Tangent) -> None:
+    def __init__(self, force: Bending, law: Tangent) -> None:
         self.force, self.law = force, law
         self._stage: str | None = None
         t, faces = force.context.types, len(force.context.sheet.triangles)
@@ -120,7 +148,7 @@ class Columns:
         of_colour: Blocks in the columns of each colour.
     """
 
-    def __init__(self, force: BendingForce) -> None:
+    def __init__(self, force: Bending) -> None:
         from scipy import sparse
 
         triangles, slopes, n = force.context.sheet.triangles, force.slopes, force.context.sheet.size
