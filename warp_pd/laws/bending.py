@@ -142,34 +142,33 @@ class BendingForce:
         flat *= np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None]
         area = 0.5 * np.linalg.norm(np.cross(sides[:, :, 0], sides[:, :, 1]), axis=1)
         t = self.context.types
-        values: dict[str, tuple[Any, np.ndarray]] = {}
-        values |= self._point_tables(np.arange(len(x)), t)
-        if self.context.features.breakable:
-            left = self.context.array("bending_left", OWNER, t.real, np.ones(len(triangles)), per="face", restart=True)
-        corners = triangles - triangles[:, :1]
+        values = self._point_tables(len(x), t)
+        steps = triangles - triangles[:, :1]
         stiffness = self.stiffness[triangles].mean(axis=1) * area
         shapes = np.moveaxis(flat, 0, 1).reshape(len(area), -1) / sheet.spacing
         numbers = np.column_stack([shapes, stiffness / stiffness.max()])
-        kind, one = kinds(corners, numbers)
+        kind, one = kinds(steps, numbers)
         values |= {
             "face_kind": (wp.int32, kind), "first_corner": (wp.int32, triangles[:, 0]),
-            "corners": (wp.vec3i, corners[one]), "sides": (t.mat22, flat[:, one]),
+            "corners": (wp.vec3i, steps[one]), "sides": (t.mat22, flat[:, one]),
             "stiffness": (t.real, stiffness[one]),
         }  # fmt: skip
         if curved:
-            values["rest_sides"] = (self.context.types.vec3, np.moveaxis(sides, 2, 0))
-            values["rest"] = (self.context.types.vec3, self._rest(sides, flat))
+            values["rest_sides"] = (t.vec3, np.moveaxis(sides, 2, 0))
+            values["rest"] = (t.vec3, self._rest(sides, flat))
         plate = self.kernels.Plate()
         for name, (dtype, value) in values.items():
             setattr(plate, name, self.context.array(f"plate_{name}", OWNER, dtype, value, per="table"))
         plate.poisson = self.poisson
         if self.context.features.breakable:
-            plate.left = left
+            plate.left = self.context.array(
+                "bending_left", OWNER, t.real, np.ones(len(triangles)), per="face", restart=True
+            )
         return plate
 
-    def _point_tables(self, every: np.ndarray, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
+    def _point_tables(self, size: int, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
         """Tables of the kinds of points."""
-        s, triangles, size = self.slopes, self.context.sheet.triangles, len(every)
+        s, triangles = self.slopes, self.context.sheet.triangles
         places, order = _columns(s.point, size)
         ring, weights = _filled(places, (s.other - s.point)[order], 0), _filled(places, s.weights[order], 0.0)
         places, order = _columns(s.other, size)

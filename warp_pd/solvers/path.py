@@ -19,7 +19,7 @@ from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import PathSettings
 from .stability import stability
-from .static_rupture import Kept, StaticRupture, copies, put_back
+from .static_rupture import Kept, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 from .tears import load_factor
 from .turning_points import Change, Point, changes
@@ -128,7 +128,7 @@ class Path(StaticSystem):
         self.direction = context.array(
             "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
-        self.state, self.rupture = Progress(), StaticRupture(system)
+        self.state = Progress()
         self.tear_energy = 0.0 if system.rupture is None else system.rupture.tear_energy
         self.kept: Kept = []
         # Corrector steps of the last point, before contact settled.
@@ -152,8 +152,7 @@ class Path(StaticSystem):
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
             wp.copy(self.good, finest.displacement)
-            settled = (array for contact in finest.contacts for array in contact.memory)
-            self.kept = copies((*settled, *self.rupture.memory))
+            self.kept = self.irreversible()
             if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
                 wp.copy(finest.displacement, self.good)
                 self.set_loads(state.factor)

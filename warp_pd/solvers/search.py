@@ -13,7 +13,7 @@ from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
 from .level import OWNER
 from .newton_settings import StaticSolver
-from .static_rupture import Kept, StaticRupture, copies, put_back
+from .static_rupture import Kept, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
 # A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
@@ -43,7 +43,6 @@ class Search(StaticSystem):
         self.earlier = context.array(
             "earlier_load_step", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
-        self.rupture = StaticRupture(system)
         self.planned, self._size, self._cutbacks = planned, 1.0 / planned, 0
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
@@ -129,8 +128,7 @@ class Search(StaticSystem):
         wp.copy(self.good, self.levels[0].displacement)
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        settled = (array for contact in self.levels[0].contacts for array in contact.memory)
-        return copies((*settled, *self.rupture.memory))
+        return self.irreversible()
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.

@@ -20,6 +20,7 @@ from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import Report, StaticSolver
+from .static_rupture import Kept, StaticRupture, copies
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -71,6 +72,12 @@ class StaticSystem:
         self.report = Report(self.name, self.preconditioner)
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
         self.sizes, self._begin = Sizes(), 0.0
+        self.rupture = StaticRupture(system)
+
+    def irreversible(self) -> Kept:
+        """The state of contact and rupture, which a step that fails must give back."""
+        settled = (array for contact in self.levels[0].contacts for array in contact.memory)
+        return copies((*settled, *self.rupture.memory))
 
     def run(self, sink: FrameSink) -> str:
         """Find the equilibria, each a frame; returns the final status."""
