@@ -447,8 +447,8 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
 @functools.cache
 def family_functions(layout: Layout) -> FamilyFunctions:
-    """Functions of a layout, the same whether or not its bonds can break."""
-    tables = replace(layout, breakable=False)
+    """Functions of a layout, the same whether or not its bonds can break or soften."""
+    tables = replace(layout, breakable=False, softened=False)
     if tables != layout:
         return family_functions(tables)
     if layout.compact:

@@ -16,6 +16,7 @@ needs it, so a step of a viscous law computes each sum only once.
 """
 
 import functools
+from dataclasses import replace
 
 import warp as wp
 
@@ -51,6 +52,9 @@ def family_rows(
             viscous_work [points], J: the dissipated energy of Maxwell elements, the work of Prony stresses.
         response: That of the viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
     """
+    if what != "viscous":
+        # The damage of a point then changes nothing here: sheets with and without a damage field share a kernel.
+        layout = replace(layout, softened=False)
     types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
