@@ -2,7 +2,7 @@
 
     python tools/gallery.py                        all scenes, some twenty minutes on two CPU cores
     python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
-    python tools/gallery.py --only-page            from the runs in runs/gallery, without running anything
+    python tools/gallery.py --only-page            without running anything: pages of the runs in runs/gallery
 
 Pictures are those of the pages, taken by Chromium. Pages of the gallery load the scripts and styles of the package in
 this checkout; a page that `warp-pd view` writes has them inside.
@@ -221,7 +221,12 @@ def main() -> None:
     if missing:
         raise InputError(f"SCENES: expected every scene once; look at {', '.join(missing)}")
     scenes = options.scenes or sorted(SCENES)
-    if not options.only_page:
+    if options.only_page:
+        there = [scene for scene in scenes if (RUNS / "gallery" / scene / "frames.vtkhdf").is_file()]
+        if options.scenes and there != scenes:
+            raise InputError(f"--scenes {' '.join(sorted({*scenes} - {*there}))}: expected runs in {RUNS / 'gallery'}")
+        scenes = there
+    else:
         with ThreadPoolExecutor(options.jobs) as pool:
             list(pool.map(run_scene, scenes))
     write_pages(scenes)

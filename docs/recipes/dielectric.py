@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import warp as wp
 
 from warp_pd import MooneyRivlin
+from warp_pd.device.checks import finite, positive
 from warp_pd.kernels.incompressible import incompressible_sheet
 from warp_pd.kernels.numeric import numeric
 
@@ -53,4 +54,4 @@ class DielectricSheet(MooneyRivlin):
 
 def charge(permittivity, voltage, thickness):
     """`by_point` of a voltage [V]; ValuesInTime then has the square of what the voltage is multiplied by."""
-    return permittivity * (voltage / thickness) ** 2
+    return positive("permittivity", permittivity) * (finite("voltage", voltage) / positive("thickness", thickness)) ** 2

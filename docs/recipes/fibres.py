@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warp_pd import MooneyRivlin
-from warp_pd.device.checks import finite, positive
+from warp_pd.device.checks import InputError, finite, numbers, positive
 from warp_pd.kernels.incompressible import incompressible_sheet
 from warp_pd.kernels.numeric import numeric
 from warp_pd.materials import PlaneStress
@@ -88,6 +88,9 @@ class Fibres(PlaneStress):
 
 def along(sheet, directions):
     """Angles of directions in space [rad], (N, 3), in the frames of the points."""
+    if np.shape(directions) != (sheet.size, 3):
+        raise InputError(f"directions: expected shape ({sheet.size}, 3), got {np.shape(directions)}")
+    directions = numbers("directions", directions)
     frames = np.eye(3)[None, :, :2] if sheet.frames is None else sheet.frames
     first, second = (np.sum(frames[:, :, k] * directions, axis=1) for k in range(2))
     return np.arctan2(second, first)

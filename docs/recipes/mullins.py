@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from warp_pd import MooneyRivlin
-from warp_pd.device.checks import positive
+from warp_pd.device.checks import InputError, not_negative, positive
 from warp_pd.kernels.incompressible import incompressible_sheet
 from warp_pd.kernels.numeric import numeric
 from warp_pd.materials import PlaneStress
@@ -81,6 +81,9 @@ class Mullins(PlaneStress):
     def __post_init__(self):
         for name in ("c10", "r", "m"):
             positive(f"Mullins.{name}", getattr(self, name))
+        not_negative("Mullins.b", self.b)
+        if self.r <= 1.0:
+            raise InputError(f"Mullins.r = {self.r!r}: expected more than 1, or rubber softens to nothing")
 
     @property
     def constants(self):

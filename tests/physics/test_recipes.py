@@ -47,6 +47,22 @@ def test_a_recipe_has_less_than_eighty_lines_and_is_on_the_page(name):
     assert f"recipes/{name}.py" in (RECIPES.parent / "recipes.md").read_text()
 
 
+WRONG = {
+    "thickness = 0": lambda: recipe("dielectric").charge(4e-11, 1e3, 0.0),
+    "voltage = 'high'": lambda: recipe("dielectric").charge(4e-11, "high", 1e-3),
+    "directions: expected shape (25, 3), got (3,)": lambda: recipe("fibres").along(square(5), (0.0, 1.0, 0.0)),
+    "directions[0, 0] = nan": lambda: recipe("fibres").along(square(5), np.full((25, 3), np.nan)),
+    "Mullins.r = 0.5": lambda: recipe("mullins").Mullins(C10, r=0.5, m=1e4),
+    "Mullins.b = -0.1": lambda: recipe("mullins").Mullins(C10, r=2.0, m=1e4, b=-0.1),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_a_recipe_refuses_wrong_numbers(said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        WRONG[said]()
+
+
 # Gravity
 
 

@@ -66,6 +66,8 @@ def test_examples_of_a_page_can_be_built(page):
     assert parts[page] in names["simulation"].plan("cpu")
     if page == "contact":
         assert "settle_contact" in names["indentation"].plan("cpu")
+    if page == "solvers":
+        assert "TearingEnergy" in names["tear"].plan("cpu")
 
 
 def test_every_page_is_in_the_navigation():

@@ -1,6 +1,7 @@
 """The gallery has every scene, with picture, command and page; docs/ stays small."""
 
 import re
+import sys
 from pathlib import Path
 
 import gallery
@@ -8,6 +9,7 @@ import pytest
 import small_pictures
 from site_hooks import on_post_build
 
+from warp_pd import InputError
 from warp_pd.__main__ import build_scene, scene_names
 
 ROOT = Path(__file__).parents[2]
@@ -47,6 +49,21 @@ def test_a_scene_without_a_page_of_its_own_is_on_the_page_that_the_gallery_names
     assert sorted([*gallery.SCENES, *gallery.ELSEWHERE]) == scene_names()
     for scene, page in gallery.ELSEWHERE.items():
         assert f"`{scene}`" in (ROOT / "docs" / f"{page}.md").read_text()
+
+
+def test_pages_are_made_of_the_runs_that_exist(tmp_path, monkeypatch):
+    written = []
+    (tmp_path / "gallery" / "needle").mkdir(parents=True)
+    (tmp_path / "gallery" / "needle" / "frames.vtkhdf").touch()
+    # Neither the browser nor docs/ is needed to see which scenes are drawn again.
+    for name, value in {"RUNS": tmp_path, "write_pages": written.extend, "write_page": lambda *_: None}.items():
+        monkeypatch.setattr(gallery, name, value)
+    monkeypatch.setattr(sys, "argv", ["gallery.py", "--only-page"])
+    gallery.main()
+    assert written == ["needle"]
+    monkeypatch.setattr(sys, "argv", ["gallery.py", "--only-page", "--scenes", "needle", "drum"])
+    with pytest.raises(InputError, match="--scenes drum: expected runs in"):
+        gallery.main()
 
 
 def test_pages_of_the_site_load_scripts_from_the_site(tmp_path):

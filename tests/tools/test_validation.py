@@ -72,3 +72,9 @@ def test_a_row_runs(tmp_path, monkeypatch):
     ((run,),) = page.records(tmp_path / "numbers.json").values()
     assert abs(run["worst"]) < 0.03
     assert run["spacing"] == [pytest.approx(0.1 / 24, rel=1e-5)]
+
+
+def test_a_page_of_all_rows_takes_no_row(capsys):
+    with pytest.raises(SystemExit):
+        __main__.parsed(["notch", "--only-page"])
+    assert "--only-page notch: expected no ROW" in capsys.readouterr().err

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
 from study import Row, picture, table
 
 from .studies import ELEMENTS, STUDIES
@@ -148,6 +149,8 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         (field_of, "L2 error of the field", lambda r: r["point_steps"], "point-steps"),
     )
     laws = sorted({law for study in STUDIES for law in study.laws})
+    # Dark colours first: those of "tab20" are pairs of dark and light.
+    colours = {law: colormaps["tab20"](2 * k % 20 + k // 10) for k, law in enumerate(laws)}
     marks = {"newton": "o", "relaxation": "s", "explicit": "^"}
     with picture(path, 1, 3, (5.0, 5.0)) as axes:
         for panel, (error, ylabel, cost, xlabel) in zip(axes.flat, panels, strict=True):
@@ -156,7 +159,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
                 if some:
                     panel.scatter(
                         [cost(r) for r in some], [error(r) for r in some], marker=mark, s=22, alpha=0.75,
-                        color=f"C{laws.index(law)}", label=f"{law}, {solver}",
+                        color=colours[law], label=f"{law}, {solver}",
                     )  # fmt: skip
             best = front(rows, error, cost)
             panel.plot([cost(r) for r in best], [error(r) for r in best], color="black", lw=1, label="front", zorder=0)

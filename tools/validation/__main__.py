@@ -34,6 +34,8 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     for name in set(options.rows) - set(ROWS):
         parser.error(f"ROW = {name!r}: expected one of {', '.join(ROWS)}")
+    if options.only_page and options.rows:
+        parser.error(f"--only-page {' '.join(options.rows)}: expected no ROW, as the page is made from all numbers")
     return options
 
 

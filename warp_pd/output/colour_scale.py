@@ -12,6 +12,8 @@ from .picture_frames import Shown
 
 # Perceptually uniform maps: of fields with one sign, of damage, and of fields with both signs (Moreland 2009).
 ONE_SIGN, DAMAGE, BOTH_SIGNS = "viridis", "inferno_r", "coolwarm"
+# Colour of places at which a field has no value, such as the damage of a joint where nothing is joined.
+NO_VALUE = "0.72"
 # A field has both signs if its smaller side is more than this fraction of its larger one.
 SMALLER_SIDE = 0.02
 
@@ -51,7 +53,7 @@ class ColourScale:
         from matplotlib import colormaps
         from matplotlib.colors import Normalize
 
-        return colormaps[self.name], Normalize(self.low, self.high)
+        return colormaps[self.name].with_extremes(bad=NO_VALUE), Normalize(self.low, self.high)
 
 
 def scale_of(frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None) -> ColourScale:
@@ -67,5 +69,6 @@ def scale_of(frames: Sequence[Shown], field: str, label: str, limits: tuple[floa
 
 def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
     values = np.concatenate([f.fields[field][f.used] for f in frames])
-    low, high = float(values.min()), float(values.max())
-    return low, high if high > low else low + 1.0
+    values = values[np.isfinite(values)]
+    low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+    return (low, high if high > low else low + 1.0) if len(values) else (0.0, 1.0)

@@ -82,9 +82,9 @@ def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
     last = frames[-1]
     size = float(np.ptp(last.reference, axis=0).max())
     moved = [float(np.abs(last.fields[name][last.used]).max()) for name in ("u1", "u2", "u3")]
-    curved = float(np.ptp(last.reference[:, 2])) > OUT_OF_PLANE * size
+    curved, deep = (float(np.ptp(places[:, 2])) > OUT_OF_PLANE * size for places in (last.reference, last.points))
     out_of_plane = moved[2] > OUT_OF_PLANE * size
-    picture = plots.surfaces if out_of_plane or curved else plots.from_above
+    picture = plots.surfaces if out_of_plane or curved or deep else plots.from_above
     field = "u" if curved else "u3" if out_of_plane else f"u{int(np.argmax(moved)) + 1}"
     picture(folder / "sheet.png", frames, field)
     if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):

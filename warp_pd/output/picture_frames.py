@@ -23,7 +23,8 @@ class Shown:
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name; u is the size of the displacement, u1, u2, u3 are its components, and
-            NAME_1, NAME_2, NAME_3 those of any other vector field NAME.
+            NAME_1, NAME_2, NAME_3 those of any other vector field NAME. Pieces are displaced from where they were
+            placed, which is where they are in the first frame.
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
         bodies: Vertices [m] and triangles of other rigid bodies.
         scene: Name of the scene.
@@ -52,14 +53,14 @@ def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
     series = read_series(path)
     indices = sorted({int(np.argmin(np.abs(np.asarray(series.times) - t))) for t in times})
     load_duration = series.metadata.get("load_duration")
-    return [_shown(path, index, load_duration, str(series.metadata.get("scene", ""))) for index in indices]
+    placed = read_frame(path, 0)[3]["displacement"] if "pieces" in series.metadata else np.zeros(3, np.float32)
+    return [_shown(path, index, load_duration, str(series.metadata.get("scene", "")), placed) for index in indices]
 
 
-def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> Shown:
+def _shown(path: Path, index: int, load_duration: float | None, scene: str, placed: np.ndarray) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
-    fields["u"] = np.linalg.norm(fields["displacement"], axis=1)
-    for c in range(3):
-        fields[f"u{c + 1}"] = fields["displacement"][:, c]
+    moved = fields["displacement"] - placed
+    fields |= {"u": np.linalg.norm(moved, axis=1), "u1": moved[:, 0], "u2": moved[:, 1], "u3": moved[:, 2]}
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]

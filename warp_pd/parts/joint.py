@@ -114,7 +114,7 @@ class BuiltJoint(BuiltPart):
     Attributes:
         points: Points of `first` that are joined, shape (P,).
         stiffness: Traction per separation of the intact joint [N/m^3].
-        damage: Damage of the joint at each point, 0 to 1, (N,); None if it holds.
+        damage: Damage of the joint at each point, 0 to 1, NaN at points that are not joined, (N,); None if it holds.
         energy: Energy stored in the joint at each point at the last frame [J], (N,) float64.
         released: Energy that breaking took at each point [J], (N,) float64; None if it holds or is not tracked.
     """
@@ -192,8 +192,10 @@ class BuiltJoint(BuiltPart):
         self.damage: Array | None = None
         self.released: Array | None = None
         if breaks:
+            damage = np.full(n, np.nan)
+            damage[self.points] = 0.0
             self.damage = context.array(
-                "joint_damage", OWNER, context.types.real, shape=n, restart=True, output="joint_damage"
+                "joint_damage", OWNER, context.types.real, damage, restart=True, output="joint_damage"
             )
             if context.features.tracked:
                 self.released = context.array("joint_released", OWNER, wp.float64, shape=n, restart=True)

@@ -64,6 +64,8 @@ class FramePoints:
         static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
         if self.built.solver.turns:
             static["turns"] = 1
+        if scene.sheet.origins is not None:
+            static["pieces"] = len(scene.sheet.origins)
         contacts = self.built.contacts
         return Surface(
             points=np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]),

@@ -161,14 +161,12 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
 def write_table(path: Path, rows: Sequence[Row]) -> bool:
     """Write the table as CSV with full precision; a missing number is an empty cell. Whether it was written:
 
-    A table with refused runs does not replace a table that has results for these runs.
+    A table of refused runs alone is not written, and one with some does not replace a table that has results for them.
     """
     head, cells = table(rows)
-    names = list(rows[0].values)
-    if any(row.status == REFUSED for row in rows):
-        kept = {tuple(row.values.values()) for row in rows if row.status != REFUSED}
-        if not _results_in(path, names) <= kept:
-            return False
+    kept = {tuple(row.values.values()) for row in rows if row.status != REFUSED}
+    if len(kept) < len(rows) and (not kept or not _results_in(path, list(rows[0].values)) <= kept):
+        return False
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(head)

@@ -10,7 +10,7 @@ import click
 
 from ..geometry.picture_files import Drawing, drawing
 from ..output.curves import draw_sweep
-from .folder import writable_folder
+from .folder import remove_if_empty, writable_folder
 from .processes import DIVERGED, INTERRUPTED, WRONG_INPUT
 from .runner import FINISHED, STOPPED
 from .scene_files import build_scene, load_scene
@@ -46,9 +46,11 @@ def run_sweep(
             click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
     click.echo(printed_table(rows))
     if not write_table(folder / "sweep.csv", rows):
-        click.echo(
-            f"warp-pd: {folder / 'sweep.csv'}: not replaced, because it has results that the new table lacks", err=True
-        )
+        if (folder / "sweep.csv").is_file():
+            click.echo(
+                f"warp-pd: {folder / 'sweep.csv'}: not replaced: it has results that the new table lacks", err=True
+            )
+        remove_if_empty(folder)
         return WRONG_INPUT
     with drawing(Drawing(Path(scene).stem)):
         drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])

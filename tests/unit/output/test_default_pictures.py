@@ -3,13 +3,16 @@
 import contextlib
 import io
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 from small_runs import cli
 
+from warp_pd import BondAssociated, Explicit, NeoHookean, Place, Sheet, Simulation, placed, together
 from warp_pd.geometry import picture_files
 from warp_pd.interfaces import FrameReport
 from warp_pd.output.default_pictures import _counts, _draw_numbers, telling_frames
+from warp_pd.output.picture_frames import frames_at
 from warp_pd.output.progress import Progress
 from warp_pd.run.folder import run_summary
 
@@ -120,3 +123,17 @@ def test_the_progress_bar_says_the_time_first(columns, monkeypatch):
     last = screen.getvalue().split("\r")[-1]
     assert "50%" in last and "t = 0.25 s" in last and ", t =" not in last and len(last.strip()) <= columns
     assert ("damage 0.30" in last) == (columns >= 80)
+
+
+def test_pieces_are_displaced_from_where_they_were_placed(tmp_path):
+    lower, upper = (Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=9) for _ in range(2))
+    sheet = together(lower, upper)
+    start = placed(sheet, Place(), Place(offset=(0.0, 0.0, 0.03)))
+    Simulation(
+        sheet, BondAssociated(NeoHookean(1e3, 1e5), horizon=1.5), Explicit(1e-3, frames=1),
+        initial_displacement=start, initial_velocity=np.tile([2.0, 0.0, 0.0], (sheet.size, 1)),
+    ).run(device="cpu", out=tmp_path, pictures=False, view=False, usd=False)  # fmt: skip
+    first, last = frames_at(tmp_path, [0.0, 1e-3])
+    assert not first.fields["u"].any() and np.ptp(last.points[:, 2]) == pytest.approx(0.03)
+    np.testing.assert_allclose(last.fields["u1"], 2e-3, rtol=1e-4)
+    np.testing.assert_allclose(last.reference + last.fields["displacement"], last.points, atol=1e-7)

@@ -47,6 +47,15 @@ def as_pixels(monkeypatch):
     return lambda pixels: monkeypatch.setattr(plots, "MOST_POLYGONS", 0 if pixels else MOST_POLYGONS)
 
 
+def test_places_without_a_value_are_grey_and_leave_the_scale_alone():
+    frame = sheet_shown(joint_damage=np.where(np.arange(441) < 200, np.nan, 0.5))
+    scale = scale_of([frame], "joint_damage", "", None)
+    assert (scale.low, scale.high) == (0.5, 1.5)
+    assert scale.colours(np.array([np.nan]))[0] == pytest.approx([0.72, 0.72, 0.72, 1.0])
+    nothing = sheet_shown(joint_damage=np.full(441, np.nan))
+    assert scale_of([nothing], "joint_damage", "", None).shown == (0.0, 1.0)
+
+
 @pytest.mark.parametrize("pixels", [True, False], ids=["pixels", "polygons"])
 @pytest.mark.parametrize("picture", [plots.surfaces, plots.from_above])
 @pytest.mark.parametrize("damage", [0.0, 0.5])

@@ -134,6 +134,12 @@ def test_a_table_is_not_replaced_by_one_of_refused_runs(scene):
     assert [row["status"] for row in rows(folder)] == ["refused", "finished"], "it lacks no result"
 
 
+def test_a_sweep_of_refused_runs_leaves_no_files(scene):
+    refused = sweep("--points", "1,2")
+    assert refused.exit_code == 2 and "not replaced" not in refused.output
+    assert not (scene / "runs" / "mine-sweep").exists()
+
+
 def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch):
     from warp_pd import Simulation
 
