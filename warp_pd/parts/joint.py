@@ -289,7 +289,8 @@ class BuiltJoint(BuiltPart):
         if self.damage is None:
             return {}
         damage = self.damage.numpy()[self.points].astype(np.float64)
-        return {"joint_damage": float(damage @ self._areas / self._areas.sum())}
+        # Sums of one kind, so that the mean of ones is 1.
+        return {"joint_damage": float((damage * self._areas).sum() / self._areas.sum())}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Note if the spacing does not resolve the zone that breaks."""
