@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import colormaps
 from study import Row, picture, table
 
 from .studies import ELEMENTS, STUDIES
@@ -143,6 +142,8 @@ def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
 
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Work-precision diagrams of one scene and device: errors over time and over point-steps, with their fronts."""
+    from matplotlib import colormaps
+
     panels: tuple[tuple[Number, str, Number, str], ...] = (
         (lambda r: abs(r["scalar"]), "error of the scalar", seconds_of, "time of the run (s)"),
         (field_of, "L2 error of the field", seconds_of, "time of the run (s)"),
