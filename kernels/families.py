@@ -48,6 +48,7 @@ class Layout:
         softened: Whether the damage of a point reduces the stiffness of its family, see kernels/damage_field.py.
         regions: Whether bonds have several materials, see kernels/by_region.py.
         by_point: Whether the last constant of the material is a value of the point.
+        remembers: Whether it is a value of the intersection instead, see kernels/memory.py.
     """
 
     kind: str
@@ -58,6 +59,7 @@ class Layout:
     softened: bool = False
     regions: bool = False
     by_point: bool = False
+    remembers: bool = False
 
     @property
     def types(self) -> Numeric:
@@ -88,7 +90,7 @@ class FamilyFunctions:
         to_frame: (family, i, v) -> components in the frame of i of a vector v in space; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
         of_bond: (family, i, k, constants of a material) -> the same, whose last one is the index of the bond's material
-            (kernels/by_region.py) or the value of point i; the constants themselves without either.
+            (kernels/by_region.py), the value of point i or that of the intersection; or the constants themselves.
     """
 
     struct: Any
@@ -211,7 +213,7 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
 def table_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a cloud or a grid: tables [member, row]."""
     types = layout.types
-    gridded, curved, by_point = layout.kind == "grid", layout.curved, layout.by_point
+    gridded, curved, by_point, remembers = layout.kind == "grid", layout.curved, layout.by_point, layout.remembers
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     # What a layout does not need stays without an array.
@@ -238,6 +240,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         tilts: wp.array2d(dtype=vec2)
         materials: wp.array2d(dtype=wp.uint8)
         point_values: wp.array(dtype=real)
+        remembered: wp.array2d(dtype=real)
 
     @wp.func
     def row_of(family: Family, i: int):
@@ -329,6 +332,8 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         own = type(constants)(constants)
         if wp.static(by_point):
             own[-1] = family.point_values[i]
+        elif wp.static(remembers):
+            own[-1] = family.remembered[k, i]
         else:
             own[-1] = real(family.materials[k, i])
         return own
@@ -336,7 +341,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     return FamilyFunctions(
         Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
         chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
-        of_bond=of_bond if layout.regions or by_point else same_constants(Family),
+        of_bond=of_bond if layout.regions or by_point or remembers else same_constants(Family),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Internal variable of a material: the largest value so far of a function of the strain, by point."""
+"""Internal variable of a material: the largest value so far of a function of the strain, by intersection."""
 
 import functools
 
@@ -12,9 +12,9 @@ from .families import Layout, family_functions
 
 @functools.cache
 def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory) -> Kernel:
-    """Kernel that raises `largest` [points] to the mean over each family of `value_of`, (G, constants) -> a number.
+    """Kernel that raises `largest` [member, point] to `value_of`, (G, constants) -> a number, of each intersection.
 
-    Its intact intersections count by their weights.
+    An intersection that remembers the mean of its family changes its energy as the mean grows, without work of a force.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -29,20 +29,16 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
         constants: Constants,
         inverse_horizon: real,
         first: int,
-        largest: wp.array(dtype=real),
+        largest: wp.array2d(dtype=real),
     ):
         i = wp.tid() + first
         undamaged = law.is_undamaged(family, intact, i)
-        total = real(0.0)
-        weights = real(0.0)
         for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = law.visit(
+            there, H1, H2, _inverse, _weight, tilt = law.visit(
                 family, intact, displacement, inverse_horizon, i, j, undamaged
             )
             if there:
-                total += weight * value(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
-                weights += weight
-        if weights > real(0.0):
-            largest[i] = wp.max(largest[i], total / weights)
+                now = value(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                largest[j, i] = wp.max(largest[j, i], now)
 
     return remember

@@ -1,8 +1,8 @@
 """Mullins softening: rubber that was stretched is softer until it is stretched further.
 
 S = eta S0, eta = 1 - erf((Wm - W) / (m + b Wm)) / r, with the energy W of the virgin rubber and the largest one so far,
-Wm: Ogden and Roxburgh, Proc. R. Soc. A 455 (1999) 2861. Wm is a value by point, the largest mean of W over its family.
-The strain energy includes what softening has dissipated.
+Wm: Ogden and Roxburgh, Proc. R. Soc. A 455 (1999) 2861. Each intersection of two families remembers its own Wm. The
+strain energy includes what softening has dissipated.
 """
 
 import functools
@@ -74,7 +74,6 @@ class Mullins(PlaneStress):
     m: float
     b: float = 0.0
 
-    by_point: ClassVar = 0.0
     isotropic: ClassVar = True
     on_device: ClassVar = incompressible_sheet(softened_rubber)
 

@@ -313,7 +313,9 @@ def softening(solver):
 
 @pytest.mark.parametrize("name", STATIC)
 def test_softened_rubber_unloads_along_its_closed_form(name):
-    sheet_run = softening(replace(STATIC[name], load_steps=4))
+    # Relaxation must not count on the estimate, which averages loading and unloading (docs/recipes.md).
+    solver = replace(STATIC[name], load_steps=4)
+    sheet_run = softening(replace(solver, safety=0.6) if name == "relaxation" else solver)
     largest = brentq(lambda s: 2.0 * C10 * (s - s**-5) - 3.0 * C10, 1.0, 3.0)
     found = np.ptp(run(sheet_run).frame.displacement[:, 0]) / 0.1 + 1.0
     assert found == pytest.approx(brentq(lambda s: softened_stress(s, largest) - 1.5 * C10, 1.0, largest), rel=1e-3)
@@ -336,6 +338,19 @@ def test_softening_dissipates_what_the_energy_balance_says():
     assert history[-1]["external"] > 0.2 * history[2]["external"]
 
 
+def test_softening_keeps_the_energy_balance_in_uneven_strain():
+    """An intersection that remembered the mean of its family lost 1.5 %, with any step."""
+    sheet = square(9).as_cloud()
+    left, right = sheet.edges("left"), sheet.edges("right")
+    flat = np.setdiff1d(np.arange(sheet.size), np.concatenate([left, right]))
+    loads = [
+        Fixed(left), Motion(right, [0.0, 0.1, 0.2], x=[0.0, 0.05, 0.0], y=0.0, z=0.0), Fixed(flat, "z")
+    ]  # fmt: skip
+    law = BondAssociated(recipe("mullins").Mullins(C10, **SOFT))
+    history = run(Simulation(sheet, law, Explicit(0.2, frames=8), loads=loads)).history
+    assert max(abs(row["balance_error"]) for row in history) < 5e-4
+
+
 # Restart, plan, refusals
 
 EXPLICIT = Explicit(0.02, frames=8)
@@ -348,7 +363,7 @@ SCENES = {
 ARRAYS = {
     "air_drag": "drag .*AirDrag", "valve": "gas_left .*GasWithValve", "dielectric": "unit_values .*ValuesInTime",
     "temperature": "unit_values .*ValuesInTime", "fibres": "point_values .*BondAssociated",
-    "mullins": "point_values .*BondAssociated",
+    "mullins": "remembered .*BondAssociated",
 }  # fmt: skip
 
 

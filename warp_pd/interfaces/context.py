@@ -129,6 +129,7 @@ class Context:
             by the force law, which is built before any kernel.
         regions: Whether bonds have several materials (kernels/by_region.py), set by the force law.
         by_point: Whether the last constant of the material is a value of the point, set by the force law.
+        remembers: Whether it is an internal variable of the intersection, set by the force law.
         state: Arrays shared by all parts.
     """
 
@@ -151,6 +152,7 @@ class Context:
     compact: str = ""
     regions: bool = False
     by_point: bool = False
+    remembers: bool = False
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -170,7 +172,7 @@ class Context:
         sheet, f = self.sheet, self.features
         return Layout(
             sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions,
-            self.by_point,
+            self.by_point, self.remembers,
         )  # fmt: skip
 
     def array(

@@ -129,17 +129,19 @@ class BondAssociatedForce(FamilyLaw):
             require_one_material(sheet, "weights 'published'")
         known = capabilities(law.material)
         regions = known.regions
-        context.regions, context.by_point = bool(regions), known.by_point is not None
-        if not regions and not context.by_point and self._has_compact_families(context):
+        self.remembered = known.remembers
+        context.regions, context.remembers = bool(regions), known.remembers is not None
+        context.by_point = known.by_point is not None and not context.remembers
+        own_values = context.by_point or context.remembers
+        if not regions and not own_values and self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
             context.compact = str(law.influence) if named else "table"
         settings = law.horizon, law.influence, self.weights
         tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
         families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
-        if known.by_point is not None:
-            self._put_point_values(known.by_point)
-        self.remembered = known.remembers
+        if own_values:
+            self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
         self.key: Key = (self.layout, law.material.functions, law.form)
@@ -147,8 +149,8 @@ class BondAssociatedForce(FamilyLaw):
         self.earlier_energy, self.partial_energy = self.kernels.earlier_energy, self.kernels.partial_energy
         self.path = force_path(self, inverse, weights)
 
-    def _put_point_values(self, values: Any) -> None:
-        """Put the values by point of the material's last constant on the device.
+    def _put_values(self, values: Any) -> None:
+        """Put the values by point of the material's last constant on the device, or start its internal variable there.
 
         Raises:
             InputError: for a sheet that is not a cloud, several processes, or anything but one finite number a point.
@@ -160,8 +162,13 @@ class BondAssociatedForce(FamilyLaw):
         if given.shape not in ((), (sheet.size,)):
             raise InputError(f"{name}: expected a number or shape ({sheet.size},), got shape {given.shape}")
         each = np.broadcast_to(given, sheet.size)
-        self.point_values = context.array("point_values", self.owner, context.types.real, each, restart=True)
-        self.struct.point_values = self.point_values
+        real = context.types.real
+        if context.remembers:
+            start = np.tile(each, (self.families.members, 1))
+            self.struct.remembered = context.array("remembered", self.owner, real, start, per="bond", restart=True)
+        else:
+            self.point_values = context.array("point_values", self.owner, real, each, restart=True)
+            self.struct.point_values = self.point_values
 
     def _has_compact_families(self, context: Context) -> bool:
         """Whether its families are a compact cloud, see kernels/families.py."""
@@ -206,7 +213,7 @@ class BondAssociatedForce(FamilyLaw):
             stage.launch(
                 self.owner, remembered(self.key[0], self.material.functions, self.remembered), self.points,
                 **self.family_arguments(self.context.state.displacement), constants=self.constants,
-                largest=self.point_values,
+                largest=self.struct.remembered,
             )  # fmt: skip
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:

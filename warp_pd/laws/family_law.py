@@ -125,9 +125,11 @@ class FamilyLaw(BuiltLaw):
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
-        if (known.regions or known.by_point is not None) and not self.takes_regions:
+        own_values = known.by_point is not None or known.remembers is not None
+        if (known.regions or own_values) and not self.takes_regions:
             raise InputError(
-                f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion or `by_point`"
+                f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion, `by_point` or "
+                "`remembers`"
             )
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
         constants = padded_constants(law.material)

@@ -46,8 +46,8 @@ class ByRegion(PlaneStress):
         for k, material in enumerate(self.materials):
             check_material(material, "functions", f"ByRegion.regions[{k - 1}][1]" if k else "ByRegion.material")
             known = capabilities(material)
-            if known.regions or known.by_point is not None:
-                what = "another ByRegion" if known.regions else "values by point"
+            if known.regions or known.by_point is not None or known.remembers is not None:
+                what = "another ByRegion" if known.regions else "values by point or an internal variable"
                 raise InputError(f"ByRegion: expected a single material in each region, got {what}")
 
     @property

@@ -65,8 +65,9 @@ class Capabilities:
         regions: Its pairs of points and their material.
         by_point: Values that replace its last constant, by point: a number, an array of shape (N,), or a function of
             the point coordinates as for `Sheet`.
-        remembers: Cached factory of (G, constants) -> a number, whose largest mean over the family of a point so far is
-            its value by point: an internal variable. It grows in every step, and in every frame of a static solver.
+        remembers: Cached factory of (G, constants) -> a number. Its largest value so far in each intersection replaces
+            the last constant: an internal variable, which starts at `by_point`, or 0. It grows in every step, and in
+            every frame of a static solver.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 

@@ -28,7 +28,8 @@ STEPS_BETWEEN = 400
 MANY = 10
 # Step divided by the stable step. Unless bonds can break, any stable step is accurate for slow motion. The ends of a
 # breaking bond move within a few steps, and the energy balance of tears needs shorter steps (docs/tearing.md). A slack
-# sheet that becomes taut stiffens several times within a few steps, faster than the estimate follows.
+# sheet that becomes taut stiffens several times within a few steps, faster than the estimate follows. So does a
+# material with an internal variable that begins to unload.
 SAFETY, LESS_SAFETY = 0.9, 0.5
 # Largest fraction of the velocity that mass damping removes in a step.
 MAX_DAMPED = 0.2
@@ -46,8 +47,8 @@ class Explicit:
             to the duration.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break or the
-            material goes slack, such as a TensionField. A fast ball makes it shorter: no step lets a ball move further
-            than a quarter of a spacing, or of its radius; an eighth if bonds can break.
+            material goes slack, such as a TensionField, or has an internal variable. A fast ball makes it shorter: no
+            step lets a ball move further than a quarter of a spacing, or of its radius; an eighth if bonds can break.
         step: A fixed time step [s] instead; an error is raised if it exceeds either limit.
         history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
             The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
@@ -127,7 +128,7 @@ class BuiltExplicit(BuiltSolver):
     def __init__(self, solver: Explicit, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context = solver, context
         self._since_estimate = self._since_row = self._place = 0
-        default = LESS_SAFETY if context.features.breakable or law.goes_slack else SAFETY
+        default = LESS_SAFETY if context.features.breakable or law.goes_slack or context.remembers else SAFETY
         self.safety = default if solver.safety is None else solver.safety
 
     def add(self, phase: Phase, stage: Stage) -> None:

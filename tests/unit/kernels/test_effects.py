@@ -112,9 +112,12 @@ def further():
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
         "values by point": Simulation(
             small_tube(),
-            BondAssociated(recipe("mullins").Mullins(1e3, 1.5, 100.0)),
+            BondAssociated(recipe("temperature").WarmRubber(1e3, by_point=1.2)),
             Explicit(1.0),
             loads=[Fixed([0]), ValuesInTime([(0.0, 1.0)])],
+        ),
+        "internal variable": Simulation(
+            small_tube(), BondAssociated(recipe("mullins").Mullins(1e3, 1.5, 100.0)), Explicit(1.0), loads=[Fixed([0])]
         ),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
