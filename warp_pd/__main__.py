@@ -196,7 +196,7 @@ def run(
     from .run.folder import free_folder, newest_folder
     from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
-    from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
+    from .run.runner import ENDED, NOT_CONVERGED, STOPPED, DivergedError
 
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
@@ -229,7 +229,7 @@ def run(
             click.echo(line)
     if result.summary["message"]:
         _say(result.summary["message"])
-    if result.status in (RUN_DIVERGED, NOT_CONVERGED):
+    if result.status in (RUN_DIVERGED, NOT_CONVERGED, ENDED):
         sys.exit(DIVERGED)
     if result.status == STOPPED:
         sys.exit(INTERRUPTED)

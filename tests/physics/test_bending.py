@@ -124,7 +124,7 @@ def test_a_tube_that_widens_bends_by_the_change_of_its_curvature():
 def test_the_tangent_is_the_derivative_of_the_force_and_its_matrix(name):
     sheet = SHEETS[name]()
     built = build(sheet, bending=1e-4, solver=Newton(preconditioner="direct"))
-    (level,) = built.solver.search.levels
+    (level,) = built.solver.levels
     here = rough_motion(sheet)
     along = np.random.default_rng(1).normal(size=here.shape)
     assign(built.state.displacement, here)

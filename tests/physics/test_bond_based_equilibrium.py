@@ -22,7 +22,7 @@ def test_the_tangent_is_the_derivative_of_the_force(sheet, material, broken):
     )  # fmt: skip
     if broken:
         sever(part, CRACK)
-    level, tangent = part.solver.search.levels[0], part.solver.tangent
+    level, tangent = part.solver.levels[0], part.solver.tangent
     u, direction = rough(sheet), np.random.default_rng(3).normal(size=(sheet.size, 3)) * sheet.spacing
     direction[sheet.edges("left")] = 0.0
     ends = []
@@ -55,7 +55,7 @@ def test_a_sheet_is_slack_if_no_tension_holds_its_points_in_the_plane(strain, he
     sheet = square(9)
     loads = [Fixed(sheet.edges("left")), *([flat(sheet)] if held else [])]
     part = built(sheet, solver=Newton(), loads=loads)
-    level = part.solver.search.levels[0]
+    level = part.solver.levels[0]
     assign(level.displacement, uniform(sheet, (1.0 + strain) * np.eye(3)[:, :2]))
     level.linearise(0.0)
     assert part.solver.tangent.is_slack() == slack

@@ -9,7 +9,7 @@ from small_runs import run, simulate
 from warp_pd import ArcLength, CriticalStretch, Fixed, Measure, Motion, Newton, Relaxation, Sheet, TearingEnergy
 from warp_pd.measures import support_force
 from warp_pd.parts.tearing_energy import SETTLED
-from warp_pd.solvers import static_rupture
+from warp_pd.solvers import static_rounds
 
 SHEET = square(17).cut((-0.01, 0.053), (0.035, 0.053))
 GRIPS = SHEET.edges("bottom", "top")
@@ -116,7 +116,7 @@ def test_newton_tears_a_sheet_in_two(damage, loose):
 
 @pytest.mark.parametrize("solver", [Newton(load_steps=2, most_cuts=2), Relaxation(load_steps=2, ramp_steps=100)])
 def test_a_load_step_whose_tear_does_not_end_leaves_nothing_behind(monkeypatch, solver):
-    monkeypatch.setattr(static_rupture, "MAX_ROUNDS", 2)
+    monkeypatch.setattr(static_rounds, "MAX_ROUNDS", 2)
     result = torn([0.004, 0.04], 8.0, solver)
     assert result.status == "not converged" and result.summary["solve"]["rounds"] >= 2
     assert any("rupture went on" in note for note in result.summary["notes"])

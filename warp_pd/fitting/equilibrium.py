@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..interfaces.frame import Frame
 from ..run.built import Built
 from ..run.frame_points import FramePoints
 from ..run.simulation import Simulation
-from ..solvers.search import Search
+from ..solvers.newton import BuiltNewton
 
 # Linear solves end at this fraction of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-9, 32: 1e-5}
@@ -91,8 +91,7 @@ class Equilibrium:
         for part in self.built.parts:
             part.begin()
         self.built.context.run("setup")
-        solver: Any = self.built.solver
-        self.search: Search = solver.search
+        self.search = cast(BuiltNewton, self.built.solver)
         self.level, self.linear = self.search.levels[0], self.search.solvers[0]
         self.free = ~self.level.held
         self.duration = scene.solver.duration

@@ -80,37 +80,37 @@ class Part(Protocol):
         raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
-class ContactAtRest(Protocol):
-    """What a load is to Newton's method that pushes each point by where that point alone is.
+class StaticContact(Protocol):
+    """Contact in static equilibrium by the augmented Lagrange method, with a multiplier at each point.
 
     Attributes:
         label: Its name in messages.
-        blocks: Change of the force on a point with its displacement [N/m], (N,) mat33, as of `add_blocks`.
-        memory: What is settled in equilibrium, and undone by a cutback.
+        blocks: Derivative of the force on a point by its displacement [N/m], (N,) mat33, see `add_blocks`.
+        memory: State that a failed load step gives back, such as the multipliers.
     """
 
     label: str
     blocks: Array
     memory: Sequence[Array]
 
-    def stiffen(self, stiffness: float) -> None:
-        """Take about the stiffness of the sheet at a point over its area [Pa/m]; called before the first load step."""
+    def prepare(self) -> None:
+        """Compose the stage of `update_multipliers`; static solvers call it once."""
         ...
 
-    def add_settling(self) -> None:
-        """Add the stage that `settle` runs; called once."""
+    def set_stiffness(self, stiffness: float) -> None:
+        """Take about the stiffness of the sheet at a point over its area [Pa/m]; called before the first load step."""
         ...
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
         """Add the launch that fills `blocks` at a displacement [m]; called once."""
         ...
 
-    def settle(self) -> bool:
-        """Settle what is left in equilibrium; whether that asks for a new one."""
+    def update_multipliers(self) -> bool:
+        """Update the multipliers in equilibrium; return whether equilibrium must be found again."""
         ...
 
     def passed(self) -> bool:
-        """Whether equilibrium is on the wrong side, so that the load step must be refused."""
+        """Whether the body has passed through the sheet, so that the load step must be refused."""
         ...
 
 
@@ -127,7 +127,7 @@ class BuiltLoad(BuiltPart, Protocol):
     follows_displacement: bool = False
     coarsens: bool = False
     symmetric: bool = False
-    at_rest: ContactAtRest | None = None
+    at_rest: StaticContact | None = None
 
     def constant_force(self) -> np.ndarray | None:
         """The force [N], shape (N, 3), if it is constant; `add_force` is then not called. Otherwise None."""
@@ -170,9 +170,11 @@ class External(BuiltPart, Protocol):
 
     Attributes:
         following: Loads that depend on the displacement.
+        contacts: Those of `following` that are contact in static equilibrium.
     """
 
     following: Sequence[BuiltLoad]
+    contacts: Sequence[StaticContact]
 
     def keep_dead_apart(self) -> Array | None:
         """Let `add_force` also store the sum of the loads that do not depend on the displacement [N], (N,) vec3.

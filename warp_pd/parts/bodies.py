@@ -392,15 +392,13 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         """Add the launch that fills `blocks`."""
         self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
 
-    def add_settling(self) -> None:
+    def prepare(self) -> None:
         """Add the stage that updates the multipliers."""
-        stage, displacement = (
-            self.context.stage(f"settle {self.part.name}", "every equilibrium"),
-            self.context.state.displacement,
-        )
+        stage = self.context.stage(f"multipliers of {self.part.name}", "every equilibrium")
+        displacement = self.context.state.displacement
         self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
 
-    def stiffen(self, stiffness: float) -> None:
+    def set_stiffness(self, stiffness: float) -> None:
         """Set the contact stiffness [Pa/m], unless already set."""
         if not self._stiffness.numpy()[0]:
             self._stiffness.assign(np.array([stiffness]))
@@ -437,10 +435,10 @@ class BodyAtRest(BuiltBody, BuiltLoad):
             "load_steps, a thicker body, or more points"
         ]
 
-    def settle(self) -> bool:
+    def update_multipliers(self) -> bool:
         """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""
         context = self.context
-        context.run(f"settle {self.part.name}")
+        context.run(f"multipliers of {self.part.name}")
         stiffness = self._stiffness.numpy()
         off = bool(self._off.numpy().max() > SETTLED[context.bits] * context.sheet.spacing * stiffness[0])
         self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))

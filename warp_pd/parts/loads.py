@@ -226,6 +226,7 @@ class ExternalForce(External):
         constant: Sum of the constant loads [N], shape (N, 3); None if there are none.
         changing: The other loads.
         following: Those of `changing` that depend on the displacement.
+        contacts: Those of `following` that are contact in static equilibrium.
     """
 
     def __init__(self, context: Context, loads: Sequence[BuiltLoad]) -> None:
@@ -240,6 +241,7 @@ class ExternalForce(External):
                 # From zero, so that no sum keeps the sign of a zero.
                 self.constant = (0.0 if self.constant is None else self.constant) + force
         self.following = [load for load in self.changing if load.follows_displacement]
+        self.contacts = [load.at_rest for load in self.following if load.at_rest is not None]
         self._constant: Array | None = None
         # All of several processes have the same fields.
         if self.changing and self.constant is not None and (self.constant.any() or context.partition is not None):

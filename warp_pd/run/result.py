@@ -52,7 +52,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
+        """How the run ended: "finished", "diverged", "not converged", "ended early" (a path) or "interrupted"."""
         return str(self.summary["status"])
 
     @property

@@ -41,7 +41,9 @@ LIMIT_POINT = (
     "otherwise try more load_steps"
 )
 
-FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
+FINISHED, DIVERGED, NOT_CONVERGED, ENDED, STOPPED = (
+    "finished", "diverged", "not converged", "ended early", "interrupted",
+)  # fmt: skip
 
 
 def run(
@@ -224,7 +226,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
         status = built.solver.run(recorder)
-        if status == NOT_CONVERGED:
+        if status in (NOT_CONVERGED, ENDED):
             message = _not_converged(recorder)
         elif status == DIVERGED:
             when = format_time(recorder.time, built.simulation.load_duration)
@@ -357,4 +359,4 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
     return undo
 
 
-__all__ = ["DIVERGED", "FINISHED", "NOT_CONVERGED", "STOPPED", "DivergedError", "Result", "run"]
+__all__ = ["DIVERGED", "ENDED", "FINISHED", "NOT_CONVERGED", "STOPPED", "DivergedError", "Result", "run"]

@@ -15,11 +15,11 @@ from . import restart
 from .built import compose
 from .divergence import DivergedError
 from .folder import run_summary, write_atomically
-from .runner import DIVERGED, FINISHED, NOT_CONVERGED, STOPPED
+from .runner import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 
 REFUSED = "refused"
 # Runs that are over: to run them again would give the same.
-OVER = (FINISHED, DIVERGED, NOT_CONVERGED)
+OVER = (FINISHED, DIVERGED, NOT_CONVERGED, ENDED)
 
 
 @dataclass(frozen=True)

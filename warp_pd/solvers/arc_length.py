@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, History, System
+from ..interfaces import BuiltLaw, BuiltSolver
 from ..interfaces.context import Context
-from .newton import NOT_DONE
 from .newton_settings import PathSettings
-from .path import Path
-from .static_system import BuiltStatic
+from .path import BuiltArcLength
 
 # Load factors up to which loads without a schedule go on in a straight line, either way.
 FARTHEST = 10.0
@@ -70,64 +67,3 @@ class ArcLength(PathSettings):
             InputError: if the law has no tangent.
         """
         return BuiltArcLength(self, context, law)
-
-
-class BuiltArcLength(BuiltStatic):
-    """Arc-length continuation on a device; it adds no launches to time steps."""
-
-    label = "solver = ArcLength"
-    turns = True
-    search: Path
-
-    def __init__(self, solver: ArcLength, context: Context, law: BuiltLaw) -> None:
-        self.solver = solver
-        self.tangent = law.tangent(context, True)
-
-    def prepare(self, system: System) -> None:
-        """Compose residual and tangent.
-
-        Raises:
-            InputError: for parts that static solvers do not support.
-        """
-        system.refuse_phases("ArcLength", NOT_DONE)
-        self.search = Path(self.solver, system, self.tangent)
-
-    def column_names(self) -> Sequence[str]:
-        """Load factor, and number of negative eigenvalues if the tangent is factorised."""
-        return ("load_factor", "unstable")
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Load factor and number of negative eigenvalues [-], NaN if unknown."""
-        state = self.search.state
-        row = {"load_factor": state.factor}
-        if self.solver.modes and self.search.preconditioner == "direct":
-            unknown = state.step > 0 and state.negative is None
-            row["unstable"] = np.nan if unknown else float(state.negative or 0)
-        return row
-
-    def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes on limit points, bifurcations, and a path that ended early."""
-        state, said = self.search.state, []
-        for found in state.found:
-            where = f"at load factor {found['load_factor']:.5g}, step {found['step']}"
-            if found["kind"] == "bifurcation":
-                number = found["eigenvalues"]
-                what = (
-                    "an eigenvalue of the tangent changes its" if number == 1 else f"{number} eigenvalues change their"
-                )
-                then = "; the path continues on the other branch" if found["switched"] else ""
-                said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn{then}")
-            else:
-                said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")
-        if self.solver.switch and not any(found["switched"] for found in state.found):
-            said.append(f"ArcLength: switch = {self.solver.switch}: the path met fewer bifurcations and did not switch")
-        if self.search.ended:
-            said.append(
-                f"ArcLength: the path ends at load factor {state.factor:.5g}, step {state.step}: even the shortest "
-                f"step failed, as {self.search.ended}"
-            )
-        if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
-            said.append(
-                f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}"
-            )
-        return said

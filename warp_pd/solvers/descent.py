@@ -14,7 +14,7 @@ from ..device.fields import assign
 from .level import Level, dot
 from .linear import LinearSolver
 from .newton_settings import StaticSolver
-from .static_rupture import MIN_LOAD
+from .static_rounds import MIN_LOAD
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
 # fraction of its start.

@@ -12,6 +12,7 @@ from ..device.fields import Array, assign, on_cpu
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad, Tangent
 from ..interfaces.context import Context
+from ..interfaces.part import StaticContact
 from ..kernels.equilibrium import equilibrium
 from ..kernels.residual import residual
 
@@ -24,8 +25,8 @@ class Level:
     Attributes:
         context: Arrays and stages of this sheet.
         tangent: Tangent of its internal force.
-        following: Loads that depend on the displacement, without contacts.
-        contacts: Bodies that touch it.
+        following: Loads that depend on the displacement, without contact.
+        contacts: Bodies that touch the sheet.
         displacement: Displacement at which the residual is evaluated [m], (N,) vec3.
         base: Last accepted displacement [m].
         direction: Newton's step [m].
@@ -34,7 +35,10 @@ class Level:
         image: Output of the product.
     """
 
-    def __init__(self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad]) -> None:
+    def __init__(
+        self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
+        contacts: Sequence[StaticContact] = (),
+    ) -> None:  # fmt: skip
         """Allocate the vectors and add all stages but "evaluate".
 
         Raises:
@@ -42,7 +46,7 @@ class Level:
         """
         self.context, self.law, self.tangent = context, law, tangent
         self.following = [load for load in following if load.at_rest is None]
-        self.contacts = [load.at_rest for load in following if load.at_rest is not None]
+        self.contacts = contacts
         t, n = context.types, context.sheet.size
         self.displacement = context.state.displacement
         self.kernels = equilibrium(t.bits, context.features.held)
@@ -63,7 +67,6 @@ class Level:
         tangent.add_linearise(linearise, self.displacement, self._tension)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
-            contact.add_settling()
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 
     @property

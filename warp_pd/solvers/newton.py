@@ -1,25 +1,29 @@
-"""Newton's method for static equilibrium: load steps, line search, added tension for slack sheets."""
+"""Newton's method for static equilibrium: load steps, cutbacks, rounds of contact and rupture."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import warp as wp
 
 from ..device.checks import count, one_of
+from ..device.fields import assign
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, History, System
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
+from .level import OWNER
 from .newton_settings import StaticSolver
-from .search import Search
-from .static_system import BuiltStatic
+from .static_rounds import Kept, copies, put_back
+from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
-# What Newton's method does of a step in time: forces, prescribed motion (by itself), rupture in equilibrium.
-NOT_DONE = (
-    Phase.RIGID_DRIFT, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.RIGID_KICK, Phase.SEPARATE,
-)  # fmt: skip
+# A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
+# the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
+JUMP, COMPARED = 4.0, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,25 +85,135 @@ class Newton(StaticSolver):
         return BuiltNewton(self, context, law)
 
 
-class BuiltNewton(BuiltStatic):
-    """Newton's method on a device; a failed run ends in the state of its last good load step."""
+class BuiltNewton(StaticSystem):
+    """Newton's method on a device; a failed run ends in the state of its last good load step.
 
-    label = "solver = Newton"
-    search: Search
+    Attributes:
+        earlier: Displacement of the last good load step but one [m], (N,) vec3.
+        jumps: Load steps that moved the sheet much farther than those before.
+    """
 
-    def __init__(self, solver: Newton, context: Context, law: BuiltLaw) -> None:
-        self.solver, self.context = solver, context
-        # Before anything else: a law without a tangent is refused.
-        self.tangent = law.tangent(context, solver.stiffness == "tangent")
+    name = "Newton"
+    definite = True
+    settings: Newton
+
+    def __init__(self, settings: Newton, context: Context, law: BuiltLaw) -> None:
+        super().__init__(settings, context, law)
+        self._size, self._cutbacks = 1.0 / settings.load_steps, 0
+        self._earlier_factor: float | None = None
+        self._kept_factor: float | None = None
+        self._resumed = False
+        # Lengths of the last load steps, and how far they moved the sheet [m].
+        self._moved: list[tuple[float, float]] = []
+        self.jumps: list[dict[str, float]] = []
 
     def prepare(self, system: System) -> None:
-        """Compose residual, tangent and, on a rectangle, the coarser lattices.
+        """Add the stages of residual and tangent."""
+        super().prepare(system)
+        context = self.context
+        self.earlier = context.array(
+            "earlier_load_step", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
+        )
 
-        Raises:
-            InputError: for parts that Newton's method does not support.
+    def host_state(self) -> dict[str, Any]:
+        """The state of the search, for a bitwise identical restart."""
+        return {
+            **super().host_state(), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
+            "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore the result of `host_state`."""
+        super().restore(state)
+        self._size, self._cutbacks = state["size"], state["cutbacks"]
+        self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
+        self._moved, self.jumps = state["moved"], state["jumps"]
+        self._resumed = True
+
+    def settle(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
+        """Find equilibrium at a load factor from a guess [m], shape (N, 3), or from the current state."""
+        if guess is None:
+            return self._load_step(factor, sink)[0]
+        self.set_loads(factor)
+        assign(self.levels[0].displacement, guess)
+        return bool(self._descend(0, factor, sink, self.tolerance)["converged"])
+
+    def run(self, sink: FrameSink) -> str:
+        """Follow the load path; return the final status."""
+        finest, planned = self.levels[0], self.settings.load_steps
+        self._start_report(sink)
+        self._set_contact_stiffness()
+        reached = sink.time / self.settings.duration
+        kept = self._keep(reached)
+        while reached < 1.0 - 1e-9:
+            goal = (math.floor(reached * planned + 1e-9) + 1) / planned
+            factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
+            converged, sink.residual = self._equilibrium(factor, sink)
+            if converged:
+                self._compare(reached, factor)
+                reached = factor
+                kept = self._keep(reached)
+                if factor == goal:
+                    self._record(sink, reached)
+                continue
+            wp.copy(finest.displacement, self.good)
+            self._earlier_factor = self._kept_factor = None
+            put_back(kept)
+            self._cutbacks += 1
+            self._size *= 0.5
+            if self._cutbacks > self.settings.most_cuts:
+                self.set_loads(reached)
+                finest.evaluate()
+                if reached > sink.time / self.settings.duration + 1e-9:
+                    self._record(sink, reached)
+                sink.solve = self._summary(reached)
+                return NOT_CONVERGED
+        return FINISHED
+
+    def _compare(self, before: float, reached: float) -> None:
+        """Record a load step in which the sheet moved much farther than before and than its supports."""
+        here, good = (array.numpy().astype(np.float64) for array in (self.levels[0].displacement, self.good))
+        moved, length = np.abs(here - good), reached - before
+        far, prescribed = float(moved.max()), float(moved[self.levels[0].held].max(initial=0.0))
+        usual = max((m * max(1.0, length / earlier) for earlier, m in self._moved), default=0.0)
+        if 0.0 < usual < far / JUMP and prescribed < far / JUMP:
+            self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
+        self._moved = [*self._moved, (length, far)][-COMPARED:]
+
+    def _keep(self, reached: float) -> Kept:
+        """Store the state as the last good load step; return that of contact and rupture."""
+        # A run that went on from a load step has that and the one before it already.
+        known = self._resumed and self._kept_factor is not None
+        self._resumed = False
+        if self._kept_factor is not None and not known:
+            wp.copy(self.earlier, self.good)
+        wp.copy(self.good, self.levels[0].displacement)
+        if not known:
+            self._earlier_factor, self._kept_factor = self._kept_factor, reached
+        return copies(self.rounds.memory)
+
+    def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
+        """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.
+
+        With a damage field this is alternate minimisation of the energy by displacement and damage.
         """
-        system.refuse_phases("Newton", NOT_DONE)
-        self.search = Search(self.solver, self.solver.load_steps, system, self.tangent)
+        s0, s1 = self._earlier_factor, self._kept_factor
+        if s0 is not None and s1 is not None and self.hierarchy is None:
+            # On along the line through the last two load steps; what is held goes where it belongs all the same.
+            u0, u1 = (array.numpy().astype(np.float64) for array in (self.earlier, self.good))
+            assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
+        converged, residual = self._load_step(factor, sink)
+        entry = self.report.load_steps[-1]
+        while converged and (then := self.rounds.following(entry, residual, self.tolerance)) is not None:
+            if then.broken:
+                self._kept_factor = None
+            found, whole = self._descend(0, factor, sink, then.tolerance, then.title), entry["lattices"][-1]
+            for name in ("residuals", "shares", "products"):
+                whole[name] += found[name]
+            converged, residual = found["converged"] and not self.rounds.runs_through(entry), found["residuals"][-1]
+            whole["converged"] = converged
+        entry["converged"] = converged = converged and not self.rounds.passed()
+        return converged, residual
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on load steps between which the sheet may have jumped."""
@@ -109,5 +223,5 @@ class BuiltNewton(BuiltStatic):
             "jumped over a maximum of the load (a limit point), or buckled; "
             "the solver ArcLength follows what lies between, or prescribe a displacement (Motion) or the volume "
             "(EnclosedVolume)"
-            for jump in self.search.jumps
-        ] + self.search.rupture.notes()
+            for jump in self.jumps
+        ] + self.rounds.notes()

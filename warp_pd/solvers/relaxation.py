@@ -13,18 +13,16 @@ import warp as wp
 
 from ..device.checks import below_one, count, positive
 from ..device.fields import Array, assign
-from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
-from ..interfaces.part import ContactAtRest
 from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
-from .static_rupture import MIN_LOAD, StaticRupture, copies, put_back
+from .static_rounds import MIN_LOAD, Kept, StaticRounds, copies, put_back
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -106,14 +104,12 @@ class BuiltRelaxation(BuiltSolver):
     divides = True
     system: System
     stable_step: StableStep
-    rupture: StaticRupture
-    contacts: list[ContactAtRest]
+    rounds: StaticRounds
 
     def __init__(self, solver: Relaxation, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context, self.law = solver, context, law
         n, types = context.sheet.size, context.types
-        self._blocks = context.own_blocks
-        self._sums = context.array("motion_sums", OWNER, wp.float64, shape=(2, self._blocks), per="block")
+        self._sums = context.array("motion_sums", OWNER, wp.float64, shape=(2, context.own_blocks), per="block")
         self._previous = context.array("previous_force", OWNER, types.vec3, shape=n, restart=True)
         self._unbalanced = context.array("unbalanced", OWNER, types.vec3, shape=n)
         self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
@@ -122,9 +118,13 @@ class BuiltRelaxation(BuiltSolver):
         self._dt = 0.0
         # Squared loads and reactions of a state in equilibrium.
         self._largest = 0.0
+        self.tolerance = solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
+        # Steps of this run, and entries of the report, one per load step.
+        self._done = 0
+        self._entries: list[dict[str, Any]] = []
 
     def inertia(self) -> Array:
-        """The fictitious mass (or the true mass if there is none), and the stage that updates it."""
+        """The fictitious mass, or the true mass if there is none; adds the stage that updates it."""
         if self._inertia is None:
             stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
             found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)
@@ -156,16 +156,12 @@ class BuiltRelaxation(BuiltSolver):
         """
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)
-        self.contacts = [load.at_rest for load in system.external.following if load.at_rest is not None]
-        for contact in self.contacts:
-            contact.add_settling()
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         system.add(STEPPED, step)
         step.fuse_wraparound()
-        self.rupture = StaticRupture(system)
+        self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())
-        self._mass_launches = context.sequence("fictitious mass")
         f = context.features
         kernel = residual(context.bits, f.held, f.loaded, dead is not None)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
@@ -176,11 +172,87 @@ class BuiltRelaxation(BuiltSolver):
 
     def run(self, sink: FrameSink) -> str:
         """Bring every load step to equilibrium and record it as a frame; return the final status."""
-        return Relaxing(self, sink).run()
+        load_steps, duration = self.solver.load_steps, self.solver.duration
+        # A resumed run reports the load steps before it, too, but may take most_steps of its own.
+        earlier = sink.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
+        begin, self._entries, self._done = perf_counter() - earlier["seconds"], list(earlier["load_steps"]), 0
+        self._set_contact_stiffness()
+        for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
+            before, kept = self._done, self._keep()
+            converged = self._load_step(index, sink)
+            sink.residual = self._entries[-1]["residuals"][-1]
+            sink.solve = {
+                "solver": "Relaxation",
+                "iterations": earlier["iterations"] + self._done,
+                "rounds": sum(entry["rounds"] for entry in self._entries),
+                "residuals": [r for entry in self._entries for r in entry["residuals"]],
+                "reached": (index if converged else index - 1) / load_steps,
+                "seconds": perf_counter() - begin,
+                "load_steps": self._entries,
+            }
+            if not converged and index > 1:
+                self._return_to(kept)
+                sink.steps += self._entries[-1]["steps"]
+            else:
+                # The first load step has no good one before it: its last state says more than the start, and is
+                # where --resume goes on.
+                time = duration * index / load_steps if converged else 0.0
+                sink.frame(sink.frame_index + 1, time, self._done - before, self._dt)
+            if not converged:
+                return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
+        return FINISHED
 
-    def set_step(self) -> float:
+    def _keep(self) -> Kept:
+        """The state of the last good load step."""
+        state, time = self.context.state, self.context.clock.time
+        return copies([state.displacement, *([] if time is None else [time]), *self.rounds.memory])
+
+    def _return_to(self, kept: Kept) -> None:
+        """Return to the last good load step, whose frame is already written."""
+        put_back(kept)
+        self.context.state.velocity.zero_()
+
+    def _load_step(self, index: int, sink: FrameSink) -> bool:
+        """Apply a load step, alternating relaxation and rounds; return whether it reached a final equilibrium."""
+        solver, rounds = self.solver, self.rounds
+        end = index / solver.load_steps
+        entry: dict[str, Any] = {"share": end, "steps": self._done, "rounds": 0, "residuals": []}
+        self._entries.append(entry)
+        duration, count = solver.duration, solver.load_steps
+        self.system.set_clock(duration / (count * solver.ramp_steps), duration * index / count)
+        converged = self._relax(entry, sink, self.tolerance, solver.ramp_steps)
+        while converged and (then := rounds.following(entry, entry["residuals"][-1], self.tolerance)) is not None:
+            converged = self._relax(entry, sink, then.tolerance, 0, then.title) and not rounds.runs_through(entry)
+        converged = converged and not rounds.passed()
+        entry.update(steps=self._done - entry["steps"], converged=converged)
+        return converged
+
+    def _relax(
+        self, entry: dict[str, Any], sink: FrameSink, tolerance: float, ramp_steps: int, title: str = ""
+    ) -> bool:
+        """Take steps until the residual is small, checking it at least once; return whether it became small."""
+        start, ten, measure = self._done, self.context.sequence("step", repeat=10), self.context.sequence("residual")
+        while self._done == start or self._done < self.solver.most_steps:
+            since = self._done - start
+            if since % STEPS_BETWEEN == 0 or since < ramp_steps:
+                sink.stable_dt = self._set_step()
+            for _ in range(CHECK_EVERY // 10):
+                ten.run()
+            self._done += CHECK_EVERY
+            measure.run()
+            residual = self._residual()
+            entry["residuals"].append(residual)
+            sink.progress(self._done, residual, tolerance, title)
+            if not math.isfinite(residual):
+                return False
+            if residual <= tolerance and self._done - start >= ramp_steps:
+                self._largest = max(self._largest, self.context.total(self._reaction))
+                return True
+        return False
+
+    def _set_step(self) -> float:
         """Update the fictitious mass and the step; return the stable step [s]."""
-        self._mass_launches.run()
+        self.context.sequence("fictitious mass").run()
         omega = self.stable_step.omega(FIRST_ITERATIONS if self._dt == 0.0 else LATER_ITERATIONS)
         if self._inertia is not self.context.state.mass:
             # What is slack now may be taut a step later, and the step of the slack sheet then too long.
@@ -191,16 +263,16 @@ class BuiltRelaxation(BuiltSolver):
         assign(self.context.state.step, np.array([self._dt]))
         return stable
 
-    def stiffen(self) -> None:
+    def _set_contact_stiffness(self) -> None:
         """Give contact a stiffness that the step allows."""
-        if self.contacts:
-            self.set_step()
+        if self.rounds.contacts:
+            self._set_step()
             areas = self.context.sheet.areas
             stiffness = STIFFNESS * float(np.mean(self.inertia().numpy() / areas)) / self._dt**2
-            for contact in self.contacts:
-                contact.stiffen(stiffness)
+            for contact in self.rounds.contacts:
+                contact.set_stiffness(stiffness)
 
-    def residual(self) -> float:
+    def _residual(self) -> float:
         """Unbalanced force divided by loads and reactions, from the last run of the stage "residual"."""
         unbalanced, reaction = self.context.total(self._squared), self.context.total(self._reaction)
         reaction = max(reaction, MIN_LOAD**2 * self._largest)
@@ -208,18 +280,9 @@ class BuiltRelaxation(BuiltSolver):
             return 0.0
         return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
 
-    def settled(self) -> None:
-        """Record the loads and reactions of an equilibrium state."""
-        self._largest = max(self._largest, self.context.total(self._reaction))
-
-    @property
-    def dt(self) -> float:
-        """The current step [s]; 0 before the first."""
-        return self._dt
-
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on tears that ran through."""
-        return self.rupture.notes()
+        return self.rounds.notes()
 
     def host_state(self) -> dict[str, Any]:
         """The step, the largest load, and the random state of the next estimate."""
@@ -229,115 +292,3 @@ class BuiltRelaxation(BuiltSolver):
         """Restore the result of `host_state`."""
         self._dt, self._largest = state["dt"], state["largest"]
         self.stable_step.restore(state["noise"])
-
-
-class Relaxing:
-    """One run of the relaxation."""
-
-    def __init__(self, built: BuiltRelaxation, sink: FrameSink) -> None:
-        self.built, self.solver, self.sink, context = built, built.solver, sink, built.context
-        self.tolerance = self.solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
-        self.ten = context.sequence("step", repeat=10)
-        self.residual_launches: LaunchSequence = context.sequence("residual")
-        # A resumed run reports the load steps before it, too, but may take most_steps of its own.
-        earlier = sink.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
-        self.done, self.earlier = 0, earlier["iterations"]
-        self.begin = perf_counter() - earlier["seconds"]
-        self.entries: list[dict[str, Any]] = list(earlier["load_steps"])
-
-    def run(self) -> str:
-        """Follow the load path; return the final status."""
-        sink, built = self.sink, self.built
-        load_steps, duration = self.solver.load_steps, self.solver.duration
-        built.stiffen()
-        for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
-            before = self.done
-            good, broken = self._remember(), copies(built.rupture.memory)
-            converged = self._load_step(index)
-            sink.residual = self.entries[-1]["residuals"][-1]
-            sink.solve = {
-                "solver": "Relaxation",
-                "iterations": self.earlier + self.done,
-                "rounds": sum(entry["rounds"] for entry in self.entries),
-                "residuals": [r for entry in self.entries for r in entry["residuals"]],
-                "reached": (index if converged else index - 1) / load_steps,
-                "seconds": perf_counter() - self.begin,
-                "load_steps": self.entries,
-            }
-            if not converged:
-                # The first load step has no good one before it: its last state says more than the start, and is
-                # where --resume goes on.
-                if index > 1:
-                    self._restore(good)
-                    put_back(broken)
-                else:
-                    sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
-                return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
-            sink.frame(sink.frame_index + 1, duration * index / load_steps, self.done - before, built.dt)
-        return FINISHED
-
-    def _load_step(self, index: int) -> bool:
-        """Apply a load step, alternating relaxation and rupture; return whether it reached a final equilibrium."""
-        share = index / self.solver.load_steps
-        entry: dict[str, Any] = {"share": share, "steps": self.done, "rounds": 0, "residuals": []}
-        self.entries.append(entry)
-        self._advance_clock(index)
-        rupture, tolerance = self.built.rupture, self.tolerance
-        converged = self._relax(entry, tolerance, ramp=True)
-        while converged and not rupture.goes_on(entry):
-            # Bonds break only after contact has settled.
-            settles = sum(contact.settle() for contact in self.built.contacts) > 0
-            breaks = not settles and rupture.breaks(entry["rounds"])
-            if not settles and not breaks and entry["residuals"][-1] <= tolerance:
-                break
-            entry["rounds"] += breaks or settles
-            round_of = f"round {entry['rounds']} of {'contact' if settles else 'rupture'}" if entry["rounds"] else ""
-            enough = max(tolerance, rupture.close_enough) if breaks else tolerance
-            converged = self._relax(entry, enough, ramp=False, round_of=round_of)
-        converged = converged and not rupture.goes_on(entry)
-        converged = converged and not sum(contact.passed() for contact in self.built.contacts)
-        entry.update(steps=self.done - entry["steps"], converged=converged)
-        return bool(entry["converged"])
-
-    def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool, round_of: str = "") -> bool:
-        """Take steps until the residual is small, checking it at least once; return whether it became small."""
-        start, solver = self.done, self.solver
-        ramp_steps = solver.ramp_steps if ramp else 0
-        while self.done == start or self.done < solver.most_steps:
-            since = self.done - start
-            if since % STEPS_BETWEEN == 0 or since < ramp_steps:
-                self.sink.stable_dt = self.built.set_step()
-            for _ in range(CHECK_EVERY // 10):
-                self.ten.run()
-            self.done += CHECK_EVERY
-            self.residual_launches.run()
-            residual = self.built.residual()
-            entry["residuals"].append(residual)
-            self.sink.progress(self.done, residual, tolerance, round_of)
-            if not math.isfinite(residual):
-                return False
-            if residual <= tolerance and self.done - start >= ramp_steps:
-                self.built.settled()
-                return True
-        return False
-
-    def _advance_clock(self, index: int) -> None:
-        duration, load_steps = self.solver.duration, self.solver.load_steps
-        self.built.system.set_clock(duration / (load_steps * self.solver.ramp_steps), duration * index / load_steps)
-
-    def _kept(self) -> dict[str, Array]:
-        context = self.built.context
-        arrays = {"displacement": context.state.displacement, "time": context.clock.time}
-        for number, contact in enumerate(self.built.contacts):
-            arrays |= {f"contact {number} {k}": array for k, array in enumerate(contact.memory)}
-        return {name: array for name, array in arrays.items() if array is not None}
-
-    def _remember(self) -> dict[str, np.ndarray]:
-        return {name: array.numpy().copy() for name, array in self._kept().items()}
-
-    def _restore(self, good: dict[str, np.ndarray]) -> None:
-        """Restore the last good load step, whose frame is already written."""
-        for name, array in self._kept().items():
-            array.assign(good[name])
-        self.built.context.state.velocity.zero_()
-        self.sink.steps += self.entries[-1]["steps"]

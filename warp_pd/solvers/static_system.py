@@ -1,4 +1,4 @@
-"""Common basis of the static solvers: levels, linear solvers, loads at a load factor, report."""
+"""Common basis of Newton and ArcLength: levels, linear solvers, loads at a load factor, report."""
 
 from __future__ import annotations
 
@@ -13,23 +13,29 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.fields import assign
-from ..interfaces import BuiltSolver, FrameSink, System, Tangent
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import Report, StaticSolver
-from .static_rupture import Kept, StaticRupture, copies
+from .static_rounds import StaticRounds
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
 FINISHED, NOT_CONVERGED = "finished", "not converged"
+# Of a step in time, static solvers take the forces, prescribed motion (by themselves) and rupture in equilibrium.
+NOT_DONE = (
+    Phase.RIGID_DRIFT, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.RIGID_KICK, Phase.SEPARATE,
+)  # fmt: skip
 
 
-class StaticSystem:
+class StaticSystem(BuiltSolver):
     """Base class of the searches for static equilibrium: at given loads (Newton) or along a path (ArcLength).
 
     Attributes:
@@ -37,6 +43,7 @@ class StaticSystem:
         solvers: Linear solvers of the levels.
         good: Displacement of the last good load step [m], (N,) vec3.
         sizes: Scales of stiffness and load of the sheet.
+        rounds: Contact and rupture.
     """
 
     name: ClassVar[str]
@@ -44,16 +51,28 @@ class StaticSystem:
     definite: ClassVar[bool]
     # Number of points up to which the tangent is factorised on the host before anything else.
     factorised: ClassVar[int] = 0
+    system: System
+    levels: Sequence[Level]
+    hierarchy: Hierarchy | None
+    rounds: StaticRounds
 
-    def __init__(self, settings: StaticSolver, system: System, tangent: Tangent) -> None:
-        """Add all stages.
+    def __init__(self, settings: StaticSolver, context: Context, law: BuiltLaw) -> None:
+        """Raises InputError if the law has no tangent."""
+        self.label = f"solver = {self.name}"
+        self.settings, self.context = settings, context
+        self.tangent: Tangent = law.tangent(context, settings.stiffness == "tangent")
+        self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
+        self.sizes, self._begin = Sizes(), 0.0
+
+    def prepare(self, system: System) -> None:
+        """Add the stages of residual and tangent.
 
         Raises:
-            InputError: if the sheet does not allow the preconditioner.
+            InputError: for parts that the solver does not support, or if the sheet does not allow the preconditioner.
         """
-        self.settings, self.system = settings, system
-        context, state = system.context, system.context.state
-        finest = Level(context, system.law, tangent, system.external.following)
+        system.refuse_phases(self.name, NOT_DONE)
+        self.system, context, state = system, self.context, self.context.state
+        finest = Level(context, system.law, self.tangent, system.external.following, system.external.contacts)
         dead = system.external.keep_dead_apart()
         stage = context.stage("evaluate", "every residual of Newton")
         system.law.add_force(stage, state.displacement, state.force)
@@ -61,37 +80,26 @@ class StaticSystem:
             system.external.add_force(stage, state.displacement, state.external)
         finest.add_residual(stage, dead)
         self.good = context.array("last_load_step", OWNER, context.types.vec3, shape=context.sheet.size)
-        self.preconditioner = self._preconditioner(tangent)
+        self.preconditioner = self._preconditioner()
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
-        self.levels: Sequence[Level] = self.hierarchy.levels if self.hierarchy else [finest]
+        self.levels = self.hierarchy.levels if self.hierarchy else [finest]
         cycle = Aggregates(finest) if self.preconditioner == "algebraic" else self.hierarchy
         self.solvers = [
             LinearSolver(level, index, self.preconditioner, cycle, self.definite)
             for index, level in enumerate(self.levels)
         ]
         self.report = Report(self.name, self.preconditioner)
-        self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
-        self.sizes, self._begin = Sizes(), 0.0
-        self.rupture = StaticRupture(system)
-
-    def irreversible(self) -> Kept:
-        """The state of contact and rupture, which a step that fails must give back."""
-        settled = (array for contact in self.levels[0].contacts for array in contact.memory)
-        return copies((*settled, *self.rupture.memory))
-
-    def run(self, sink: FrameSink) -> str:
-        """Find the equilibria, each a frame; returns the final status."""
-        raise NotImplementedError
+        self.rounds = StaticRounds(system)
 
     def host_state(self) -> dict[str, Any]:
-        """State of the search, for a bitwise identical restart."""
+        """The scales, for a bitwise identical restart."""
         return {"sizes": asdict(self.sizes)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self.sizes = Sizes(**state["sizes"])
 
-    def _stiffen(self) -> None:
+    def _set_contact_stiffness(self) -> None:
         """Give contact a stiffness like that of the sheet."""
         level = self.levels[0]
         if level.contacts:
@@ -99,15 +107,14 @@ class StaticSystem:
             sheet = level.context.sheet
             stiffness = level.tangent.modulus() * float(np.mean(sheet.thickness)) / sheet.spacing**2
             for contact in level.contacts:
-                contact.stiffen(stiffness)
+                contact.set_stiffness(stiffness)
 
-    def _preconditioner(self, tangent: Tangent) -> str:
-        wanted, context = self.settings.preconditioner, self.system.context
-        for load in self.system.external.following:
-            if load.at_rest is not None and wanted not in ("auto", "direct"):
-                raise InputError(f"preconditioner = {wanted!r}: expected 'auto' or 'direct' with {load.label}")
-            if load.at_rest is not None:
-                return "direct"
+    def _preconditioner(self) -> str:
+        wanted, context = self.settings.preconditioner, self.context
+        for contact in self.system.external.contacts:
+            if wanted not in ("auto", "direct"):
+                raise InputError(f"preconditioner = {wanted!r}: expected 'auto' or 'direct' with {contact.label}")
+            return "direct"
         sheet, no_aggregates = context.sheet, self._no_aggregates()
         no_lattices = no_aggregates or self._no_lattices()
         if wanted == "multigrid" and no_lattices:
@@ -123,11 +130,11 @@ class StaticSystem:
             return "multigrid"
         if context.device.is_cpu:
             return "algebraic" if not no_aggregates and sheet.size > ALGEBRAIC_FROM else "direct"
-        return "direct" if sheet.size <= tangent.direct_points else "jacobi"
+        return "direct" if sheet.size <= self.tangent.direct_points else "jacobi"
 
     def _no_aggregates(self) -> str:
         """Why the preconditioner cannot be algebraic, as text of a message, or ""."""
-        law, size = self.system.law, self.system.context.sheet.size
+        law, size = self.system.law, self.context.sheet.size
         if law.horizon_ratio > MAX_MULTIGRID_HORIZON:
             return f"horizon = {law.horizon_ratio:.6g}: expected at most {MAX_MULTIGRID_HORIZON}"
         if law.intact is not None:
@@ -138,7 +145,7 @@ class StaticSystem:
 
     def _no_lattices(self) -> str:
         """Why the preconditioner cannot be multigrid though it can be algebraic, as text of a message, or ""."""
-        sheet, held = self.system.context.sheet, self.system.context.held
+        sheet, held = self.context.sheet, self.context.held
         if sheet.lattice is None or sheet.cuts:
             return "sheet: expected an uncut rectangle"
         lattices = coarser(sheet.lattice)
@@ -151,10 +158,6 @@ class StaticSystem:
             if not load.coarsens:
                 return f"{load.label}: expected loads that can be built on coarser lattices"
         return ""
-
-    def set_loads(self, factor: float) -> None:
-        """Set the loads of the sheet to a load factor."""
-        self._set_loads(0, factor)
 
     def _start_report(self, sink: FrameSink) -> None:
         """Begin the report; for a resumed run it includes the earlier load steps."""
@@ -174,16 +177,20 @@ class StaticSystem:
         now = reached * self.settings.duration
         sink.frame(sink.frame_index + 1, now, sink.solve["iterations"] - before, 0.0)
 
+    def _new_entry(self, factor: float) -> dict[str, Any]:
+        """A new entry of the report for an attempt at a load factor."""
+        self.report.load_steps.append({"share": factor, "converged": False, "rounds": 0, "lattices": []})
+        return self.report.load_steps[-1]
+
     def _load_step(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor from the last good load step; return whether found, and the residual."""
-        entry: dict[str, Any] = {"share": factor, "converged": False, "rounds": 0, "lattices": []}
-        self.report.load_steps.append(entry)
+        entry = self._new_entry(factor)
         last = len(self.levels) - 1
         if self.hierarchy:
             self.hierarchy.sample()
         for index in reversed(range(last + 1)):
             level = self.levels[index]
-            self._set_loads(index, factor)
+            self.set_loads(factor, index)
             wp.copy(level.base, level.displacement)
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
@@ -209,7 +216,8 @@ class StaticSystem:
             self.target(index, factor), self.sizes, tolerance, told if index == 0 else None,
         ).run()  # fmt: skip
 
-    def _set_loads(self, index: int, factor: float) -> None:
+    def set_loads(self, factor: float, index: int = 0) -> None:
+        """Set the loads of a level to a load factor."""
         duration = self.settings.duration
         self.system.set_clock(0.0, max(1.0, factor) * duration, factor * duration)
         if index > 0 and self.hierarchy:
@@ -246,25 +254,3 @@ class StaticSystem:
         if tension == 0.0 and not self.sizes.modulus and level.tangent.is_slack():
             return False
         return self.solvers[0].prepare(keep)
-
-
-class BuiltStatic(BuiltSolver):
-    """A static solver on a device; it adds no launches to time steps.
-
-    Attributes:
-        search: The search for equilibrium.
-    """
-
-    search: StaticSystem
-
-    def run(self, sink: FrameSink) -> str:
-        """Find the equilibria, each a frame; returns the final status."""
-        return self.search.run(sink)
-
-    def host_state(self) -> dict[str, Any]:
-        """State of the search."""
-        return self.search.host_state()
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
-        self.search.restore(state)
