@@ -11,20 +11,21 @@ import numpy as np
 
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
 from ..geometry.topology import boundary_sides, directed_edges
+from .coarsen import clusters, contracted, drawn
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, nearest_about, painted, places_of, raster, sphere
+from .projection import View, material_lines, nearest_about, places_of, sphere
 from .quantities import ENERGIES, column_label, field_label
 
-# Triangles above which a sheet is drawn as pixels.
-MOST_POLYGONS = 60_000
+# Triangles of a sheet above which larger ones are drawn, about half as many.
+MOST_TRIANGLES = 400_000
 STYLES = ("-", "--", "-.", ":")
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
 NEEDLE = 0.05
-# Width of strokes [points].
-STROKE = 0.5
+# Widths of strokes, and of the rims of triangles, which close the gaps between them: small ones need more [points].
+STROKE, RIMS, MANY_RIMS = 0.5, 0.2, 0.6
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
@@ -287,6 +288,7 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     """Draw sheet, lines and bodies, the farthest first."""
     from matplotlib.collections import PolyCollection
 
+    frame = _with_fewer_triangles(frame)
     sheet = seen.seen(frame.points[frame.triangles])
     faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
     lines, owners = material_lines(frame)
@@ -294,33 +296,30 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     ends = seen.seen(np.concatenate([lines, outline]))
     inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
     bodies, greys = _bodies(frame, seen)
-    if len(sheet) > MOST_POLYGONS:
-        lift = max(2.5 * np.sqrt(np.abs(_areas(sheet)).mean()), 2e-3 * seen.size)
-        image, extent = raster(np.concatenate([sheet, bodies]), np.concatenate([faces, greys]), ends, inks, lift)
-        axes.imshow(image, extent=extent, origin="lower", aspect="equal", interpolation="antialiased")
-    else:
-        strokes = ends[:, [0, 1, 1]]
-        # A line comes after the triangles about its own, which would hide parts of it, the rim after its triangle.
-        own = sheet[..., 2].mean(axis=1)
-        depth = np.concatenate(
-            [own, nearest_about(sheet, frame.triangles)[owners], own[rim], bodies[..., 2].mean(axis=1)]
-        )
-        edges = np.concatenate([faces, inks, greys])
-        widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), STROKE), np.full(len(bodies), 0.2)])
-        order = np.argsort(depth, kind="stable")
-        corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
-        if len(corners) > MOST_VECTORS:
-            image, extent = painted(corners, edges[order], widths[order] == STROKE)
-            axes.imshow(image, extent=extent, origin="lower", aspect="equal", interpolation="antialiased")
-        else:
-            polygons = PolyCollection(
-                corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
-            )  # fmt: skip
-            # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
-            polygons.set_in_layout(False)
-            axes.add_collection(polygons, autolim=False)
+    # A line comes after the triangles about its own, which would hide parts of it.
+    nearest = nearest_about(sheet, frame.triangles)[np.concatenate([owners, rim])]
+    depth = np.concatenate([sheet[..., 2].mean(axis=1), nearest, bodies[..., 2].mean(axis=1)])
+    order = np.argsort(depth, kind="stable")
+    corners: Any = np.concatenate([sheet, ends[:, [0, 1, 1]], bodies])[order, :, :2]
+    inks = np.concatenate([faces, inks, greys])[order]
+    many = len(corners) > MOST_VECTORS
+    rims = np.full(len(corners), MANY_RIMS if many else RIMS)
+    rims[len(sheet) : len(sheet) + len(ends)] = STROKE
+    polygons = PolyCollection(corners, facecolors=inks, edgecolors=inks, linewidths=rims[order], rasterized=many)
+    # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
+    polygons.set_in_layout(False)
+    axes.add_collection(polygons, autolim=False)
     if frame.ball is not None:
         _dash_the_ball(axes, frame.ball, seen)
+
+
+def _with_fewer_triangles(frame: Shown) -> Shown:
+    """The frame itself, or with larger triangles in place of more than `MOST_TRIANGLES`."""
+    if len(frame.triangles) <= MOST_TRIANGLES:
+        return frame
+    cluster = clusters(frame.reference, frame.triangles, frame.triangles, MOST_TRIANGLES // 4)
+    sheet = drawn([contracted(frame.triangles, cluster)], len(frame.points))
+    return replace(frame, triangles=sheet.points[sheet.triangles])
 
 
 def _outlines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
@@ -332,12 +331,6 @@ def _outlines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
         found.append((directed_edges(frame.triangles[inside])[sides], inside[sides % max(len(inside), 1)]))
     edges, owners = (np.concatenate(each) for each in zip(*found, strict=True))
     return frame.points[edges], owners
-
-
-def _areas(corners: np.ndarray) -> np.ndarray:
-    """Projected areas of triangles, shape (F,)."""
-    a, b = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
-    return np.asarray(0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
 def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""3D drawing of sheets: projection, bounding box, material lines, and rasterisation of triangles."""
+"""3D drawing of sheets: projection, bounding box, material lines and depth."""
 
 from __future__ import annotations
 
@@ -15,12 +15,6 @@ SHORTEST, FLAT = 0.25, 1e-6
 LARGEST_BODY = 2.0
 # Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
 SQUARES, SQUARES_OF_CURVED = 12, 8
-# Pixels along the longer side of a panel, and samples of all triangles, about the most.
-PIXELS, MOST_SAMPLES = 900, 12_000_000
-# Smaller pixels along a painted one; width of a stroke in these; what is painted on, a colour that no sheet has.
-FINE, STROKE, GROUND = 2, 3, (255, 255, 254)
-# Parts of a pixel between two samples.
-BETWEEN = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +48,6 @@ class View:
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Coordinates of points to the right, up, and towards the viewer, shape (..., 3)."""
         return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
-
-    @property
-    def size(self) -> float:
-        """Length of the diagonal of the drawn box."""
-        return float(np.linalg.norm((self.high - self.low) * self.grown))
 
     def corners(self) -> np.ndarray:
         """Corners of the box [m], shape (8, 3)."""
@@ -153,105 +142,3 @@ def _crossing(
     start, end = frame.reference[a, component], frame.reference[b, component]
     fraction = ((level - start) / (end - start))[:, None]
     return np.asarray(frame.points[a] + fraction * (frame.points[b] - frame.points[a]))
-
-
-def painted(
-    corners: np.ndarray, inks: np.ndarray, strokes: np.ndarray
-) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """Paint triangles and strokes as pixels, in their order; much faster than Matplotlib's polygons.
-
-    Args:
-        corners: Right and up of the corners, shape (F, 3, 2); a stroke ends at the first and the second.
-        inks: Red, green, blue and opacity, shape (F, 4).
-        strokes: Whether each is a stroke, shape (F,).
-
-    Returns:
-        As `raster`.
-    """
-    from PIL import Image, ImageDraw
-
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    pixel = float((high - low).max()) / (FINE * PIXELS)
-    size = FINE * (np.ceil((high - low) / (FINE * pixel)).astype(int) + 1)
-    image = Image.new("RGB", tuple(size.tolist()), GROUND)
-    brush = ImageDraw.Draw(image, "RGBA")
-    places, colours = ((corners - low) / pixel).reshape(-1, 6).tolist(), np.rint(255.0 * inks).astype(int).tolist()
-    for place, colour, stroke in zip(places, map(tuple, colours), strokes.tolist(), strict=True):
-        if stroke:
-            brush.line(place[:4], fill=colour, width=STROKE)
-        else:
-            brush.polygon(place, fill=colour)
-    clear = np.all(np.asarray(image) == GROUND, axis=2)
-    seen = Image.fromarray(np.where(clear, 0, 255).astype(np.uint8))
-    image.putalpha(seen)
-    across, up = (low + size * pixel).tolist()
-    return np.asarray(image.reduce(FINE)), (float(low[0]), across, float(low[1]), up)
-
-
-def raster(
-    corners: np.ndarray, colours: np.ndarray, strokes: np.ndarray, inks: np.ndarray, lift: float
-) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """Rasterise triangles and strokes with a depth buffer.
-
-    Args:
-        corners: Right, up and depth of the corners of triangles, shape (F, 3, 3).
-        colours: Red, green, blue and opacity of the triangles, shape (F, 4).
-        strokes: Ends of the strokes, shape (S, 2, 3).
-        inks: Colour and opacity of the strokes, shape (S, 4).
-        lift: Maximum depth of a visible stroke behind the triangle that it belongs to.
-
-    Returns:
-        The image, shape (rows, columns, 4), lowest row first, and its left, right, lower and upper limits.
-    """
-    low, high = corners[..., :2].min(axis=(0, 1)), corners[..., :2].max(axis=(0, 1))
-    pixel = float((high - low).max()) / PIXELS
-    columns, rows = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
-    image, nearest = np.zeros((rows * columns, 4)), np.full(rows * columns, -np.inf)
-    sides = np.linalg.norm(corners[:, [1, 2, 0], :2] - corners[:, :, :2], axis=2).max(axis=1)
-    per_side = np.maximum(np.ceil(sides / (BETWEEN * pixel)), 1.0)
-    total = 0.5 * float((per_side**2).sum())
-    per_side = np.maximum(per_side * min(1.0, np.sqrt(MOST_SAMPLES / total)), 1.0).astype(int)
-    places, depths, owners = [], [], []
-    for count in np.unique(per_side):
-        chosen = np.flatnonzero(per_side == count)
-        i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
-        i, j = i[i + j < count], j[i + j < count]
-        weights = np.stack([i + 1.0 / 3.0, j + 1.0 / 3.0, count - i - j - 2.0 / 3.0], axis=1) / count
-        samples = np.einsum("sk,fkc->fsc", weights, corners[chosen]).reshape(-1, 3)
-        places.append(_pixels(samples, low, pixel, columns))
-        depths.append(samples[:, 2])
-        owners.append(np.repeat(chosen, len(weights)))
-    place, depth, owner = (np.concatenate(parts) for parts in (places, depths, owners))
-    # Of several samples in a pixel the last one stays.
-    order = np.argsort(depth, kind="stable")
-    image[place[order]], nearest[place[order]] = colours[owner[order]], depth[order]
-    if len(strokes):
-        _add_strokes(image, nearest, strokes, inks, lift, (low, pixel, columns))
-    ends = (low[0], low[0] + columns * pixel, low[1], low[1] + rows * pixel)
-    return image.reshape(rows, columns, 4), ends
-
-
-def _pixels(samples: np.ndarray, low: np.ndarray, pixel: float, columns: int) -> np.ndarray:
-    column, row = ((samples[:, c] - low[c]) / pixel for c in range(2))
-    return np.asarray(row.astype(int) * columns + column.astype(int))
-
-
-def _add_strokes(
-    image: np.ndarray, nearest: np.ndarray, strokes: np.ndarray, inks: np.ndarray, lift: float,
-    grid: tuple[np.ndarray, float, int],
-) -> None:  # fmt: skip
-    """Darken the pixels of visible strokes, each once."""
-    low, pixel, columns = grid
-    lengths = np.linalg.norm(strokes[:, 1, :2] - strokes[:, 0, :2], axis=1)
-    counts = np.clip(np.ceil(lengths / (BETWEEN * pixel)), 1, PIXELS).astype(int)
-    owner = np.repeat(np.arange(len(strokes)), counts)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    fraction = ((within + 0.5) / counts[owner])[:, None]
-    samples = strokes[owner, 0] + fraction * (strokes[owner, 1] - strokes[owner, 0])
-    place = _pixels(samples, low, pixel, columns)
-    seen = samples[:, 2] + lift >= nearest[place]
-    place, first = np.unique(place[seen], return_index=True)
-    ink = inks[owner[seen][first]]
-    painted = image[place, 3] > 0.0
-    place, ink = place[painted], ink[painted]
-    image[place, :3] = (1.0 - ink[:, 3:]) * image[place, :3] + ink[:, 3:] * ink[:, :3]
