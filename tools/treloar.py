@@ -1,4 +1,4 @@
-"""Fit four materials to Treloar's three tests at once, and compare with published constants. Prints the table of
+"""Fit every material to Treloar's three tests at once, and compare with published constants. Prints the table of
 docs/fitting.md.
 
     python tools/treloar.py
@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from study import run_tool, study_parser, table
 
-from warp_pd import ArrudaBoyce, Gent, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, Gent, MooneyRivlin, Ogden, Yeoh
 from warp_pd.fitting import Curve, Fit, UniformTests, fit, nominal_stress, read_table
 
 DATA = Path(__file__).parents[1] / "tests" / "references" / "treloar.csv"
 LOADINGS = ("uniaxial", "planar", "equibiaxial")
+THREE_TERMS = ("mu_1", "alpha_1", "mu_2", "alpha_2", "mu_3", "alpha_3")
 # kg/cm^2 in Pa, the unit of Ogden's constants.
 KILOGRAM = 98066.5
 
@@ -35,8 +36,16 @@ def gent(mu: float, lock: float) -> Gent:
     return Gent(mu, 1e3 * mu, lock)
 
 
+def neo_hookean(mu: float) -> MooneyRivlin:
+    """Incompressible."""
+    return MooneyRivlin(0.5 * mu)
+
+
 MATERIALS: dict[str, tuple[Callable[..., Any], dict[str, float]]] = {
-    "Ogden": (ogden, {"mu1": -1.2e6, "a1": -0.6, "mu2": 12e3, "a2": 4.0}),
+    "neo-Hookean": (neo_hookean, {"mu": 0.3e6}),
+    "Mooney-Rivlin": (MooneyRivlin, {"c10": 0.15e6, "c01": 1e3}),
+    "Ogden, two terms": (ogden, {"mu1": -1.2e6, "a1": -0.6, "mu2": 12e3, "a2": 4.0}),
+    "Ogden, three terms": (Ogden.of, dict(zip(THREE_TERMS, (6.3e5, 1.3, 1.2e3, 5.0, -1e4, -2.0), strict=True))),
     "Gent": (gent, {"mu": 0.3e6, "lock": 90.0}),
     "Arruda-Boyce": (ArrudaBoyce, {"mu": 0.3e6, "lock": 5.0}),
     "Yeoh": (Yeoh, {"c10": 0.2e6, "c20": -1e3, "c30": 40.0}),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import treloar
 
-from warp_pd import ArrudaBoyce
+from warp_pd import ArrudaBoyce, Ogden
 from warp_pd.fitting import nominal_stress
 
 
@@ -43,3 +43,13 @@ def test_five_terms_are_the_langevin_function_far_from_its_lock():
     for loading in treloar.LOADINGS:
         series = nominal_stress(ArrudaBoyce(0.27e6, 26.5**0.5), loading, stretch)
         assert series == pytest.approx(treloar.arruda_boyce_1993(loading, stretch), rel=2e-3)
+
+
+def test_three_terms_of_ogden_fit_better_than_his_own(curves):
+    """The constants of docs/fitting.md, rounded to four digits."""
+    ours = Ogden((3.995e5, 5.085, -4537.0), (1.815, 7.674, -2.296))
+    shown = {name: [stress(curve.control, curve.at) for curve in curves] for name, stress in (
+        ("ours", lambda loading, stretch: nominal_stress(ours, loading, stretch)), ("1972", treloar.ogden_1972)
+    )}  # fmt: skip
+    assert treloar.errors(curves, shown["ours"])[-1] == pytest.approx(0.0147, abs=3e-4)
+    assert treloar.errors(curves, shown["1972"])[-1] == pytest.approx(0.0388, abs=1e-4)
