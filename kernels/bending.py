@@ -25,11 +25,17 @@ from typing import Any
 
 import warp as wp
 
+from .block_functions import putting, synchronize
 from .effects import Kernel, kernel
+from .entries import entry_of
 from .numeric import numeric
 
 # Of a row of points it makes the energy that of the second difference over three adjacent points.
 STIFFENING = 4.0
+# A patch has at most so many points, a thread each, and so many triangles, whose moments fit into shared memory.
+PATCH_POINTS, PATCH_TRIANGLES = 128, 384
+# Numbers of a triangle: its normal, the couples of three corners, two pulls.
+NUMBERS = 15
 
 
 @dataclass(frozen=True)
@@ -38,12 +44,15 @@ class BendingKernels:
 
     Attributes:
         Plate: Warp struct of the tables.
+        Patches: Warp struct of a sheet in patches.
         keep: Copies a displacement.
         slopes: Gradient of a displacement at each point.
         moments: Gradient of the energy of each triangle by the slopes and sides of its corners.
         change: Its derivative along a direction.
         gather: Adds the triangles' gradients by slopes up at each point, those by positions to the force.
         gather_change: The same of the change.
+        patches: What `moments` and `gather` do, on a GPU: a block of threads keeps the triangles of a patch in shared
+            memory. Triangles at its edge are computed in each patch that they touch.
         spread: Adds the force of the slopes to the points that they were fitted to.
         energy: Energy at each point, a third of each of its triangles.
         weaken: Reduces what is left of the stiffness of triangles, and sums the energy lost; None without damage.
@@ -51,12 +60,14 @@ class BendingKernels:
     """
 
     Plate: Any
+    Patches: Any
     keep: Kernel
     slopes: Kernel
     moments: Kernel
     change: Kernel
     gather: Kernel
     gather_change: Kernel
+    patches: Kernel
     spread: Kernel
     energy: Kernel
     weaken: Kernel | None = None
@@ -108,6 +119,14 @@ def bending(
         left: wp.array(dtype=real)  # of the stiffness of a triangle
 
     @wp.struct
+    class Patches:
+        points: wp.array(dtype=wp.int32)  # of one patch after another
+        first_point: wp.array(dtype=wp.int32)
+        triangles: wp.array(dtype=wp.int32)  # that the points of a patch are corners of, likewise
+        first_triangle: wp.array(dtype=wp.int32)
+        around: wp.array2d(dtype=wp.int16)  # PATCH_TRIANGLES x corner + triangle in the patch, at each of points; -1
+
+    @wp.struct
     class Bent:
         first: vec3  # sides
         second: vec3
@@ -117,12 +136,30 @@ def bending(
         strain: vec6
         moment: vec6
 
+    point_of, real_of, vec2_of = entry_of(vec3, 1), entry_of(real, 2), entry_of(vec2, 2)
+    step_of, place_of, sides_of = entry_of(wp.int32, 2), entry_of(wp.int16, 2), entry_of(mat22, 2)
+
+    # A component of all points together: a row of threads then reads whole lines of memory.
+    @wp.func
+    def matrix_at(values: wp.array2d(dtype=real), i: int):
+        n = values.shape[1]
+        return mat32(
+            real_of(values, i), real_of(values, n + i), real_of(values, 2 * n + i), real_of(values, 3 * n + i),
+            real_of(values, 4 * n + i), real_of(values, 5 * n + i),
+        )  # fmt: skip
+
+    @wp.func
+    def put_matrix(values: wp.array2d(dtype=real), i: int, value: mat32):
+        for c in range(3):
+            values[2 * c, i] = value[c, 0]
+            values[2 * c + 1, i] = value[c, 1]
+
     @wp.func
     def plane(plate: Plate, t: int, corner: int):
         if wp.static(curved):
-            return plate.sides[corner, plate.face_kind[t]]
+            return sides_of(plate.sides, corner * plate.sides.shape[1] + plate.face_kind[t])
         else:
-            return plate.sides[0, plate.face_kind[t]]
+            return sides_of(plate.sides, plate.face_kind[t])
 
     @wp.func
     def stiffness_of(plate: Plate, t: int):
@@ -175,14 +212,15 @@ def bending(
         return plate.corners[plate.face_kind[t]] + wp.vec3i(start, start, start)
 
     @wp.func
-    def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+    def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
         """What a displacement adds to the sides and to the six vectors."""
         c = corners_of(plate, t)
-        first, second = displacement[c[1]] - displacement[c[0]], displacement[c[2]] - displacement[c[0]]
+        origin = point_of(displacement, c[0])
+        first, second = point_of(displacement, c[1]) - origin, point_of(displacement, c[2]) - origin
         d0, d1, d2 = (
-            slope[c[0]] * plane(plate, t, 0),
-            slope[c[1]] * plane(plate, t, 1),
-            slope[c[2]] * plane(plate, t, 2),
+            matrix_at(slope, c[0]) * plane(plate, t, 0),
+            matrix_at(slope, c[1]) * plane(plate, t, 1),
+            matrix_at(slope, c[2]) * plane(plate, t, 2),
         )
         return first, second, vectors(first, second, d0, d1, d2)
 
@@ -216,7 +254,7 @@ def bending(
         return b
 
     @wp.func
-    def bent(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array(dtype=mat32)):
+    def bent(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
         first, second, found = changed(plate, t, displacement, slope)
         return bent_by(plate, t, first, second, found)
 
@@ -235,44 +273,59 @@ def bending(
         kept[i] = displacement[i]
 
     @kernel(gathers=("displacement",))
-    def slopes(plate: Plate, displacement: wp.array(dtype=vec3), first: int, slope: wp.array(dtype=mat32)):
+    def slopes(plate: Plate, displacement: wp.array(dtype=vec3), first: int, slope: wp.array2d(dtype=real)):
         i = wp.tid() + first
         here, kind = displacement[i], plate.kind[i]
         total = mat32()
         for k in range(plate.ring.shape[0]):
-            total += wp.outer(displacement[i + plate.ring[k, kind]] - here, plate.weights[k, kind])
-        slope[i] = total
+            at = k * plate.ring.shape[1] + kind
+            there = point_of(displacement, i + step_of(plate.ring, at))
+            total += wp.outer(there - here, vec2_of(plate.weights, at))
+        put_matrix(slope, i, total)
+
+    @wp.func
+    def answer(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
+        """Normal, couples at the three corners, and what pulls at corners 1 and 2."""
+        b = bent(plate, t, displacement, slope)
+        m = b.moment
+        along = wp.transpose(b.vectors) * m
+        turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
+        q0, q1, q2 = couples_of(m)
+        return (
+            b.normal,
+            plane(plate, t, 0) * q0,
+            plane(plate, t, 1) * q1,
+            plane(plate, t, 2) * q2,
+            b.normal * (m[3] - m[5]) + wp.cross(b.second, turn),
+            b.normal * (m[4] + m[5]) + wp.cross(turn, b.first),
+        )
 
     @kernel(per="face")
     def moments(
         plate: Plate,
         displacement: wp.array(dtype=vec3),
-        slope: wp.array(dtype=mat32),
+        slope: wp.array2d(dtype=real),
         first: int,
         normal: wp.array(dtype=vec3),
         couple: wp.array2d(dtype=vec2),
         pull: wp.array2d(dtype=vec3),
     ):
         t = wp.tid() + first
-        b = bent(plate, t, displacement, slope)
-        m = b.moment
-        along = wp.transpose(b.vectors) * m
-        turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
-        q0, q1, q2 = couples_of(m)
-        normal[t] = b.normal
-        couple[0, t] = plane(plate, t, 0) * q0
-        couple[1, t] = plane(plate, t, 1) * q1
-        couple[2, t] = plane(plate, t, 2) * q2
-        pull[0, t] = b.normal * (m[3] - m[5]) + wp.cross(b.second, turn)
-        pull[1, t] = b.normal * (m[4] + m[5]) + wp.cross(turn, b.first)
+        n, c0, c1, c2, p1, p2 = answer(plate, t, displacement, slope)
+        normal[t] = n
+        couple[0, t] = c0
+        couple[1, t] = c1
+        couple[2, t] = c2
+        pull[0, t] = p1
+        pull[1, t] = p2
 
     @kernel(per="face")
     def moments_change(
         plate: Plate,
         displacement: wp.array(dtype=vec3),
-        slope: wp.array(dtype=mat32),
+        slope: wp.array2d(dtype=real),
         direction: wp.array(dtype=vec3),
-        slope_change: wp.array(dtype=mat32),
+        slope_change: wp.array2d(dtype=real),
         first: int,
         normal: wp.array(dtype=vec3),
         couple: wp.array2d(dtype=vec2),
@@ -322,7 +375,7 @@ def bending(
         pull: wp.array2d(dtype=vec3),
         sign: real,
         first: int,
-        moment: wp.array(dtype=mat32),
+        moment: wp.array2d(dtype=real),
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
@@ -333,7 +386,7 @@ def bending(
                 t, corner = plate.first_triangle[i] + place // 3, place % 3
                 total += wp.outer(normal[t], couple[corner, t])
                 push += pulled(pull, t, corner)
-        moment[i] = total
+        put_matrix(moment, i, total)
         force[i] = force[i] + sign * push
 
     @kernel(gathers=("normal", "couple", "normal_change", "couple_change", "pull"))
@@ -346,7 +399,7 @@ def bending(
         pull: wp.array2d(dtype=vec3),
         sign: real,
         first: int,
-        moment: wp.array(dtype=mat32),
+        moment: wp.array2d(dtype=real),
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
@@ -357,23 +410,84 @@ def bending(
                 t, corner = plate.first_triangle[i] + place // 3, place % 3
                 total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
                 push += pulled(pull, t, corner)
-        moment[i] = total
+        put_matrix(moment, i, total)
         force[i] = force[i] + sign * push
 
+    put = putting(real)
+    most = PATCH_TRIANGLES
+
+    @kernel(per="block", fast_math=bits == 32)
+    def bending_patches(
+        plate: Plate,
+        patches: Patches,
+        displacement: wp.array(dtype=vec3),
+        slope: wp.array2d(dtype=real),
+        sign: real,
+        first: int,
+        moment: wp.array2d(dtype=real),
+        force: wp.array(dtype=vec3),
+    ):
+        patch = (wp.tid() + first) / wp.static(PATCH_POINTS)
+        lane = (wp.tid() + first) % wp.static(PATCH_POINTS)
+        found = wp.tile_empty(shape=wp.static(NUMBERS * PATCH_TRIANGLES), dtype=real, storage="shared")
+        begin = patches.first_triangle[patch]
+        for at in range(lane, patches.first_triangle[patch + 1] - begin, wp.static(PATCH_POINTS)):
+            n, c0, c1, c2, p1, p2 = answer(plate, patches.triangles[begin + at], displacement, slope)
+            for c in range(3):
+                put(found, c * wp.static(most) + at, n[c])
+                put(found, (9 + c) * wp.static(most) + at, p1[c])
+                put(found, (12 + c) * wp.static(most) + at, p2[c])
+            for c in range(2):
+                put(found, (3 + c) * wp.static(most) + at, c0[c])
+                put(found, (5 + c) * wp.static(most) + at, c1[c])
+                put(found, (7 + c) * wp.static(most) + at, c2[c])
+        synchronize()
+        own = patches.first_point[patch] + lane
+        if own < patches.first_point[patch + 1]:
+            i = patches.points[own]
+            total, push = mat32(), vec3()
+            for k in range(patches.around.shape[0]):
+                place = wp.int32(place_of(patches.around, k * patches.around.shape[1] + own))
+                if place >= 0:
+                    corner = place / wp.static(most)
+                    at = place - corner * wp.static(most)
+                    n = vec3(found[at], found[wp.static(most) + at], found[wp.static(2 * most) + at])
+                    c = (3 + 2 * corner) * wp.static(most) + at
+                    total += wp.outer(n, vec2(found[c], found[wp.static(most) + c]))
+                    p1 = vec3(
+                        found[wp.static(9 * most) + at],
+                        found[wp.static(10 * most) + at],
+                        found[wp.static(11 * most) + at],
+                    )
+                    p2 = vec3(
+                        found[wp.static(12 * most) + at],
+                        found[wp.static(13 * most) + at],
+                        found[wp.static(14 * most) + at],
+                    )
+                    if corner == 0:
+                        push += -p1 - p2
+                    elif corner == 1:
+                        push += p1
+                    else:
+                        push += p2
+            put_matrix(moment, i, total)
+            force[i] = force[i] + sign * push
+
     @kernel(gathers=("moment",))
-    def spread(plate: Plate, moment: wp.array(dtype=mat32), sign: real, first: int, force: wp.array(dtype=vec3)):
+    def spread(plate: Plate, moment: wp.array2d(dtype=real), sign: real, first: int, force: wp.array(dtype=vec3)):
         i = wp.tid() + first
         kind = plate.kind[i]
-        total = -moment[i] * plate.own[kind]
+        total = -matrix_at(moment, i) * plate.own[kind]
         for k in range(plate.fitted.shape[0]):
-            total += moment[i + plate.fitted[k, kind]] * plate.fitted_weights[k, kind]
+            at = k * plate.fitted.shape[1] + kind
+            total += matrix_at(moment, i + step_of(plate.fitted, at)) * vec2_of(plate.fitted_weights, at)
         force[i] = force[i] + sign * total
 
     @kernel(gathers=("displacement", "slope"))
     def energy(
         plate: Plate,
         displacement: wp.array(dtype=vec3),
-        slope: wp.array(dtype=mat32),
+        slope: wp.array2d(dtype=real),
         first: int,
         out: wp.array(dtype=wp.float64),
     ):
@@ -386,7 +500,9 @@ def bending(
                 total += wp.float64(wp.dot(b.strain, b.moment))
         out[i] = total / wp.float64(6.0)
 
-    found = BendingKernels(Plate, keep, slopes, moments, moments_change, gather, gather_change, spread, energy)
+    found = BendingKernels(
+        Plate, Patches, keep, slopes, moments, moments_change, gather, gather_change, bending_patches, spread, energy
+    )
     if not breakable:
         return found
 

@@ -16,6 +16,7 @@ from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import BendingKernels, bending
+from .bending_moments import moments_at_points
 from .bending_tangent import BendingTangent
 from .slopes import CHUNK, fitted_slopes
 
@@ -100,15 +101,9 @@ class BendingForce:
         self.stiffness, self.poisson = self._stiffness(given)
         self.slopes = fitted_slopes(context.sheet, (context.held & HELD == HELD) | (context.held & RIGID != 0))
         self.plate: Any = self._tables()
-        n, faces, t = context.sheet.size, len(context.sheet.triangles), context.types
-        self.slope = self.point_array("slope", t.mat32)
-        self.moment = self.point_array("moment", t.mat32)
-        self.moments: dict[str, Any] = {
-            name: context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
-            for name, dtype, shape in (
-                ("normal", t.vec3, faces), ("couple", t.vec2, (3, faces)), ("pull", t.vec3, (2, faces)),
-            )
-        }  # fmt: skip
+        n, faces = context.sheet.size, len(context.sheet.triangles)
+        self.slope, self.moment = self.slope_array("slope"), self.slope_array("moment")
+        self.moments = moments_at_points(context, self.kernels, self.plate)
         self.energy = context.array("bending_energy", OWNER, wp.float64, shape=n)
         self.lost: Array | None = None
         self._softening: Array | None = None
@@ -120,9 +115,9 @@ class BendingForce:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.law, name)
 
-    def point_array(self, name: str, dtype: Any) -> Array:
-        """An array with an entry for each point."""
-        return self.context.array(f"bending_{name}", OWNER, dtype, shape=self.context.sheet.size)
+    def slope_array(self, name: str) -> Array:
+        """An array of 3 x 2 matrices at the points, (6, N)."""
+        return self.context.array(f"bending_{name}", OWNER, self.context.types.real, shape=(6, self.context.sheet.size))
 
     def _stiffness(self, given: bool | float) -> tuple[np.ndarray, float]:
         """D of each point [N m], (N,), and Poisson's ratio."""
@@ -270,15 +265,16 @@ class BendingForce:
         self._add_bending(stage, displacement, out)
 
     def _add_bending(self, stage: Stage, displacement: Array, out: Array) -> None:
-        kernels, points, faces = self.kernels, self.context.sheet.size, len(self.context.sheet.triangles)
         self.add_slopes(stage, displacement, self.slope)
+        self.moments.add(stage, displacement, self.slope, self.moment, out)
+        self.add_spread(stage, out)
+
+    def add_spread(self, stage: Stage, force: Array) -> None:
+        """Add the launch that adds the force of the moments at points to `force`."""
         stage.launch(
-            OWNER, kernels.moments, faces, plate=self.plate, displacement=displacement, slope=self.slope, **self.moments
-        )
-        stage.launch(
-            OWNER, kernels.gather, points, plate=self.plate, **self.moments, sign=-1.0, moment=self.moment, force=out
-        )
-        stage.launch(OWNER, kernels.spread, points, plate=self.plate, moment=self.moment, sign=-1.0, force=out)
+            OWNER, self.kernels.spread, self.context.sheet.size, plate=self.plate, moment=self.moment, sign=-1.0,
+            force=force,
+        )  # fmt: skip
 
     def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
         """Add the launch of the slopes of a displacement."""

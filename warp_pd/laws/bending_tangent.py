@@ -12,6 +12,7 @@ from ..device.launches import Stage
 from ..interfaces import Solve, SparseTangent, Tangent
 from ..interfaces.context import Context
 from ..kernels.bending import BendingKernels
+from .bending_moments import triangle_arrays
 from .slopes import Slopes
 from .sparse import factorised
 
@@ -28,8 +29,7 @@ class Bending(Protocol):
         kernels: Kernels of bending.
         plate: Their tables.
         slopes: Points and weights of the slopes.
-        moment: Derivative of the energy by the slope of each point, (N,) mat32, a buffer.
-        moments: Those of triangles by name, buffers.
+        moment: Derivative of the energy by the slope of each point, (6, N), a buffer.
     """
 
     context: Context
@@ -37,14 +37,17 @@ class Bending(Protocol):
     plate: Any
     slopes: Slopes
     moment: Array
-    moments: dict[str, Any]
 
-    def point_array(self, name: str, dtype: Any) -> Array:
-        """An array with an entry for each point."""
+    def slope_array(self, name: str) -> Array:
+        """An array of 3 x 2 matrices at the points, (6, N)."""
         ...
 
     def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
         """Add the launch of the slopes of a displacement."""
+        ...
+
+    def add_spread(self, stage: Stage, force: Array) -> None:
+        """Add the launch that adds the force of the moments at points to `force`."""
         ...
 
 
@@ -61,13 +64,15 @@ class BendingTangent:
     def __init__(self, force: Bending, law: Tangent) -> None:
         self.force, self.law = force, law
         self._stage: str | None = None
-        t, faces = force.context.types, len(force.context.sheet.triangles)
-        self._here, self._along, self._out = (force.point_array(name, t.vec3) for name in ("here", "along", "image"))
-        self._slope, self._slope_change = (
-            force.point_array(f"tangent_{name}", t.mat32) for name in ("slope", "change")
+        context, t = force.context, force.context.types
+        faces = len(context.sheet.triangles)
+        self._here, self._along, self._out = (
+            context.array(f"bending_{name}", OWNER, t.vec3, shape=context.sheet.size)
+            for name in ("here", "along", "image")
         )
-        self._changes: dict[str, Any] = {
-            name: force.context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
+        self._slope, self._slope_change = (force.slope_array(f"tangent_{name}") for name in ("slope", "change"))
+        self._changes: dict[str, Any] = triangle_arrays(context, OWNER) | {
+            name: context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
             for name, dtype, shape in (("normal_change", t.vec3, faces), ("couple_change", t.vec2, (3, faces)))
         }
 
@@ -97,15 +102,14 @@ class BendingTangent:
         kernels, plate, n = force.kernels, force.plate, force.context.sheet.size
         faces = len(force.context.sheet.triangles)
         force.add_slopes(stage, direction, self._slope_change)
-        given: dict[str, Any] = {**force.moments, **self._changes}
         stage.launch(
             OWNER, kernels.change, faces, plate=plate, displacement=self._here, slope=self._slope,
-            direction=direction, slope_change=self._slope_change, **given,
+            direction=direction, slope_change=self._slope_change, **self._changes,
         )  # fmt: skip
         stage.launch(
-            OWNER, kernels.gather_change, n, plate=plate, **given, sign=-1.0, moment=force.moment, force=change
+            OWNER, kernels.gather_change, n, plate=plate, **self._changes, sign=-1.0, moment=force.moment, force=change
         )
-        stage.launch(OWNER, kernels.spread, n, plate=plate, moment=force.moment, sign=-1.0, force=change)
+        force.add_spread(stage, change)
 
     def sparse(self) -> SparseTangent:
         """The tangent as a sparse matrix, from the next linearisation on."""

@@ -29,8 +29,8 @@ from .built import Built
 from .simulation import Simulation
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
-# Rupture by a damage field, in place of "rupture" by a critical stretch.
-DAMAGE_FIELD = "damage_field"
+# Of what is not among "all": rupture by a damage field in place of "rupture" by a critical stretch, and bending.
+DAMAGE_FIELD, BENDING = "damage_field", "bending"
 LAYOUTS = ("lattice", "hole", "cloud", "tube")
 # Radius of the hole [m] in a square of 1 m.
 HOLE = 0.15
@@ -46,7 +46,7 @@ class Case:
         points: Points along a side of a square sheet, or around and along a tube.
         horizon: Horizon in spacings.
         precision: 32 or 64.
-        features: A selection from FEATURES and DAMAGE_FIELD.
+        features: A selection from FEATURES, DAMAGE_FIELD and BENDING.
         layout: One of LAYOUTS; "hole" is a grid with a central hole, "tube" a curved cloud (the square rolled up).
         weights: As for `BondAssociated`.
         damaged: With "rupture", the fraction of points with a broken bond; with DAMAGE_FIELD, the fraction of points
@@ -67,7 +67,7 @@ class Case:
 
     def __post_init__(self) -> None:
         for feature in self.features:
-            one_of("features", feature, (*FEATURES, DAMAGE_FIELD))
+            one_of("features", feature, (*FEATURES, DAMAGE_FIELD, BENDING))
         one_of("layout", self.layout, LAYOUTS)
         one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
@@ -103,6 +103,7 @@ class Case:
             loads=loads,
             contact=ball if "contact" in self.features else None,
             damage=self.rupture(),
+            bending=BENDING in self.features,
             solver=Explicit(duration=1.0, damping=0.1 if "damping" in self.features else 0.0),
             track_energy="energy" in self.features,
             initial_displacement=_rough(sheet),
