@@ -97,12 +97,13 @@ def bending(
     class Plate:
         # Points are of few kinds on a lattice: tables have a column for each kind, so that a step reads few bytes.
         kind: wp.array(dtype=wp.int32)
-        ring: wp.array2d(dtype=wp.int32)  # steps to the points of a fit, 0 for none
+        counts: wp.array(dtype=wp.vec3i)  # entries of `ring`, of `fitted`, and of `around`
+        ring: wp.array2d(dtype=wp.int32)  # steps to the points of a fit
         weights: wp.array2d(dtype=vec2)
         own: wp.array(dtype=vec2)  # sum of the weights
-        fitted: wp.array2d(dtype=wp.int32)  # steps to the points whose fit has this one, 0 for none
+        fitted: wp.array2d(dtype=wp.int32)  # steps to the points whose fit has this one
         fitted_weights: wp.array2d(dtype=vec2)
-        around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner, less 3 x the first triangle of the point; -1: none
+        around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner, less 3 x the first triangle of the point
         first_triangle: wp.array(dtype=wp.int32)
         # So are triangles.
         face_kind: wp.array(dtype=wp.int32)
@@ -124,7 +125,7 @@ def bending(
         first_point: wp.array(dtype=wp.int32)
         triangles: wp.array(dtype=wp.int32)  # that the points of a patch are corners of, likewise
         first_triangle: wp.array(dtype=wp.int32)
-        around: wp.array2d(dtype=wp.int16)  # PATCH_TRIANGLES x corner + triangle in the patch, at each of points; -1
+        around: wp.array2d(dtype=wp.int16)  # PATCH_TRIANGLES x corner + triangle in the patch, at each of points
 
     @wp.struct
     class Bent:
@@ -277,7 +278,7 @@ def bending(
         i = wp.tid() + first
         here, kind = displacement[i], plate.kind[i]
         total = mat32()
-        for k in range(plate.ring.shape[0]):
+        for k in range(plate.counts[kind][0]):
             at = k * plate.ring.shape[1] + kind
             there = point_of(displacement, i + step_of(plate.ring, at))
             total += wp.outer(there - here, vec2_of(plate.weights, at))
@@ -380,12 +381,11 @@ def bending(
     ):
         i = wp.tid() + first
         total, push, kind = mat32(), vec3(), plate.kind[i]
-        for k in range(plate.around.shape[0]):
+        for k in range(plate.counts[kind][2]):
             place = plate.around[k, kind]
-            if place >= 0:
-                t, corner = plate.first_triangle[i] + place // 3, place % 3
-                total += wp.outer(normal[t], couple[corner, t])
-                push += pulled(pull, t, corner)
+            t, corner = plate.first_triangle[i] + place // 3, place % 3
+            total += wp.outer(normal[t], couple[corner, t])
+            push += pulled(pull, t, corner)
         put_matrix(moment, i, total)
         force[i] = force[i] + sign * push
 
@@ -404,12 +404,11 @@ def bending(
     ):
         i = wp.tid() + first
         total, push, kind = mat32(), vec3(), plate.kind[i]
-        for k in range(plate.around.shape[0]):
+        for k in range(plate.counts[kind][2]):
             place = plate.around[k, kind]
-            if place >= 0:
-                t, corner = plate.first_triangle[i] + place // 3, place % 3
-                total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
-                push += pulled(pull, t, corner)
+            t, corner = plate.first_triangle[i] + place // 3, place % 3
+            total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
+            push += pulled(pull, t, corner)
         put_matrix(moment, i, total)
         force[i] = force[i] + sign * push
 
@@ -446,30 +445,29 @@ def bending(
         if own < patches.first_point[patch + 1]:
             i = patches.points[own]
             total, push = mat32(), vec3()
-            for k in range(patches.around.shape[0]):
+            for k in range(plate.counts[plate.kind[i]][2]):
                 place = wp.int32(place_of(patches.around, k * patches.around.shape[1] + own))
-                if place >= 0:
-                    corner = place / wp.static(most)
-                    at = place - corner * wp.static(most)
-                    n = vec3(found[at], found[wp.static(most) + at], found[wp.static(2 * most) + at])
-                    c = (3 + 2 * corner) * wp.static(most) + at
-                    total += wp.outer(n, vec2(found[c], found[wp.static(most) + c]))
-                    p1 = vec3(
-                        found[wp.static(9 * most) + at],
-                        found[wp.static(10 * most) + at],
-                        found[wp.static(11 * most) + at],
-                    )
-                    p2 = vec3(
-                        found[wp.static(12 * most) + at],
-                        found[wp.static(13 * most) + at],
-                        found[wp.static(14 * most) + at],
-                    )
-                    if corner == 0:
-                        push += -p1 - p2
-                    elif corner == 1:
-                        push += p1
-                    else:
-                        push += p2
+                corner = place / wp.static(most)
+                at = place - corner * wp.static(most)
+                n = vec3(found[at], found[wp.static(most) + at], found[wp.static(2 * most) + at])
+                c = (3 + 2 * corner) * wp.static(most) + at
+                total += wp.outer(n, vec2(found[c], found[wp.static(most) + c]))
+                p1 = vec3(
+                    found[wp.static(9 * most) + at],
+                    found[wp.static(10 * most) + at],
+                    found[wp.static(11 * most) + at],
+                )
+                p2 = vec3(
+                    found[wp.static(12 * most) + at],
+                    found[wp.static(13 * most) + at],
+                    found[wp.static(14 * most) + at],
+                )
+                if corner == 0:
+                    push += -p1 - p2
+                elif corner == 1:
+                    push += p1
+                else:
+                    push += p2
             put_matrix(moment, i, total)
             force[i] = force[i] + sign * push
 
@@ -478,7 +476,7 @@ def bending(
         i = wp.tid() + first
         kind = plate.kind[i]
         total = -matrix_at(moment, i) * plate.own[kind]
-        for k in range(plate.fitted.shape[0]):
+        for k in range(plate.counts[kind][1]):
             at = k * plate.fitted.shape[1] + kind
             total += matrix_at(moment, i + step_of(plate.fitted, at)) * vec2_of(plate.fitted_weights, at)
         force[i] = force[i] + sign * total
@@ -493,11 +491,10 @@ def bending(
     ):
         i = wp.tid() + first
         total, kind = wp.float64(0.0), plate.kind[i]
-        for k in range(plate.around.shape[0]):
+        for k in range(plate.counts[kind][2]):
             place = plate.around[k, kind]
-            if place >= 0:
-                b = bent(plate, plate.first_triangle[i] + place // 3, displacement, slope)
-                total += wp.float64(wp.dot(b.strain, b.moment))
+            b = bent(plate, plate.first_triangle[i] + place // 3, displacement, slope)
+            total += wp.float64(wp.dot(b.strain, b.moment))
         out[i] = total / wp.float64(6.0)
 
     found = BendingKernels(
@@ -515,7 +512,7 @@ def bending(
         plate: Plate, displacement: wp.array(dtype=vec3), velocity: wp.array(dtype=vec3), back: real, i: int
     ):
         here, kind, total = earlier(displacement, velocity, back, i), plate.kind[i], mat32()
-        for k in range(plate.ring.shape[0]):
+        for k in range(plate.counts[kind][0]):
             there = earlier(displacement, velocity, back, i + plate.ring[k, kind])
             total += wp.outer(there - here, plate.weights[k, kind])
         return total
@@ -577,10 +574,9 @@ def bending(
     def share_lost(plate: Plate, lost: wp.array(dtype=wp.float64), first: int, out: wp.array(dtype=wp.float64)):
         i = wp.tid() + first
         total, kind = wp.float64(0.0), plate.kind[i]
-        for k in range(plate.around.shape[0]):
+        for k in range(plate.counts[kind][2]):
             place = plate.around[k, kind]
-            if place >= 0:
-                total += lost[plate.first_triangle[i] + place // 3]
+            total += lost[plate.first_triangle[i] + place // 3]
         out[i] = total / wp.float64(3.0)
 
     return replace(found, weaken=weaken, share_lost=share_lost if tracked else None)

@@ -173,14 +173,16 @@ class BendingForce:
         first[places[1][::-1]] = order[::-1] // 3
         around = _filled(places, order - 3 * first[places[1]], -1)
         own = weights.sum(axis=0)
+        counts = [np.bincount(owners, minlength=size) for owners in (s.point, s.other, triangles.ravel())]
         scaled = [np.moveaxis(w, 1, 0).reshape(size, -1) * self.context.sheet.spacing for w in (weights, back)]
         torn = self._spans(ring) if self.context.features.breakable else {}
         checked = [values for _, values in torn.values()]
-        kind, one = kinds(np.concatenate([ring, fitted, around, *checked]).T, np.column_stack(scaled))
+        kind, one = kinds(np.concatenate([counts, ring, fitted, around, *checked]).T, np.column_stack(scaled))
         return {name: (dtype, values[:, one]) for name, (dtype, values) in torn.items()} | {
             "kind": (wp.int32, kind), "ring": (wp.int32, ring[:, one]), "weights": (t.vec2, weights[:, one]),
             "own": (t.vec2, own[one]), "fitted": (wp.int32, fitted[:, one]), "fitted_weights": (t.vec2, back[:, one]),
-            "around": (wp.int32, around[:, one]), "first_triangle": (wp.int32, first),
+            "counts": (wp.vec3i, np.stack(counts, axis=1)[one]), "around": (wp.int32, around[:, one]),
+            "first_triangle": (wp.int32, first),
         }  # fmt: skip
 
     def _spans(self, ring: np.ndarray) -> dict[str, tuple[Any, np.ndarray]]:

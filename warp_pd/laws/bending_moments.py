@@ -107,7 +107,7 @@ def patch_tables(triangles: np.ndarray, order: np.ndarray, begins: np.ndarray) -
     entries = np.argsort(owner, kind="stable")
     owners = owner[entries]
     row = np.arange(len(owners)) - np.searchsorted(owners, owners)
-    around = np.full((row.max() + 1, len(order)), -1, np.int16)
+    around = np.zeros((row.max() + 1, len(order)), np.int16)
     around[row, owners] = places[entries]
     return {
         "points": (wp.int32, order), "first_point": (wp.int32, begins), "triangles": (wp.int32, keys % len(triangles)),
