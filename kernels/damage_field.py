@@ -57,10 +57,35 @@ NEAR = 0.55
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 # Points of a thread of a CPU that lists them.
 TOGETHER = 256
-# Threads that share a family on a GPU: a warp, which is also a block.
-LANES = 32
+# Threads that share a family on a GPU: a warp, or half of one if the family has no more members.
+WARP = 32
 # What `driving` is at points that are not listed, for processes that have them as ghost points.
 UNLISTED = -2.0
+
+
+_SUM_OF_LANES = """
+#if defined(__CUDA_ARCH__)
+    const unsigned own = ((1ull << lanes) - 1u) << (threadIdx.x % 32u / lanes * lanes);
+    for (int apart = lanes / 2; apart > 0; apart /= 2) value += __shfl_xor_sync(own, value, apart);
+#endif
+    return value;
+"""
+
+
+def lanes_of(members: int) -> int:
+    """Number of threads of a GPU that share a family."""
+    return WARP // 2 if 2 * members <= WARP else WARP
+
+
+@functools.cache
+def sum_of_lanes(bits: int) -> wp.Function:
+    """Function (value, lanes) -> sum over adjacent threads of a warp, in the same order for all of them."""
+    real = numeric(bits).real
+
+    @wp.func_native(_SUM_OF_LANES)
+    def summed(value: real, lanes: int) -> real: ...
+
+    return summed
 
 
 @dataclass(frozen=True)
@@ -94,7 +119,7 @@ class DamageFieldKernels:
 @functools.cache
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None,
+    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -109,8 +134,9 @@ def damage_field(
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family at an earlier time.
         driving_energy: The same for the part of it that drives damage.
-        partial_energy: Warp function of what a thread adds to the driving energy, if LANES threads share a family in
-            `drive`; None if a thread computes it alone.
+        partial_energy: Warp function of what a thread adds to the driving energy, if several threads share a family
+            in `drive`.
+        lanes: Number of these threads, or 1.
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
@@ -120,8 +146,7 @@ def damage_field(
     left, fall, curvature = degradation(layout.bits, weak)
     energy_of_step = energy_over_step(layout, earlier_energy)
     together = 1 if atomics else TOGETHER
-    shared = partial_energy is not None
-    lanes = LANES if shared else 1
+    sum_lanes = sum_of_lanes(layout.bits)
 
     @wp.func
     def outside(
@@ -270,12 +295,12 @@ def damage_field(
         for n in range(thread // wp.static(lanes), count[0], stride):
             i = listed[n]
             stored = real(0.0)
-            if wp.static(shared):
+            if wp.static(lanes > 1):
                 part, _weight = partial_energy(
                     family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i, lane,
                     wp.static(lanes),
                 )  # fmt: skip
-                stored = wp.tile_sum(wp.tile(part, preserve_type=True))[0]
+                stored = sum_lanes(part, wp.static(lanes))
             else:
                 stored = driving_energy(
                     family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i

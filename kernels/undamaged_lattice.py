@@ -20,6 +20,7 @@ from typing import Any
 import warp as wp
 
 from .effects import Kernel, kernel
+from .entries import entry_of
 from .factories import FunctionFactory, constants_of
 from .kinematics import kinematics
 from .numeric import numeric
@@ -79,6 +80,7 @@ def undamaged_lattice_force(
     in_registers = 6 * n * (bits // 32) <= MAX_REGISTERS
     reach = max(up)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
+    point_of = entry_of(vec3, 1)
     Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
 
     @wp.func
@@ -109,9 +111,9 @@ def undamaged_lattice_force(
         """Displacement of the member (x, y) steps away, in axes rotated by a multiple of 90 degrees."""
         across = cosine * x - sine * y
         if wp.static(gridded):
-            return displacement[places[wp.static(reach) + cosine * y + sine * x, i] + across]
+            return point_of(displacement, places[wp.static(reach) + cosine * y + sine * x, i] + across)
         else:
-            return displacement[i + (cosine * y + sine * x) * places + across]
+            return point_of(displacement, i + (cosine * y + sine * x) * places + across)
 
     @kernel(gathers=("displacement",), fast_math=bits == 32)
     def undamaged_family_force(

@@ -19,7 +19,7 @@ from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import LANES, NEAR, TOGETHER, damage_field
+from ..kernels.damage_field import NEAR, TOGETHER, damage_field, lanes_of
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import FieldConstants
 from .rupture import AT_REST, Damaged
@@ -41,7 +41,7 @@ REDUCED = 3.0
 FEW = 4
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
-# Families whose driving energy a GPU computes at once, each by LANES threads.
+# Families whose driving energy a GPU computes at once, each by several threads.
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
 # in motion; largest number of looks at one displacement.
@@ -167,12 +167,13 @@ class DamageField(Damaged):
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = context.array("looked_at", self.owner, wp.int32, looked_at, per="table")
-        self._lanes = LANES if context.device.is_cuda and law.partial_energy is not None else 1
+        shared = context.device.is_cuda and law.partial_energy is not None
+        self._lanes = lanes_of(law.families.members) if shared else 1
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
             law.driving_energy or law.earlier_energy,
-            law.partial_energy if self._lanes > 1 else None,
+            law.partial_energy, self._lanes,
         )  # fmt: skip
         self._softening = self.field
         if weak:
@@ -449,7 +450,7 @@ class DamageField(Damaged):
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         families = min(self._threads, GPU_FAMILIES) if self._lanes > 1 else self._threads
         stage.launch(
-            self.owner, k.drive, families * self._lanes, block_dim=self._lanes if self._lanes > 1 else None,
+            self.owner, k.drive, families * self._lanes,
             scale=self._scale, fastest=self._fastest, ahead=self._ahead, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before,
             **{**self._shared(), "stride": families},
