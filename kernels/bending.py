@@ -25,17 +25,14 @@ from typing import Any
 
 import warp as wp
 
-from .block_functions import putting, synchronize
 from .effects import Kernel, kernel
-from .entries import entry_of
+from .entries import entry_of, put_entry
 from .numeric import numeric
 
 # Of a row of points it makes the energy that of the second difference over three adjacent points.
 STIFFENING = 4.0
-# A patch has at most so many points, a thread each, and so many triangles, whose moments fit into shared memory.
-PATCH_POINTS, PATCH_TRIANGLES = 128, 384
-# Numbers of a triangle: its normal, the couples of three corners, two pulls.
-NUMBERS = 15
+# Rows of what triangles store: the normal, the couples of three corners, what pulls at corners 1 and 2.
+NORMAL, COUPLES, PULLS, ROWS = 0, 3, 9, 15
 
 
 @dataclass(frozen=True)
@@ -44,15 +41,12 @@ class BendingKernels:
 
     Attributes:
         Plate: Warp struct of the tables.
-        Patches: Warp struct of a sheet in patches.
         keep: Copies a displacement.
         slopes: Gradient of a displacement at each point.
         moments: Gradient of the energy of each triangle by the slopes and sides of its corners.
         change: Its derivative along a direction.
         gather: Adds the triangles' gradients by slopes up at each point, those by positions to the force.
         gather_change: The same of the change.
-        patches: What `moments` and `gather` do, on a GPU: a block of threads keeps the triangles of a patch in shared
-            memory. Triangles at its edge are computed in each patch that they touch.
         spread: Adds the force of the slopes to the points that they were fitted to.
         energy: Energy at each point, a third of each of its triangles.
         weaken: Reduces what is left of the stiffness of triangles, and sums the energy lost; None without damage.
@@ -60,14 +54,12 @@ class BendingKernels:
     """
 
     Plate: Any
-    Patches: Any
     keep: Kernel
     slopes: Kernel
     moments: Kernel
     change: Kernel
     gather: Kernel
     gather_change: Kernel
-    patches: Kernel
     spread: Kernel
     energy: Kernel
     weaken: Kernel | None = None
@@ -120,14 +112,6 @@ def bending(
         left: wp.array(dtype=real)  # of the stiffness of a triangle
 
     @wp.struct
-    class Patches:
-        points: wp.array(dtype=wp.int32)  # of one patch after another
-        first_point: wp.array(dtype=wp.int32)
-        triangles: wp.array(dtype=wp.int32)  # that the points of a patch are corners of, likewise
-        first_triangle: wp.array(dtype=wp.int32)
-        around: wp.array2d(dtype=wp.int16)  # PATCH_TRIANGLES x corner + triangle in the patch, at each of points
-
-    @wp.struct
     class Bent:
         first: vec3  # sides
         second: vec3
@@ -138,7 +122,7 @@ def bending(
         moment: vec6
 
     point_of, real_of, vec2_of = entry_of(vec3, 1), entry_of(real, 2), entry_of(vec2, 2)
-    step_of, place_of, sides_of = entry_of(wp.int32, 2), entry_of(wp.int16, 2), entry_of(mat22, 2)
+    step_of, sides_of, put_real = entry_of(wp.int32, 2), entry_of(mat22, 2), put_entry(real, 2)
 
     # A component of all points together: a row of threads then reads whole lines of memory.
     @wp.func
@@ -152,8 +136,25 @@ def bending(
     @wp.func
     def put_matrix(values: wp.array2d(dtype=real), i: int, value: mat32):
         for c in range(3):
-            values[2 * c, i] = value[c, 0]
-            values[2 * c + 1, i] = value[c, 1]
+            put_real(values, 2 * c * values.shape[1] + i, value[c, 0])
+            put_real(values, (2 * c + 1) * values.shape[1] + i, value[c, 1])
+
+    @wp.func
+    def vector_at(values: wp.array2d(dtype=real), row: int, i: int):
+        n = values.shape[1]
+        return vec3(
+            real_of(values, row * n + i), real_of(values, (row + 1) * n + i), real_of(values, (row + 2) * n + i)
+        )
+
+    @wp.func
+    def put_vector(values: wp.array2d(dtype=real), row: int, i: int, value: vec3):
+        for c in range(3):
+            put_real(values, (row + c) * values.shape[1] + i, value[c])
+
+    @wp.func
+    def couple_at(values: wp.array2d(dtype=real), corner: int, i: int):
+        at = (COUPLES + 2 * corner) * values.shape[1] + i
+        return vec2(real_of(values, at), real_of(values, at + values.shape[1]))
 
     @wp.func
     def plane(plate: Plate, t: int, corner: int):
@@ -161,6 +162,17 @@ def bending(
             return sides_of(plate.sides, corner * plate.sides.shape[1] + plate.face_kind[t])
         else:
             return sides_of(plate.sides, plate.face_kind[t])
+
+    @wp.func
+    def put_couples(plate: Plate, t: int, normal: vec3, q0: vec2, q1: vec2, q2: vec2, values: wp.array2d(dtype=real)):
+        """Store a normal, and the couples in the planes of the corners."""
+        put_vector(values, NORMAL, t, normal)
+        c0, c1, c2 = plane(plate, t, 0) * q0, plane(plate, t, 1) * q1, plane(plate, t, 2) * q2
+        n = values.shape[1]
+        for c in range(2):
+            put_real(values, (COUPLES + c) * n + t, c0[c])
+            put_real(values, (COUPLES + 2 + c) * n + t, c1[c])
+            put_real(values, (COUPLES + 4 + c) * n + t, c2[c])
 
     @wp.func
     def stiffness_of(plate: Plate, t: int):
@@ -284,41 +296,23 @@ def bending(
             total += wp.outer(there - here, vec2_of(plate.weights, at))
         put_matrix(slope, i, total)
 
-    @wp.func
-    def answer(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
-        """Normal, couples at the three corners, and what pulls at corners 1 and 2."""
-        b = bent(plate, t, displacement, slope)
-        m = b.moment
-        along = wp.transpose(b.vectors) * m
-        turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
-        q0, q1, q2 = couples_of(m)
-        return (
-            b.normal,
-            plane(plate, t, 0) * q0,
-            plane(plate, t, 1) * q1,
-            plane(plate, t, 2) * q2,
-            b.normal * (m[3] - m[5]) + wp.cross(b.second, turn),
-            b.normal * (m[4] + m[5]) + wp.cross(turn, b.first),
-        )
-
-    @kernel(per="face")
+    @kernel(per="face", fast_math=bits == 32)
     def moments(
         plate: Plate,
         displacement: wp.array(dtype=vec3),
         slope: wp.array2d(dtype=real),
         first: int,
-        normal: wp.array(dtype=vec3),
-        couple: wp.array2d(dtype=vec2),
-        pull: wp.array2d(dtype=vec3),
+        pulls: wp.array2d(dtype=real),
     ):
         t = wp.tid() + first
-        n, c0, c1, c2, p1, p2 = answer(plate, t, displacement, slope)
-        normal[t] = n
-        couple[0, t] = c0
-        couple[1, t] = c1
-        couple[2, t] = c2
-        pull[0, t] = p1
-        pull[1, t] = p2
+        b = bent(plate, t, displacement, slope)
+        m = b.moment
+        along = wp.transpose(b.vectors) * m
+        turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
+        q0, q1, q2 = couples_of(m)
+        put_couples(plate, t, b.normal, q0, q1, q2, pulls)
+        put_vector(pulls, PULLS, t, b.normal * (m[3] - m[5]) + wp.cross(b.second, turn))
+        put_vector(pulls, PULLS + 3, t, b.normal * (m[4] + m[5]) + wp.cross(turn, b.first))
 
     @kernel(per="face")
     def moments_change(
@@ -328,11 +322,8 @@ def bending(
         direction: wp.array(dtype=vec3),
         slope_change: wp.array2d(dtype=real),
         first: int,
-        normal: wp.array(dtype=vec3),
-        couple: wp.array2d(dtype=vec2),
-        normal_change: wp.array(dtype=vec3),
-        couple_change: wp.array2d(dtype=vec2),
-        pull: wp.array2d(dtype=vec3),
+        pulls: wp.array2d(dtype=real),
+        changes: wp.array2d(dtype=real),
     ):
         t = wp.tid() + first
         b = bent(plate, t, displacement, slope)
@@ -349,127 +340,48 @@ def bending(
             d_along - n * (wp.dot(n, d_along) + wp.dot(d_n, along)) - d_n * wp.dot(n, along) - turn * d_length
         ) * over
         q0, q1, q2 = couples_of(m)
-        normal[t] = n
-        couple[0, t] = plane(plate, t, 0) * q0
-        couple[1, t] = plane(plate, t, 1) * q1
-        couple[2, t] = plane(plate, t, 2) * q2
+        put_couples(plate, t, n, q0, q1, q2, pulls)
         q0, q1, q2 = couples_of(d_m)
-        normal_change[t] = d_n
-        couple_change[0, t] = plane(plate, t, 0) * q0
-        couple_change[1, t] = plane(plate, t, 1) * q1
-        couple_change[2, t] = plane(plate, t, 2) * q2
-        pull[0, t] = d_n * (m[3] - m[5]) + n * (d_m[3] - d_m[5]) + wp.cross(d_second, turn) + wp.cross(b.second, d_turn)
-        pull[1, t] = d_n * (m[4] + m[5]) + n * (d_m[4] + d_m[5]) + wp.cross(d_turn, b.first) + wp.cross(turn, d_first)
+        put_couples(plate, t, d_n, q0, q1, q2, changes)
+        first_pull = d_n * (m[3] - m[5]) + n * (d_m[3] - d_m[5]) + wp.cross(d_second, turn) + wp.cross(b.second, d_turn)
+        second_pull = d_n * (m[4] + m[5]) + n * (d_m[4] + d_m[5]) + wp.cross(d_turn, b.first) + wp.cross(turn, d_first)
+        put_vector(changes, PULLS, t, first_pull)
+        put_vector(changes, PULLS + 3, t, second_pull)
 
     @wp.func
-    def pulled(pull: wp.array2d(dtype=vec3), t: int, corner: int):
+    def pulled(values: wp.array2d(dtype=real), corner: int, t: int):
         if corner == 0:
-            return -pull[0, t] - pull[1, t]
+            return -vector_at(values, PULLS, t) - vector_at(values, PULLS + 3, t)
         else:
-            return pull[corner - 1, t]
+            return vector_at(values, PULLS + 3 * (corner - 1), t)
 
-    @kernel(gathers=("normal", "couple", "pull"))
-    def gather(
-        plate: Plate,
-        normal: wp.array(dtype=vec3),
-        couple: wp.array2d(dtype=vec2),
-        pull: wp.array2d(dtype=vec3),
-        sign: real,
-        first: int,
-        moment: wp.array2d(dtype=real),
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        total, push, kind = mat32(), vec3(), plate.kind[i]
-        for k in range(plate.counts[kind][2]):
-            place = plate.around[k, kind]
-            t, corner = plate.first_triangle[i] + place // 3, place % 3
-            total += wp.outer(normal[t], couple[corner, t])
-            push += pulled(pull, t, corner)
-        put_matrix(moment, i, total)
-        force[i] = force[i] + sign * push
-
-    @kernel(gathers=("normal", "couple", "normal_change", "couple_change", "pull"))
-    def gather_change(
-        plate: Plate,
-        normal: wp.array(dtype=vec3),
-        couple: wp.array2d(dtype=vec2),
-        normal_change: wp.array(dtype=vec3),
-        couple_change: wp.array2d(dtype=vec2),
-        pull: wp.array2d(dtype=vec3),
-        sign: real,
-        first: int,
-        moment: wp.array2d(dtype=real),
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        total, push, kind = mat32(), vec3(), plate.kind[i]
-        for k in range(plate.counts[kind][2]):
-            place = plate.around[k, kind]
-            t, corner = plate.first_triangle[i] + place // 3, place % 3
-            total += wp.outer(normal_change[t], couple[corner, t]) + wp.outer(normal[t], couple_change[corner, t])
-            push += pulled(pull, t, corner)
-        put_matrix(moment, i, total)
-        force[i] = force[i] + sign * push
-
-    put = putting(real)
-    most = PATCH_TRIANGLES
-
-    @kernel(per="block", fast_math=bits == 32)
-    def bending_patches(
-        plate: Plate,
-        patches: Patches,
-        displacement: wp.array(dtype=vec3),
-        slope: wp.array2d(dtype=real),
-        sign: real,
-        first: int,
-        moment: wp.array2d(dtype=real),
-        force: wp.array(dtype=vec3),
-    ):
-        patch = (wp.tid() + first) / wp.static(PATCH_POINTS)
-        lane = (wp.tid() + first) % wp.static(PATCH_POINTS)
-        found = wp.tile_empty(shape=wp.static(NUMBERS * PATCH_TRIANGLES), dtype=real, storage="shared")
-        begin = patches.first_triangle[patch]
-        for at in range(lane, patches.first_triangle[patch + 1] - begin, wp.static(PATCH_POINTS)):
-            n, c0, c1, c2, p1, p2 = answer(plate, patches.triangles[begin + at], displacement, slope)
-            for c in range(3):
-                put(found, c * wp.static(most) + at, n[c])
-                put(found, (9 + c) * wp.static(most) + at, p1[c])
-                put(found, (12 + c) * wp.static(most) + at, p2[c])
-            for c in range(2):
-                put(found, (3 + c) * wp.static(most) + at, c0[c])
-                put(found, (5 + c) * wp.static(most) + at, c1[c])
-                put(found, (7 + c) * wp.static(most) + at, c2[c])
-        synchronize()
-        own = patches.first_point[patch] + lane
-        if own < patches.first_point[patch + 1]:
-            i = patches.points[own]
-            total, push = mat32(), vec3()
-            for k in range(plate.counts[plate.kind[i]][2]):
-                place = wp.int32(place_of(patches.around, k * patches.around.shape[1] + own))
-                corner = place / wp.static(most)
-                at = place - corner * wp.static(most)
-                n = vec3(found[at], found[wp.static(most) + at], found[wp.static(2 * most) + at])
-                c = (3 + 2 * corner) * wp.static(most) + at
-                total += wp.outer(n, vec2(found[c], found[wp.static(most) + c]))
-                p1 = vec3(
-                    found[wp.static(9 * most) + at],
-                    found[wp.static(10 * most) + at],
-                    found[wp.static(11 * most) + at],
-                )
-                p2 = vec3(
-                    found[wp.static(12 * most) + at],
-                    found[wp.static(13 * most) + at],
-                    found[wp.static(14 * most) + at],
-                )
-                if corner == 0:
-                    push += -p1 - p2
-                elif corner == 1:
-                    push += p1
+    def declare_gather(change: bool) -> Kernel:
+        @kernel(gathers=("pulls", "changes"), name="gather_change" if change else "gather")
+        def gather(
+            plate: Plate,
+            pulls: wp.array2d(dtype=real),
+            changes: wp.array2d(dtype=real),
+            sign: real,
+            first: int,
+            moment: wp.array2d(dtype=real),
+            force: wp.array(dtype=vec3),
+        ):
+            i = wp.tid() + first
+            total, push, kind = mat32(), vec3(), plate.kind[i]
+            for k in range(plate.counts[kind][2]):
+                place = step_of(plate.around, k * plate.around.shape[1] + kind)
+                t, corner = plate.first_triangle[i] + place / 3, place % 3
+                if wp.static(change):
+                    total += wp.outer(vector_at(changes, NORMAL, t), couple_at(pulls, corner, t))
+                    total += wp.outer(vector_at(pulls, NORMAL, t), couple_at(changes, corner, t))
+                    push += pulled(changes, corner, t)
                 else:
-                    push += p2
+                    total += wp.outer(vector_at(pulls, NORMAL, t), couple_at(pulls, corner, t))
+                    push += pulled(pulls, corner, t)
             put_matrix(moment, i, total)
             force[i] = force[i] + sign * push
+
+        return gather
 
     @kernel(gathers=("moment",))
     def spread(plate: Plate, moment: wp.array2d(dtype=real), sign: real, first: int, force: wp.array(dtype=vec3)):
@@ -498,7 +410,7 @@ def bending(
         out[i] = total / wp.float64(6.0)
 
     found = BendingKernels(
-        Plate, Patches, keep, slopes, moments, moments_change, gather, gather_change, bending_patches, spread, energy
+        Plate, keep, slopes, moments, moments_change, declare_gather(False), declare_gather(True), spread, energy
     )
     if not breakable:
         return found

@@ -18,3 +18,14 @@ def entry_of(kind: Any, dimension: int) -> wp.Function:
     def entry(values: Values, number: int) -> kind: ...
 
     return entry
+
+
+@functools.cache
+def put_entry(kind: Any, dimension: int) -> wp.Function:
+    """Function (array, index, value) that writes an entry of a contiguous array by its flat index."""
+    Values: Any = wp.array(dtype=kind, ndim=dimension)
+
+    @wp.func_native("values.data[number] = value;")
+    def put(values: Values, number: int, value: kind): ...
+
+    return put

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import build, internal_force, jittered, play_gpu, random_gradient, sever, square, strain_energy, uniform
+from helpers import build, internal_force, jittered, random_gradient, sever, square, strain_energy, uniform
 from small_runs import run
 
 from warp_pd import (
@@ -93,18 +93,6 @@ def test_a_rigid_motion_and_flat_stretching_bend_nothing(name):
         uneven = np.column_stack([2.0 * x * y, 3.0 * x**2, 0.0 * x])
         for motion in (uniform(sheet, random_gradient(3)), uneven):
             assert np.abs(bending_force(sheet, motion)).max() < 1e-9 * scale
-
-
-@pytest.mark.parametrize("name", ["large", *SHEETS])
-def test_patches_of_the_sheet_have_the_force_of_single_triangles(name, monkeypatch):
-    """What a GPU takes, on a CPU; the large sheet has several patches, of more triangles than threads."""
-    sheet = jittered(23) if name == "large" else SHEETS[name]()
-    here = rough_motion(sheet)
-    expected = internal_force(build(sheet, bending=True), here)
-    play_gpu(monkeypatch)
-    built = build(sheet, bending=True)
-    assert "bending_patches" in {launch.name for stage in built.context.stages.values() for launch in stage.launches()}
-    assert internal_force(built, here) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
 
 
 def test_a_rolled_sheet_has_the_energy_of_a_cylinder():

@@ -15,8 +15,8 @@ from ..families import pack
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.bending import BendingKernels, bending
-from .bending_moments import moments_at_points
+from ..kernels.bending import ROWS, BendingKernels, bending
+from ..kernels.effects import Kernel
 from .bending_tangent import BendingTangent
 from .slopes import CHUNK, fitted_slopes
 
@@ -103,7 +103,7 @@ class BendingForce:
         self.plate: Any = self._tables()
         n, faces = context.sheet.size, len(context.sheet.triangles)
         self.slope, self.moment = self.slope_array("slope"), self.slope_array("moment")
-        self.moments = moments_at_points(context, self.kernels, self.plate)
+        self.pulls = self.triangle_array("pulls")
         self.energy = context.array("bending_energy", OWNER, wp.float64, shape=n)
         self.lost: Array | None = None
         self._softening: Array | None = None
@@ -118,6 +118,13 @@ class BendingForce:
     def slope_array(self, name: str) -> Array:
         """An array of 3 x 2 matrices at the points, (6, N)."""
         return self.context.array(f"bending_{name}", OWNER, self.context.types.real, shape=(6, self.context.sheet.size))
+
+    def triangle_array(self, name: str) -> Array:
+        """An array of what triangles store, (ROWS, F)."""
+        return self.context.array(
+            f"bending_{name}", OWNER, self.context.types.real, shape=(ROWS, len(self.context.sheet.triangles)),
+            per="face",
+        )  # fmt: skip
 
     def _stiffness(self, given: bool | float) -> tuple[np.ndarray, float]:
         """D of each point [N m], (N,), and Poisson's ratio."""
@@ -268,11 +275,18 @@ class BendingForce:
 
     def _add_bending(self, stage: Stage, displacement: Array, out: Array) -> None:
         self.add_slopes(stage, displacement, self.slope)
-        self.moments.add(stage, displacement, self.slope, self.moment, out)
-        self.add_spread(stage, out)
+        stage.launch(
+            OWNER, self.kernels.moments, len(self.context.sheet.triangles), plate=self.plate,
+            displacement=displacement, slope=self.slope, pulls=self.pulls,
+        )  # fmt: skip
+        self.add_sums(stage, self.kernels.gather, None, out)
 
-    def add_spread(self, stage: Stage, force: Array) -> None:
-        """Add the launch that adds the force of the moments at points to `force`."""
+    def add_sums(self, stage: Stage, gather: Kernel, changes: Array | None, force: Array) -> None:
+        """Add the launches that add the force of what triangles store, or its change, to `force`."""
+        stage.launch(
+            OWNER, gather, self.context.sheet.size, plate=self.plate, pulls=self.pulls, changes=changes, sign=-1.0,
+            moment=self.moment, force=force,
+        )  # fmt: skip
         stage.launch(
             OWNER, self.kernels.spread, self.context.sheet.size, plate=self.plate, moment=self.moment, sign=-1.0,
             force=force,

@@ -12,7 +12,7 @@ from ..device.launches import Stage
 from ..interfaces import Solve, SparseTangent, Tangent
 from ..interfaces.context import Context
 from ..kernels.bending import BendingKernels
-from .bending_moments import triangle_arrays
+from ..kernels.effects import Kernel
 from .slopes import Slopes
 from .sparse import factorised
 
@@ -29,14 +29,14 @@ class Bending(Protocol):
         kernels: Kernels of bending.
         plate: Their tables.
         slopes: Points and weights of the slopes.
-        moment: Derivative of the energy by the slope of each point, (6, N), a buffer.
+        pulls: What triangles store, (ROWS, F), a buffer.
     """
 
     context: Context
     kernels: BendingKernels
     plate: Any
     slopes: Slopes
-    moment: Array
+    pulls: Array
 
     def slope_array(self, name: str) -> Array:
         """An array of 3 x 2 matrices at the points, (6, N)."""
@@ -46,8 +46,12 @@ class Bending(Protocol):
         """Add the launch of the slopes of a displacement."""
         ...
 
-    def add_spread(self, stage: Stage, force: Array) -> None:
-        """Add the launch that adds the force of the moments at points to `force`."""
+    def triangle_array(self, name: str) -> Array:
+        """An array of what triangles store, (ROWS, F)."""
+        ...
+
+    def add_sums(self, stage: Stage, gather: Kernel, changes: Array | None, force: Array) -> None:
+        """Add the launches that add the force of what triangles store, or its change, to `force`."""
         ...
 
 
@@ -65,16 +69,12 @@ class BendingTangent:
         self.force, self.law = force, law
         self._stage: str | None = None
         context, t = force.context, force.context.types
-        faces = len(context.sheet.triangles)
         self._here, self._along, self._out = (
             context.array(f"bending_{name}", OWNER, t.vec3, shape=context.sheet.size)
             for name in ("here", "along", "image")
         )
         self._slope, self._slope_change = (force.slope_array(f"tangent_{name}") for name in ("slope", "change"))
-        self._changes: dict[str, Any] = triangle_arrays(context, OWNER) | {
-            name: context.array(f"bending_{name}", OWNER, dtype, shape=shape, per="face")
-            for name, dtype, shape in (("normal_change", t.vec3, faces), ("couple_change", t.vec2, (3, faces)))
-        }
+        self._changes = force.triangle_array("changes")
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.law, name)
@@ -99,17 +99,13 @@ class BendingTangent:
     def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
         """Add the launches that add the part of bending."""
         force = self.force
-        kernels, plate, n = force.kernels, force.plate, force.context.sheet.size
-        faces = len(force.context.sheet.triangles)
         force.add_slopes(stage, direction, self._slope_change)
         stage.launch(
-            OWNER, kernels.change, faces, plate=plate, displacement=self._here, slope=self._slope,
-            direction=direction, slope_change=self._slope_change, **self._changes,
+            OWNER, force.kernels.change, len(force.context.sheet.triangles), plate=force.plate,
+            displacement=self._here, slope=self._slope, direction=direction, slope_change=self._slope_change,
+            pulls=force.pulls, changes=self._changes,
         )  # fmt: skip
-        stage.launch(
-            OWNER, kernels.gather_change, n, plate=plate, **self._changes, sign=-1.0, moment=force.moment, force=change
-        )
-        force.add_spread(stage, change)
+        force.add_sums(stage, force.kernels.gather_change, self._changes, change)
 
     def sparse(self) -> SparseTangent:
         """The tangent as a sparse matrix, from the next linearisation on."""

@@ -172,7 +172,6 @@ def gpu_paths():
         torn = {"damage": CriticalStretch(2.0)}
         cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))
         made = [Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases]
-        made.append(Simulation(square(13), law, Explicit(1.0), bending=True))
         return _launches_of([*made, compare_checkouts.parts()["newton jacobi"]()])
 
 
@@ -244,7 +243,7 @@ def _run(launch, begin, end):
     threads, values = launch.slice(begin, end)
     with pytest.MonkeyPatch.context() as patch:
         # Its threads share memory.
-        patch.setattr(wp.config, "enable_cpu_blocks", launch.name in ("family_block_force", "bending_patches"))
+        patch.setattr(wp.config, "enable_cpu_blocks", launch.name == "family_block_force")
         wp.launch(launch.kernel, threads, inputs=values, device="cpu", block_dim=launch.block_dim)
 
 
