@@ -250,11 +250,11 @@ WRONG = {
     ),
     "two worlds": (
         lambda: on_trampoline([*contacts_of(), *contacts_of(builder=relabelled())]).build("cpu"),
-        "contact: expected one Newton world, got several",
+        "contact: two or more Newton worlds: expected one",
     ),
     "two names": (
         lambda: on_trampoline([contacts_of()[0], *contacts_of()]).build("cpu"),
-        "contact: two bodies have the name 'ball_00'; expected different names: give each a name=...",
+        "contact: two or more bodies with the name 'ball_00': expected different names: give each a name=...",
     ),
     "times": (
         lambda: on_trampoline(contacts_of(), frames=(0.01, 0.16)).build("cpu"),

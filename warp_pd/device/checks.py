@@ -16,7 +16,8 @@ MAX_SHOWN, MAX_TEXT, MAX_MESSAGE = 6, 90, 700
 class InputError(ValueError):
     """Invalid input: the message names the argument, its value and what is expected.
 
-    The message is always one line; the middle of a long value is left out.
+    The message is always one line; the middle of a long value is left out. Every check of input raises it, so
+    docstrings mention it only for what users make and what callers handle.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -113,11 +114,7 @@ def counts(name: str, value: Any, least: int) -> tuple[int, int]:
 
 
 def positions(name: str, value: Any, least: int = 3, components: int = 2) -> np.ndarray:
-    """`value` as positions [m], float64, shape (N, 2) or (N, 3), of at least `least` points.
-
-    Raises:
-        InputError: if the shape is wrong or a number is not finite.
-    """
+    """`value` as positions [m], float64, shape (N, 2) or (N, 3), of at least `least` points."""
     found = numbers(name, value)
     if found.ndim != 2 or found.shape[1] != components or len(found) < least:
         raise InputError(f"{name}: expected shape (N, {components}) with N >= {least}, got {found.shape}")
@@ -125,11 +122,7 @@ def positions(name: str, value: Any, least: int = 3, components: int = 2) -> np.
 
 
 def one_each(name: str, value: Any, points: int) -> np.ndarray:
-    """`value` as one positive number per point, float64, shape (N,).
-
-    Raises:
-        InputError: if it is not; the message names the first invalid entry.
-    """
+    """`value` as one positive number per point, float64, shape (N,)."""
     found = numbers(name, value)
     if found.shape != (points,):
         raise InputError(
@@ -161,11 +154,7 @@ def called(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarr
 
 
 def corners(name: str, value: Any, points: int) -> np.ndarray:
-    """`value` as the corners of triangles, int32, shape (F, 3).
-
-    Raises:
-        InputError: if the shape is wrong, or values are not point indices.
-    """
+    """`value` as the corners of triangles, int32, shape (F, 3)."""
     found = np.asarray(value)
     if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
         raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3)")
@@ -189,11 +178,7 @@ def of_kind(name: str, value: Any, kind: type) -> None:
 
 
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
-    """Return `value` if it is allowed.
-
-    Raises:
-        InputError: if it is not allowed; the message suggests the closest match.
-    """
+    """Return `value` if it is allowed."""
     choices = list(allowed)
     # An array is equal to nothing here: it would ask which of its entries is meant.
     if not isinstance(value, np.ndarray) and value in choices:
@@ -216,11 +201,7 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
 
 
 def numbers(name: str, value: Any) -> np.ndarray:
-    """`value`, a number or an array of numbers, as a float64 array.
-
-    Raises:
-        InputError: unless all numbers are finite; the message names the first that is not.
-    """
+    """`value`, a number or an array of numbers, as a float64 array."""
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -233,11 +214,7 @@ def numbers(name: str, value: Any) -> np.ndarray:
 
 
 def point_indices(name: str, value: Any, points: int) -> np.ndarray:
-    """`value`, indices or a mask of all points, as sorted unique point indices, int32.
-
-    Raises:
-        InputError: if it is empty, an index does not exist, or it is neither integers nor a mask.
-    """
+    """`value`, indices or a mask of all points, as sorted unique point indices, int32."""
     given = np.asarray(value)
     if given.dtype == bool and given.shape == (points,):
         given = np.flatnonzero(given)
@@ -257,11 +234,7 @@ def _require_points(name: str, indices: np.ndarray, points: int) -> None:
 
 
 def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarray:
-    """Values of a condition on arrays of equal shape, one boolean per entry.
-
-    Raises:
-        InputError: if it is not a function, fails, or does not return such booleans.
-    """
+    """Values of a condition on arrays of equal shape, one boolean per entry."""
     if not callable(condition):
         raise InputError(f"{name} = {condition!r}: expected a function")
     holds = np.asarray(called(f"{name}({', '.join('xyz'[: len(arguments)])})", condition, arguments))

@@ -267,11 +267,7 @@ class Stage:
         early: bool = False,
         **arguments: Any,
     ) -> None:
-        """Add a launch; `begin` is the value of `first` for the first thread.
-
-        Raises:
-            TypeError: if an argument is missing or unknown.
-        """
+        """Add a launch; `begin` is the value of `first` for the first thread."""
         expected = {a.label for a in kernel.kernel.adj.args} - {"first"}
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
@@ -297,9 +293,6 @@ class Stage:
 
         A stage with `only_if` is not joined where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`:
         arguments that differ after the early launches of the next repetition.
-
-        Raises:
-            TypeError: if an argument is missing or unknown.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)

@@ -33,22 +33,14 @@ class Schedule:
 
 
 def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
-    """Create a schedule from checked times, shape (K,), and values, shape (K, 3).
-
-    Raises:
-        InputError: unless the times increase and all numbers are finite.
-    """
+    """Create a schedule from checked times, shape (K,), and values, shape (K, 3)."""
     if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
         raise InputError(f"{name} times = {times.tolist()}: expected one or more increasing times")
     return Schedule(times, values)
 
 
 def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
-    """Schedule of a factor from pairs (time, factor); None, for a constant load, stays None.
-
-    Raises:
-        InputError: unless `ramp` is a list of pairs with increasing times.
-    """
+    """Schedule of a factor from pairs (time, factor); None, for a constant load, stays None."""
     if ramp is None:
         return None
     try:

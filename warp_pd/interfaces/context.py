@@ -304,9 +304,6 @@ class Context:
         Args:
             name: Its name.
             when: How often it runs, for `plan`.
-
-        Raises:
-            ValueError: if a stage of that name exists.
         """
         name = self.prefix + name
         if name in self.stages:

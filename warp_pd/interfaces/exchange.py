@@ -154,11 +154,7 @@ def _depth_of(stored: Stored) -> int:
 
 
 def add_exchanges(context: Context) -> None:
-    """Insert halo exchanges into all stages.
-
-    Raises:
-        InputError: if a launch needs more than the halo.
-    """
+    """Insert halo exchanges into all stages."""
     partition = context.partition
     if partition is None:
         return

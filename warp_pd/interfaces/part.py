@@ -53,9 +53,15 @@ class Part(Protocol):
     loads_at_rest: ClassVar[bool] = False
     does_work: ClassVar[bool] = False
 
+    @property
+    def only_one(self) -> str:
+        """What a scene has only one of, and what is expected; "" if it may have any number of such parts."""
+        return ""
+
     def check(self, others: Sequence[Part]) -> None:
         """Raise InputError for parts that cannot be combined with this one."""
-        return None
+        if self.only_one and any(getattr(other, "only_one", "") == self.only_one for other in others):
+            raise InputError(f"{self.argument}: two or more {self.only_one}")
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """Components of points that it holds or moves."""

@@ -86,11 +86,7 @@ class System:
                 part.add(phase, stage)
 
     def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
-        """Check that no part acts in phases that the solver does not have.
-
-        Raises:
-            InputError: for the first part that does.
-        """
+        """Check that no part acts in phases that the solver does not have."""
         context = self.context
         for phase in phases:
             for part in self.parts:

@@ -14,7 +14,7 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, Part, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
@@ -25,7 +25,7 @@ from .body_checks import passes
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
-from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
+from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, MeanForces
 
 # Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
 SKIN = 1e-4
@@ -89,23 +89,13 @@ class RigidBody(Contact):
                 f"{self.shape.kind}"
             )
 
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that no other body has the same name.
-
-        Raises:
-            InputError: if another body has it.
-        """
-        if any(getattr(other, "name", None) == self.name for other in others):
-            raise InputError(
-                f"contact: two bodies have the name {self.name!r}; expected different names: give each a name=..."
-            )
+    @property
+    def only_one(self) -> str:
+        """Its name."""
+        return f"bodies with the name {self.name!r}: expected different names: give each a name=..."
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
-        """The same part: it refers to no points of the sheet.
-
-        Raises:
-            InputError: for a free body or with `surface`, which need all points in one process.
-        """
+        """The same part: it refers to no points of the sheet."""
         if self.motion.free:
             raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
         if self.surface:
@@ -113,11 +103,7 @@ class RigidBody(Contact):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """Build the body on a device.
-
-        Raises:
-            InputError: for friction, a free body or `surface` with a static solver.
-        """
+        """Build the body on a device."""
         at_rest = self.loads_at_rest and not context.features.dynamic
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
@@ -139,6 +125,7 @@ class BuiltBody(BuiltContact):
             resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
         self._rubs = part.friction > 0.0
+        self._forces = MeanForces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         self._surface: BodySurface | None = None
         if part.surface:
@@ -168,11 +155,7 @@ class BuiltBody(BuiltContact):
                 self.loss = context.array(f"{name}_loss", name, wp.float64, shape=sheet.size, restart=True)
 
     def _check_apart(self) -> None:
-        """Check that the body does not touch the sheet at the start.
-
-        Raises:
-            InputError: with the deepest point inside the body, or the nearest triangle.
-        """
+        """Check that the body does not touch the sheet at the start."""
         part, context = self.part, self.context
         if self._surface is not None:
             self._surface.check_apart(f"RigidBody {part.name!r}", *part.motion.pose(0.0))
@@ -205,11 +188,9 @@ class BuiltBody(BuiltContact):
                 stage, at_end, reference=self._reference, skin=SKIN * context.sheet.spacing,
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
-            motion.take(stage, of, at_end, values, **self._surface.when)
+        motion.add_contact(stage, of, at_end, values, None if self._surface is None else self._surface.when)
+        if self._surface is not None:
             self._surface.add_end(stage)
-        if motion.marks is not None and not at_end:
-            stage.pointwise(part.name, of.search.mark, context.sheet.size, **values)
-        motion.strike(stage, of, at_end, values)
 
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
@@ -237,43 +218,24 @@ class BuiltBody(BuiltContact):
 
     def column_names(self) -> Sequence[str]:
         """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
-        name, motion = self.part.name, self.motion.columns()
-        lost = [f"{name}_{what}" for what in self._losses()]
-        return [*(f"{name}_{what}_{c}" for what in ("force", "torque") for c in "xyz"), *motion, *lost]
+        return [*self._forces.sums, *self.motion.columns(), *self._losses()]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
-        name = self.part.name
-        row = {
-            f"{name}_{what}_{c}": -totals[f"{name}_{given}_{c}"] / elapsed if elapsed > 0.0 else 0.0
-            for what, given in (("force", "impulse"), ("torque", "turn"))
-            for c in "xyz"
-        }
-        row |= self.motion.columns()
-        return row | {f"{name}_{what}": totals[f"{name}_{what}"] for what in self._losses()}
+        row = self._forces.mean(totals, elapsed) | self.motion.columns()
+        return row | {name: totals[name] for name in self._losses()}
 
     def _losses(self) -> list[str]:
-        if not self.context.features.tracked:
-            return []
-        return ["loss", "rubbed"] if self._rubs else ["loss"]
+        lost = ["loss", "rubbed"] if self._rubs else ["loss"]
+        return [f"{self.part.name}_{what}" for what in lost] if self.context.features.tracked else []
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque [N m] since the previous row."""
-        name = self.part.name
-        sums = {
-            f"{name}_{what}_{c}": f"{name}_{given}_{c}"
-            for what, given in (("force", "impulse"), ("torque", "turn"))
-            for c in "xyz"
-        }
-        return {
-            column: (before.get(given, 0.0) - totals[given]) / elapsed if elapsed > 0.0 else 0.0
-            for column, given in sums.items()
-        }
+        return self._forces.mean(totals, elapsed, before)
 
     def column_units(self) -> Mapping[str, str]:
-        """Newton, and newton meter."""
-        name = self.part.name
-        return {f"{name}_{what}_{c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}
+        """Newton, and newton metre."""
+        return self._forces.units
 
     def end_frame(self) -> None:
         """Set the sums of a frame to zero."""

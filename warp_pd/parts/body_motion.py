@@ -1,22 +1,32 @@
-"""Motions of rigid bodies: along a path, or free."""
+"""Motions of rigid bodies, along a path or free, and what they are on a device."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+import warp as wp
 
 from ..device.checks import InputError, numbers, positive, said, vector
+from ..device.fields import Array
+from ..device.launches import Stage, with_values
+from ..device.schedules import Schedule
 from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.body_contact import Given, PointContact, body_contact
+from ..kernels.body_motion import free_motion, path_motion, vec6d
+from ..kernels.free_contact import Equations, FreeBody, free_contact
+from .block_list import BlockList
 from .body_shapes import BodyShape
-from .built_motion import BuiltMotion, InFlight, OnPath
 
 Vector = Sequence[float]
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 # Smallest least eigenvalue of an inertia over the largest.
 LEAST_INERTIA = 1e-9
+# Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
+SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
 
 @runtime_checkable
@@ -64,11 +74,6 @@ class BodyPath(BodyMotion):
     free: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Check the knots.
-
-        Raises:
-            InputError: if times do not increase, shapes differ, numbers are not finite, or quaternions are not unit.
-        """
         times = numbers("BodyPath.times", self.times)
         if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
             raise InputError(f"BodyPath.times = {said(self.times)}: expected one or more increasing times")
@@ -155,11 +160,6 @@ class Free(BodyMotion):
     free: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            InputError: if mass or inertia is not positive, or a vector is not finite.
-        """
         positive("Free.mass", self.mass)
         for name in ("position", "velocity", "spin", "gravity"):
             vector(f"Free.{name}", getattr(self, name), 3)
@@ -186,11 +186,7 @@ class Free(BodyMotion):
         return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
 
     def check(self, shape: BodyShape) -> None:
-        """Check that the shape has a finite mass.
-
-        Raises:
-            InputError: if it has not, such as a plane.
-        """
+        """Check that the shape has a finite mass."""
         if not shape.bounded:
             raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
 
@@ -201,13 +197,226 @@ class Free(BodyMotion):
 
 
 def unit_quaternion(name: str, value: Any) -> np.ndarray:
-    """Check and convert a unit quaternion, shape (4,).
-
-    Raises:
-        InputError: if the numbers are not finite or the length is not 1.
-    """
+    """Check and convert a unit quaternion, shape (4,)."""
     found = np.array(vector(name, value, 4))
     length = float(np.linalg.norm(found))
     if not abs(length - 1.0) < 1e-3:
         raise InputError(f"{name} = {said(value)}: expected a unit quaternion (x, y, z, w); its length is {length:.4g}")
     return np.asarray(found / length)
+
+
+class BuiltMotion:
+    """A motion on a device; see kernels/body_motion.py for its arrays.
+
+    Attributes:
+        marks: Whether each point may touch a free body, (N,) uint8; see kernels/body_search.py.
+        free: Whether the sheet moves the body.
+    """
+
+    free: ClassVar[bool] = False
+
+    def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
+        """Allocate the arrays of the pose."""
+        self.name, self.context = name, context
+        points = context.sheet.size
+        self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if self.free else None
+        place, turned = pose
+        self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
+        self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
+        self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
+
+    def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
+        return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that move the body."""
+
+    def add_contact(
+        self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], pushed: Mapping[str, Any] | None
+    ) -> None:
+        """Add the launches of contact with points.
+
+        Args:
+            stage: Stage to which they are added.
+            of: Functions of the contact.
+            at_end: Whether this is the end of a step.
+            values: Members of the struct of `of`.
+            pushed: Options of the launch that applies the impulses of triangles; None if only points have contact.
+        """
+        act, take = body_contact(of, at_end)
+        points = self.context.sheet.size
+        if pushed is not None:
+            stage.pointwise(self.name, take, points, **pushed, **values)
+        # Where the step is followed by the next one, the body has already moved on.
+        before = {"place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:]}
+        stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact with a free body, by their name in the struct of `PointContact`."""
+        return dict.fromkeys(("need", "rows", "arms", "slips", "yielded"))
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
+        return None
+
+    def sums(self) -> dict[str, Array]:
+        """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
+        return {}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history."""
+        place, moving = self.place.numpy()[0], self.motion.numpy()
+        row = {f"{self.name}_position_{c}": float(x) for c, x in zip("xyz", place, strict=True)}
+        row |= {f"{self.name}_velocity_{c}": float(x) for c, x in zip("xyz", moving[0], strict=True)}
+        return row | {f"{self.name}_spin_{c}": float(x) for c, x in zip("xyz", moving[1], strict=True)}
+
+    def end_frame(self) -> None:
+        """Reset the sums of a frame."""
+
+
+class OnPath(BuiltMotion):
+    """A prescribed motion on a device."""
+
+    def __init__(
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        knots: tuple[np.ndarray, ...],
+        context: Context,
+        led: bool = False,
+    ) -> None:
+        """Allocate the knots; `led`: another simulation writes new ones during the run."""
+        super().__init__(name, pose, context)
+        times, positions, rotations = knots
+        per = "body" if led else "table"
+        self.knots = self._array("times", wp.float64, times, led, per)
+        self.places = self._array("places", wp.vec3d, positions, led, per)
+        self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
+        # The clock runs only if there is a schedule.
+        context.clock.register(Schedule(np.array([0.0]), positions[:1]))
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
+        phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        if phase in phases:
+            clock = self.context.clock
+            stage.launch(
+                self.name, path_motion(), 1, times=self.knots, places=self.places,
+                rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
+                rotation=self.rotation, motion=self.motion, early=True,
+            )  # fmt: skip
+
+
+class InFlight(BuiltMotion):
+    """A free body on a device.
+
+    Attributes:
+        changes: Change of velocity and spin in the last half step [m/s, 1/s], (1,) vec6d.
+    """
+
+    free = True
+
+    def __init__(
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        body: Free,
+        inertia: np.ndarray,
+        context: Context,
+        friction: float,
+    ) -> None:
+        super().__init__(name, pose, context)
+        points, tracked = context.sheet.size, context.features.tracked
+        self.body, self.inertia = body, inertia
+        turn = _matrix(pose[1])
+        angular = turn @ inertia @ turn.T @ np.array(body.spin, float)
+        start = [body.velocity, angular, body.velocity, body.spin]
+        self.motion.assign(np.array([body.velocity, body.spin], float))
+        self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
+        rubs = friction > 0.0
+        self._sums_given = SUMS if rubs and tracked else SUMS[:-1]
+        self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
+        assert self.marks is not None
+        near = self._near = BlockList(f"{name}_near", name, self.marks, context)
+
+        def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
+            return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
+
+        self.changes = room("changes", vec6d, 1, "once")
+        # Speed into the body that each point must lose [m/s], -1 for none; normal, and arm x normal.
+        self._found = {"need": room("need", wp.float64, points), "rows": room("rows", vec6d, points)}
+        if rubs:
+            # Vector from the centre [m], and velocity relative to the body [m/s].
+            self._found |= {what: room(what, wp.vec3d, points) for what in ("arms", "slips")}
+        numbers = {
+            "mass": float(body.mass), "inertia": wp.mat33d(*inertia.ravel().tolist()),
+            "inverse_inertia": wp.mat33d(*np.linalg.inv(inertia).ravel().tolist()),
+            "gravity": wp.vec3d(*map(float, body.gravity)),
+        }  # fmt: skip
+        arrays = {
+            "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
+            "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
+            "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
+            "entries": near.entries, "listed": near.listed,
+        }  # fmt: skip
+        self._of = with_values(FreeBody(), {**numbers, **arrays})
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch of the first half kick and the drift."""
+        if phase is Phase.RIGID_DRIFT:
+            of = self._of
+            stage.launch(
+                self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
+                step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
+                momenta=self.momenta,
+            )  # fmt: skip
+
+    def add_contact(
+        self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], pushed: Mapping[str, Any] | None
+    ) -> None:
+        """Add the launches that find the response of the body to the touching points, and those of contact."""
+        f, near = self.context.features, self._near
+        kernels = free_contact(of, f.damped, f.tracked, "slips" in self._found, at_end)
+        both = {"a": with_values(kernels.struct(), values), "body": self._of}
+        if pushed is not None:
+            near.launch(stage, kernels.take, **both, **pushed)
+        if not at_end:
+            stage.pointwise(self.name, of.search.mark, self.context.sheet.size, **values)
+            near.add(stage)
+        for kernel in (kernels.find, kernels.give_way, kernels.strike):
+            near.launch(stage, kernel, **both)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact."""
+        return super().found() | self._found | {"yielded": self.changes}
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
+        return float(self.body.mass), self.inertia
+
+    def sums(self) -> dict[str, Array]:
+        """Momentum and angular momentum given to the sheet since the last frame; total energies lost in contact."""
+        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(self._sums_given)}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history, with the energies [J]."""
+        row = super().columns()
+        velocity, spin = self.motion.numpy()
+        turn = _matrix(self.rotation.numpy()[0])
+        angular = turn @ self.inertia @ turn.T @ spin
+        kinetic = 0.5 * (self.body.mass * velocity @ velocity + spin @ angular)
+        height = -self.body.mass * np.array(self.body.gravity, float) @ self.place.numpy()[0]
+        return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
+
+    def end_frame(self) -> None:
+        """Reset the sums of a frame, but not the energies lost in contact."""
+        given = self.given.numpy().copy()
+        given[:6] = 0.0
+        self.given.assign(given)
+
+
+def _matrix(q: np.ndarray) -> np.ndarray:
+    """The rotation matrix of a unit quaternion (x, y, z, w)."""
+    axis, w = q[:3], q[3]
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * (w * cross + cross @ cross))

@@ -126,11 +126,7 @@ class Plane(BodyShape):
         return math.inf
 
     def inertia(self) -> np.ndarray:
-        """Raise, because a half space has no mass.
-
-        Raises:
-            InputError: always.
-        """
+        """Raise, because a half space has no mass."""
         raise InputError("Plane: a half space has no mass: expected a motion along a BodyPath")
 
     def outline(self, extent: float) -> Outline:

@@ -15,8 +15,9 @@ from ..kernels import narrow_phase
 from ..kernels import surface_contact as kernels
 from ..kernels.body_motion import vec6d
 from ..kernels.damage import face_damage
+from .block_list import BlockList
+from .body_motion import BuiltMotion
 from .body_shapes import BodyShape, in_frame
-from .built_motion import BlockList, BuiltMotion
 
 # Iterations per half step, and thickness of the layer around the segments of the body that triangles stay outside,
 # divided by the smaller of body thickness and spacing; the layer is thicker than the error left by the iterations.
@@ -101,11 +102,7 @@ class BodySurface:
             }  # fmt: skip
 
     def check_apart(self, name: str, place: np.ndarray, rotation: np.ndarray) -> None:
-        """Check that the body starts further from the sheet than the layer, and that it crosses no triangle.
-
-        Raises:
-            InputError: otherwise; the message names the nearest triangle.
-        """
+        """Check that the body starts further from the sheet than the layer, and that it crosses no triangle."""
         context, sheet = self.context, self.context.sheet
         corners = in_frame(sheet.positions + context.initial_displacement, place, rotation)[sheet.triangles]
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)

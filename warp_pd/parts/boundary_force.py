@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,7 +12,7 @@ from ..device.checks import InputError, not_negative, one_of, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
 from ..kernels.boundary_force import boundary_force
 
@@ -43,7 +42,7 @@ class BoundaryForce(Load):
                 the upper one. Offered for comparison.
     """
 
-    mends_edges: ClassVar[bool] = True
+    only_one: ClassVar[str] = "BoundaryForce: expected one with all the points"
 
     value: float
     points: Any = None
@@ -52,11 +51,6 @@ class BoundaryForce(Load):
     def __post_init__(self) -> None:
         not_negative("BoundaryForce.value", self.value)
         one_of("BoundaryForce.form", self.form, FORMS)
-
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that there is only one BoundaryForce. Raises InputError if there is a second one."""
-        if any(getattr(other, "mends_edges", False) for other in others):
-            raise InputError("loads: two or more BoundaryForce: expected one with all the points")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
         """Indices of the points on which the force acts while no bond is broken, int32, (P,); `horizon` [m]."""

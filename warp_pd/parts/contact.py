@@ -68,6 +68,30 @@ class RigidBall(Contact):
         return BuiltBall(self, context)
 
 
+class MeanForces:
+    """Columns of the mean force on a body, from impulses on the points since the last frame.
+
+    Attributes:
+        sums: Name of the sum of impulses of each column.
+        units: Unit of each column.
+    """
+
+    def __init__(self, *vectors: tuple[str, str, str]) -> None:
+        """Each vector: prefix of its columns, name of the array of impulses, unit."""
+        self.sums = {f"{column}_{c}": f"{impulse}_{c}" for column, impulse, _ in vectors for c in "xyz"}
+        self.units = {f"{column}_{c}": unit for column, _, unit in vectors for c in "xyz"}
+
+    def mean(
+        self, totals: Mapping[str, float], elapsed: float, before: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
+        """Means over a time [s], from the sums at its end and, unless it began with a frame, at its beginning."""
+        earlier = before or {}
+        return {
+            column: -(totals[name] - earlier.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
+            for column, name in self.sums.items()
+        }
+
+
 class RigidContact(BuiltContact):
     """Contact with a rigid body that moves at constant velocity.
 
@@ -98,6 +122,7 @@ class RigidContact(BuiltContact):
             velocity: Its velocity [m/s], shape (3,).
         """
         self.label, self.owner, self.context, self.shape = f"contact = {owner}", owner, context, shape
+        self._forces = MeanForces((self.column, "impulse", "N"))
         types = context.types
         self._constants = types.parameters(*constants, *[0.0] * (4 - len(constants)))
         self._velocity = types.vec3(*velocity)
@@ -136,20 +161,19 @@ class RigidContact(BuiltContact):
 
     def column_names(self) -> Sequence[str]:
         """Components of the force on the body."""
-        return [f"{self.column}_{c}" for c in "xyz"]
+        return list(self._forces.sums)
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force on the body since the last frame [N]."""
-        return {f"{self.column}_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
+        return self._forces.mean(totals, elapsed)
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force since the previous row [N], from the impulse since the last frame."""
-        given = {name: totals[name] - before.get(name, 0.0) for name in (f"impulse_{c}" for c in "xyz")}
-        return self.columns(given, elapsed)
+        """Mean force since the previous row [N]."""
+        return self._forces.mean(totals, elapsed, before)
 
     def column_units(self) -> Mapping[str, str]:
         """Newton."""
-        return dict.fromkeys(self.column_names(), "N")
+        return self._forces.units
 
     def end_frame(self) -> None:
         """Reset the sums of a frame."""
@@ -171,11 +195,7 @@ class BuiltBall(RigidContact):
         self._check_apart()
 
     def _check_apart(self) -> None:
-        """Check that the ball does not touch the sheet at the start.
-
-        Raises:
-            InputError: with the deepest point inside the ball.
-        """
+        """Check that the ball does not touch the sheet at the start."""
         sheet, radius = self.context.sheet, 0.5 * self.body.diameter
         place = sheet.positions + self.context.initial_displacement
         depth = radius - np.linalg.norm(place - self.body.centre(0.0), axis=1)

@@ -14,7 +14,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
 from ..geometry.enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points, volume_of
-from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage
@@ -45,14 +45,7 @@ class Enclosed(Load):
     Pressure acts only on triangles not cut by a crack; the volume includes all triangles. A sheet encloses one volume.
     """
 
-    encloses: ClassVar[bool] = True
-
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that no other part encloses a volume. Raises InputError if another part does."""
-        if any(getattr(other, "encloses", False) for other in others):
-            raise InputError(
-                f"loads: {type(self).__name__} and another load enclose a volume; expected only one of them"
-            )
+    only_one: ClassVar[str] = "loads that enclose a volume: expected at most one"
 
     def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
         """Pressure law and its constants (at most four), for the initial volume `volume` [m^3]."""
@@ -110,11 +103,6 @@ class EnclosedGas(Enclosed):
     density: float = 1.2
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            InputError: if the absolute pressure, exponent or amount is not positive, or the chamber is negative.
-        """
         finite("EnclosedGas.gauge", self.gauge)
         not_negative("EnclosedGas.ambient", self.ambient)
         positive("EnclosedGas.ambient + EnclosedGas.gauge", self.ambient + self.gauge)
@@ -168,7 +156,6 @@ class EnclosedVolume(Enclosed):
     stiffness: float
 
     def __post_init__(self) -> None:
-        """Check the numbers. Raises InputError if the stiffness is not positive, or there are no pairs."""
         positive("EnclosedVolume.stiffness", self.stiffness)
         if self.schedule() is None:
             raise InputError("EnclosedVolume.volume = None: expected pairs (time, volume)")
@@ -195,11 +182,6 @@ class BuiltEnclosed(BuiltLoad):
     symmetric = True
 
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
-        """Close the surface and allocate the arrays.
-
-        Raises:
-            InputError: if the surface does not enclose a volume, or has a leak but bonds cannot break.
-        """
         self.owner = type(load).__name__
         self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
         sheet, types = context.sheet, context.types
@@ -270,11 +252,7 @@ class BuiltEnclosed(BuiltLoad):
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
 
     def _caps(self) -> list[np.ndarray]:
-        """Triangles of the caps that close the edges of the sheet, ring by ring.
-
-        Raises:
-            InputError: if the sheet has no triangles, or an edge is not held.
-        """
+        """Triangles of the caps that close the edges of the sheet, ring by ring."""
         sheet, held = self.context.sheet, self.context.held
         if len(sheet.triangles) == 0:
             raise InputError(f"{self.owner}: the sheet has no triangles; expected a surface that encloses a volume")

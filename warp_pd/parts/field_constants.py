@@ -40,10 +40,6 @@ class FieldConstants:
         law: The law.
         spacing: Spacing of the sheet [m].
         extent: Diagonal of the sheet [m].
-
-    Raises:
-        InputError: for a length that is too short for the families or longer than the sheet, or a strength that is too
-            high for the length.
     """
 
     def __init__(

@@ -74,7 +74,7 @@ class Joint(Part):
     stiffness: float | None = None
     reach: float | None = None
 
-    joins: ClassVar[bool] = True
+    only_one: ClassVar[str] = "Joint: expected one with the points of all"
 
     def __post_init__(self) -> None:
         for name in ("strength", "shear_strength", "stiffness", "reach"):
@@ -90,21 +90,8 @@ class Joint(Part):
             if self.energy is None and getattr(self, name) is not None:
                 raise InputError(f"Joint.{name} without an energy: expected an energy, or glue that holds")
 
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that there is only one Joint.
-
-        Raises:
-            InputError: if there is a second one.
-        """
-        if any(getattr(other, "joins", False) for other in others):
-            raise InputError("loads: more than one Joint; expected one, with the points of all")
-
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """Build the joint on a device.
-
-        Raises:
-            InputError: for a static solver, points that are on both sides, or none that lie on a triangle.
-        """
+        """Build the joint on a device."""
         return BuiltJoint(self, context, law)
 
 
@@ -214,11 +201,7 @@ class BuiltJoint(BuiltPart):
         return own, np.where(np.abs(cosine) > ALIKE, np.sign(cosine), 0.0)
 
     def _limits(self) -> np.ndarray:
-        """1 / strength^2 and 1 / energy of each pair, in peel and in shear, shape (P, 4).
-
-        Raises:
-            InputError: if the stiffness is too small for a strength: the joint would break at once.
-        """
+        """1 / strength^2 and 1 / energy of each pair, in peel and in shear, shape (P, 4)."""
         part, context = self.part, self.context
         found = []
         for name in ("energy", "shear_energy"):

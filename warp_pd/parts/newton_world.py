@@ -25,9 +25,8 @@ from ..kernels.checks import frame_checks
 from ..kernels.newton_world import lead_shape, load_bodies, take_impulses
 from .bodies import RigidBody
 from .body_mesh import TriangleMesh
-from .body_motion import BodyMotion
+from .body_motion import BodyMotion, BuiltMotion, OnPath
 from .body_shapes import BodyShape, Box, Capsule, Cylinder, Plane, Sphere
-from .built_motion import BuiltMotion, OnPath
 
 OWNER = "newton"
 
@@ -104,11 +103,7 @@ def _poses(newton: Any, builder: Any) -> list[wp.transformd]:
 
 
 def _shape(newton: Any, builder: Any, index: int) -> tuple[BodyShape, wp.transformd]:
-    """Convert a Newton shape; also return its pose in the frame of its body.
-
-    Raises:
-        InputError: for an unsupported kind of shape.
-    """
+    """Convert a Newton shape; also return its pose in the frame of its body."""
     kinds, kind = newton.GeoType, builder.shape_type[index]
     size = [float(x) for x in builder.shape_scale[index]]
     frame: Any = wp.transformd(*map(float, builder.shape_transform[index]))
@@ -177,11 +172,7 @@ class NewtonBody(RigidBody):
     loads_at_rest: ClassVar[bool] = False
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that no other body has the same name, and that the scene has its world.
-
-        Raises:
-            InputError: otherwise.
-        """
+        """Check that no other body has the same name, and that the scene has its world."""
         super().check(others)
         if not any(self is body for other in others for body in getattr(other, "bodies", ())):
             raise InputError(f"contact: {self.name!r} has no Newton world: expected all contacts from newton_bodies")
@@ -210,6 +201,7 @@ class NewtonWorld(Contact):
     step: float
     collide: bool
 
+    only_one: ClassVar[str] = "Newton worlds: expected one"
     half_steps: ClassVar[bool] = True
     changes_velocities: ClassVar[bool] = False
 
@@ -219,13 +211,8 @@ class NewtonWorld(Contact):
         return self.recipe.bodies
 
     def check(self, others: Sequence[Part]) -> None:
-        """Check that the scene has all bodies of this world, and no other world.
-
-        Raises:
-            InputError: otherwise.
-        """
-        if any(hasattr(other, "recipe") for other in others):
-            raise InputError("contact: expected one Newton world, got several")
+        """Check that the scene has all bodies of this world, and no other world."""
+        super().check(others)
         for body in self.bodies:
             if not any(other is body for other in others):
                 raise InputError(f"contact: {body.name!r} is missing: expected all contacts from newton_bodies")

@@ -30,29 +30,20 @@ class Reaction(Part):
 
     Attributes:
         points: Point indices, such as those of a `Fixed` or a `Motion`.
-        name: Prefix of the columns.
-
-    Raises:
-        InputError: if the name is not a single word.
+        name: Prefix of the columns, a single word.
     """
 
     points: Any
     name: str = "reaction"
 
     def __post_init__(self) -> None:
-        """Check the name."""
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise InputError(f"Reaction.name = {self.name!r}: expected a single word, such as 'pull'")
 
     @property
-    def reaction(self) -> str:
-        """The name, which must be unique among reactions."""
-        return self.name
-
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that no other reaction has the same name. Raises InputError if one has."""
-        if any(getattr(other, "reaction", None) == self.name for other in others):
-            raise InputError(f"Reaction.name = {self.name!r}: another Reaction has this name; expected different names")
+    def only_one(self) -> str:
+        """Its name."""
+        return f"Reaction with the name {self.name!r}: expected different names"
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """The sum on a device. Raises InputError if a point does not exist."""

@@ -40,11 +40,7 @@ class RigidInclusions(Part):
         return [Constraint("rigid inclusion", members, RIGID) for members in self.groups]
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """Build the bodies on a device.
-
-        Raises:
-            InputError: if the initial displacement or velocity of an inclusion is not a rigid-body motion.
-        """
+        """Build the bodies on a device."""
         return BuiltInclusions(self.groups, self.velocity, context)
 
 

@@ -116,11 +116,7 @@ class CriticalEnergy(BondCriterion):
         positive("CriticalEnergy.energy", self.energy)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
-        """The critical energy release rate of an interaction, and the array of the energy released by each bond.
-
-        Raises:
-            InputError: for a graded sheet or a varying thickness.
-        """
+        """The critical energy release rate of an interaction, and the array of the energy released by each bond."""
         found = critical_energy(context.layout)
         values = found.struct()
         shape = (law.families.members, context.sheet.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,7 +14,7 @@ from ..device.checks import InputError, not_negative, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
+from ..interfaces import BuiltContact, BuiltLaw, Contact
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
@@ -65,11 +65,10 @@ class SelfContact(Contact):
     surface: bool = False
 
     does_work: ClassVar[bool] = False
-    within_sheet: ClassVar[bool] = True
+    only_one: ClassVar[str] = "SelfContact: expected at most one"
     half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         for name, value in (("distance", self.distance), ("stiffness", self.stiffness)):
             if value is not None:
                 positive(f"SelfContact.{name}", value)
@@ -83,15 +82,6 @@ class SelfContact(Contact):
     def changes_velocities(self) -> bool:
         """Whether it changes velocities directly, not only by forces."""
         return self.friction > 0.0 or self.surface
-
-    def check(self, others: Sequence[Part]) -> None:
-        """Check that the scene has no second SelfContact.
-
-        Raises:
-            InputError: if it has one.
-        """
-        if any(getattr(other, "within_sheet", False) for other in others):
-            raise InputError("contact: two or more SelfContact: expected at most one")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""
@@ -114,11 +104,6 @@ class BuiltSelfContact(BuiltContact):
     label = "contact = SelfContact"
 
     def __init__(self, part: SelfContact, context: Context, law: BuiltLaw) -> None:
-        """Allocate the lists.
-
-        Raises:
-            InputError: if no stiffness is given and the law has no modulus, or for friction with rigid inclusions.
-        """
         self.part, self.context, self.law = part, context, law
         sheet = context.sheet
         if part.friction > 0.0 and (context.held & RIGID).any():
@@ -264,11 +249,7 @@ class BuiltSelfContact(BuiltContact):
         return {} if self._rubbed is None else {"sheet_friction": self._rubbed}
 
     def end_frame(self) -> None:
-        """Check that no list of pairs has overflowed.
-
-        Raises:
-            InputError: if one has.
-        """
+        """Check that no list of pairs has overflowed."""
         if self._status.numpy()[CROWDED]:
             raise InputError(
                 f"SelfContact: more than {self._near.shape[0]} points without bonds came within "
@@ -278,11 +259,7 @@ class BuiltSelfContact(BuiltContact):
 
 
 def membrane_stiffness(name: str, factor: float, law: BuiltLaw, sheet: Sheet) -> float:
-    """`factor` times the least modulus in pure shear and the least thickness, the default of the argument `name`.
-
-    Raises:
-        InputError: if the law has none.
-    """
+    """`factor` times the least modulus in pure shear and the least thickness, the default of the argument `name`."""
     step = 1e-3
     try:
         below, none, above = law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))

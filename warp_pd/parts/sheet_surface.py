@@ -40,11 +40,7 @@ class SheetSurface(BuiltContact):
     label = "contact = SelfContact"
 
     def __init__(self, context: Context, law: BuiltLaw, distance: float | None, friction: float) -> None:
-        """Allocate the tables and lists; `distance` is to be kept [m], by default a tenth of the spacing.
-
-        Raises:
-            InputError: with rigid inclusions.
-        """
+        """Allocate the tables and lists; `distance` is to be kept [m], by default a tenth of the spacing."""
         if (context.held & RIGID).any():
             raise InputError(
                 "SelfContact.surface = True: expected False with rigid inclusions, which do not support it"
@@ -109,11 +105,7 @@ class SheetSurface(BuiltContact):
         return {name: array for name, array in found.items() if array is not None}
 
     def end_frame(self) -> None:
-        """Check that no triangles cross at the start or passed through each other.
-
-        Raises:
-            InputError: if some may have.
-        """
+        """Check that no triangles cross at the start or passed through each other."""
         crossed = int(self._crossed.numpy()[0])
         if crossed:
             one, other = divmod(crossed - 1, self._sizes[1])

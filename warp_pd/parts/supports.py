@@ -54,7 +54,6 @@ class Fixed(Support):
     components: str = AXES
 
     def __post_init__(self) -> None:
-        """Check the components."""
         names = self.components
         if not isinstance(names, str) or not names or set(names) - set(AXES) or len(set(names)) < len(names):
             raise InputError(f"Fixed.components = {said(names)}: expected distinct letters from 'xyz'")
@@ -86,11 +85,7 @@ class Motion(Support):
     z: float | Sequence[float] | None = None
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
-        """The moved components.
-
-        Raises:
-            InputError: if no component is prescribed, the schedule is invalid, or a point does not exist.
-        """
+        """The moved components."""
         bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
         if bits == 0:
             raise InputError("Motion x = y = z = None: expected at least one prescribed component")
@@ -98,11 +93,7 @@ class Motion(Support):
         return [Constraint("Motion", points, bits, self.schedule())]
 
     def schedule(self) -> Schedule:
-        """The motion as a schedule; free components are zero.
-
-        Raises:
-            InputError: if times do not increase, or the number of displacements differs.
-        """
+        """The motion as a schedule; free components are zero."""
         times = np.atleast_1d(numbers("Motion.times", self.times))
         knots = times.size
         columns = []
@@ -133,11 +124,7 @@ def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretche
 
 
 def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarray:
-    """Bits of held components of every point, uint8, shape (N,).
-
-    Raises:
-        InputError: if two parts move, or one moves and one holds, the same component of a point.
-    """
+    """Bits of held components of every point, uint8, shape (N,)."""
     held, moved = np.zeros(sheet.size, np.uint8), np.zeros(sheet.size, np.uint8)
     for constraint in constraints:
         rigid = bool(constraint.components & RIGID)

@@ -122,11 +122,7 @@ class TearingEnergy(Rupture):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """Build the field on a device.
-
-        Raises:
-            InputError: if the law has no stress, or the families cannot resolve the length.
-        """
+        """Build the field on a device."""
         return DamageField(self, context, law)
 
 

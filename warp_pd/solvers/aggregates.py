@@ -31,7 +31,6 @@ class Aggregates:
     """The V-cycle of one level."""
 
     def __init__(self, level: Level) -> None:
-        """Add the stages of the sweeps."""
         self.level, self._smoother = level, Smoother(level)
         self._smoother.add_down(level.context.stage("down", "every V-cycle, downwards"))
         self._smoother.add_up(level.context.stage("up", "every V-cycle, upwards"))

@@ -61,9 +61,5 @@ class ArcLength(PathSettings):
         return Schedule(ends * self.duration, np.repeat(ends[:, None], 3, axis=1))
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """Build the solver on a device.
-
-        Raises:
-            InputError: if the law has no tangent.
-        """
+        """Build the solver on a device."""
         return BuiltArcLength(self, context, law)

@@ -153,11 +153,7 @@ class BuiltExplicit(BuiltSolver):
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def _exchange_interval(self) -> float:
-        """Time between exchanges with other simulations [s]; a frame is a whole number of these intervals.
-
-        Raises:
-            InputError: for frames that are not equally spaced.
-        """
+        """Time between exchanges with other simulations [s]; a frame is a whole number of these intervals."""
         if not self.solver.equal_frames:
             raise InputError(f"{self._exchanging[0].label}: expected a number of equally spaced frames, got times")
         frame = self.solver.duration / self.solver.frame_count

@@ -39,11 +39,7 @@ class Level:
         self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
         contacts: Sequence[StaticContact] = (),
     ) -> None:  # fmt: skip
-        """Allocate the vectors and add all stages but "evaluate".
-
-        Raises:
-            InputError: for a displacement-dependent load without a tangent.
-        """
+        """Allocate the vectors and add all stages but "evaluate"."""
         self.context, self.law, self.tangent = context, law, tangent
         self.following = [load for load in following if load.at_rest is None]
         self.contacts = contacts
@@ -101,9 +97,6 @@ class Level:
             vector: (N,) vec3.
             image: (N,) vec3.
             following: Whether K includes displacement-dependent loads.
-
-        Raises:
-            InputError: if such a load has no tangent.
         """
         self.tangent.add_product(stage, vector, image)
         for contact in self.contacts:

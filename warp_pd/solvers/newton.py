@@ -77,11 +77,7 @@ class Newton(StaticSolver):
         return Schedule(np.array([0.0, self.duration]), np.repeat([[0.0], [1.0]], 3, axis=1))
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """Build the solver on a device.
-
-        Raises:
-            InputError: if the law has no tangent.
-        """
+        """Build the solver on a device."""
         return BuiltNewton(self, context, law)
 
 

@@ -36,12 +36,7 @@ class BuiltArcLength(TearSteps):
     kept: Kept
 
     def prepare(self, system: System) -> None:
-        """Add the stages of residual and tangent.
-
-        Raises:
-            InputError: if the sheet or `switch` does not allow the preconditioner, or bonds can break without a
-                damage field.
-        """
+        """Add the stages of residual and tangent."""
         super().prepare(system)
         if system.rupture is not None and not system.rupture.tear_energy:
             raise InputError(f"{system.rupture.label}: expected TearingEnergy with ArcLength, or the solver Newton")

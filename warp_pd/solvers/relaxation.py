@@ -149,11 +149,7 @@ class BuiltRelaxation(BuiltSolver):
             stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
 
     def prepare(self, system: System) -> None:
-        """Compose the step, the residual and the stable step.
-
-        Raises:
-            InputError: for parts that relaxation does not support.
-        """
+        """Compose the step, the residual and the stable step."""
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)
         dead = system.external.keep_dead_apart()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,7 +11,6 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import System
-from ..interfaces.context import Context
 from ..kernels.integrate import RIGID
 from ..kernels.stable_step import power_iteration, sums_of_groups
 
@@ -26,42 +25,6 @@ TRIAL_STRAIN = 2e-3
 # Iterations between two looks at the estimate.
 CHECKED_EVERY = 5
 OWNER = "stable step"
-
-
-class _Buffers(NamedTuple):
-    """Work arrays of an iteration.
-
-    Attributes:
-        trial: Trial displacement [m], (N,) vec3.
-        plus: Internal force at the positive trial displacement [N], (N,) vec3.
-        response: Internal force at the negative trial displacement [N], then the response, (N,) vec3.
-        sums: Sums of blocks of points, (4, blocks).
-        scale: One over the largest response, (1,).
-        momentum: Fraction of the earlier direction, (1,).
-        reach: Length of the trial displacement [m], (1,).
-    """
-
-    trial: Array
-    plus: Array
-    response: Array
-    sums: Array
-    scale: Array
-    momentum: Array
-    reach: Array
-
-    @staticmethod
-    def of(context: Context) -> _Buffers:
-        """Allocate them."""
-        vec3, real, n = context.types.vec3, context.types.real, context.sheet.size
-        return _Buffers(
-            trial=context.array("trial", OWNER, vec3, shape=n),
-            plus=context.array("force_plus", OWNER, vec3, shape=n),
-            response=context.array("response", OWNER, vec3, shape=n),
-            sums=context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block"),
-            scale=context.array("scale", OWNER, real, shape=1, per="once"),
-            momentum=context.array("momentum", OWNER, real, shape=1, per="once"),
-            reach=context.array("reach", OWNER, real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"),
-        )
 
 
 class StableStep:
@@ -88,34 +51,43 @@ class StableStep:
         self._earlier = context.array("earlier_direction", OWNER, types.vec3, shape=n)
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
         stage = context.stage("estimate", "each iteration of the stable step")
-        self._add_iteration(stage, system, inertia, _Buffers.of(context))
+        self._add_iteration(stage, system, inertia)
 
-    def _add_iteration(self, stage: Stage, system: System, inertia: Array, buffers: _Buffers) -> None:
+    def _add_iteration(self, stage: Stage, system: System, inertia: Array) -> None:
         """Add the launches of one iteration: forces on both sides of the state, the response, the next direction."""
         context, direction, n = self.context, self.direction, self.context.sheet.size
+        vec3, real = context.types.vec3, context.types.real
+        # A displacement, the forces at it and at its negative, which becomes the response; sums of blocks of points;
+        # 1 / largest response, fraction of the earlier direction, length of the displacement [m].
+        trial, plus, response = (
+            context.array(name, OWNER, vec3, shape=n) for name in ("trial", "force_plus", "response")
+        )
+        sums = context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block")
+        scale, momentum = (context.array(name, OWNER, real, shape=1, per="once") for name in ("scale", "momentum"))
+        reach = context.array("reach", OWNER, real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once")
         state, kernels = context.state, power_iteration(context.types.bits)
-        for sign, force in ((1.0, buffers.plus), (-1.0, buffers.response)):
+        for sign, force in ((1.0, plus), (-1.0, response)):
             stage.launch(
                 OWNER, kernels.trial, n,
-                displacement=state.displacement, direction=direction, reach=buffers.reach, sign=sign, out=buffers.trial,
+                displacement=state.displacement, direction=direction, reach=reach, sign=sign, out=trial,
             )  # fmt: skip
-            system.law.add_force(stage, buffers.trial, force)
-            system.external.add_following(stage, buffers.trial, force)
+            system.law.add_force(stage, trial, force)
+            system.external.add_following(stage, trial, force)
         arrays = {
-            "mass": inertia, "held_mask": state.held_mask, "plus": buffers.plus, "direction": direction,
-            "response": buffers.response,
+            "mass": inertia, "held_mask": state.held_mask, "plus": plus, "direction": direction,
+            "response": response,
         }  # fmt: skip
         context.launch_on_blocks(
-            stage, OWNER, kernels.respond, arrays, {"sums": buffers.sums}, ["response"], reach=buffers.reach,
+            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach,
             block=BLOCK,
         )  # fmt: skip
-        everything = self._in_groups(stage, context.all_blocks(stage, buffers.sums, "sums_of_all", OWNER))
+        everything = self._in_groups(stage, context.all_blocks(stage, sums, "sums_of_all", OWNER))
         stage.launch(
-            OWNER, kernels.summarise, 1, sums=everything, scale=buffers.scale, momentum=buffers.momentum,
+            OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
             squared_frequency=self._squared,
         )  # fmt: skip
         stage.launch(
-            OWNER, kernels.renew, n, response=buffers.response, scale=buffers.scale, momentum=buffers.momentum,
+            OWNER, kernels.renew, n, response=response, scale=scale, momentum=momentum,
             earlier=self._earlier, direction=direction,
         )  # fmt: skip
 

@@ -58,7 +58,6 @@ class StaticRounds:
     """
 
     def __init__(self, system: System) -> None:
-        """Compose the stages of contact and of the rupture criterion."""
         self._rupture, self._communicator = system.rupture, system.context.communicator
         self.contacts = system.external.contacts
         self.memory = [array for contact in self.contacts for array in contact.memory]

@@ -57,7 +57,6 @@ class StaticSystem(BuiltSolver):
     rounds: StaticRounds
 
     def __init__(self, settings: StaticSolver, context: Context, law: BuiltLaw) -> None:
-        """Raises InputError if the law has no tangent."""
         self.label = f"solver = {self.name}"
         self.settings, self.context = settings, context
         self.tangent: Tangent = law.tangent(context, settings.stiffness == "tangent")
@@ -65,11 +64,7 @@ class StaticSystem(BuiltSolver):
         self.sizes, self._begin = Sizes(), 0.0
 
     def prepare(self, system: System) -> None:
-        """Add the stages of residual and tangent.
-
-        Raises:
-            InputError: for parts that the solver does not support, or if the sheet does not allow the preconditioner.
-        """
+        """Add the stages of residual and tangent."""
         system.refuse_phases(self.name, NOT_DONE)
         self.system, context, state = system, self.context, self.context.state
         finest = Level(context, system.law, self.tangent, system.external.following, system.external.contacts)

@@ -190,7 +190,7 @@ WRONG = [
     (lambda: loads(square(5), Fixed(square(5).edges("all")), EnclosedGas()), r"encloses 0 m\^3"),
     (
         lambda: loads(square(5), Fixed(square(5).edges("all")), EnclosedGas(chamber=1.0), EnclosedGas(chamber=1.0)),
-        "another load enclose a volume",
+        "loads: two or more loads that enclose a volume: expected at most one",
     ),
     (
         lambda: loads(
