@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from .device.checks import InputError, OutputError, count, one_of
-from .run.scene_files import build_scene, load_scene, require_scene, scene_names
+from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
 from .run.scene_help import SceneCommand
 
 # Objects that Python may create before it looks for garbage. Warp, USD and Matplotlib create hundreds of thousands that
@@ -189,6 +189,7 @@ def run(
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
     settings = _settings(assignments, named)
+    require_settings(scene, settings)
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.
@@ -274,7 +275,9 @@ def plan(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, **named: Any
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, each with the part that owns it."""
-    click.echo(build_scene(scene, _settings(assignments, named)).plan(device, precision))
+    settings = _settings(assignments, named)
+    require_settings(scene, settings)
+    click.echo(build_scene(scene, settings).plan(device, precision))
 
 
 @main.command("draw")

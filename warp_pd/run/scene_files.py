@@ -12,7 +12,7 @@ import inspect
 import pkgutil
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,72 @@ def _said_in(path: Path, error: Exception) -> str:
     return f"scene = {str(path)!r}: {where}{kind_and_text(error)}"
 
 
+def require_settings(name: str, settings: Mapping[str, Any]) -> None:
+    """Check settings against the parameters that the file of a scene gives its `build`, without importing the file.
+
+    So a wrong setting is refused without waiting for Warp. A file whose parameters cannot be told from its text is
+    checked by `build_scene` alone.
+
+    Raises:
+        InputError: as `build_scene`, except for what the scene itself refuses.
+    """
+    require_scene(name)
+    if name.endswith(".py"):
+        file = Path(name)
+    else:
+        file = Path(importlib.import_module("warp_pd.scenes").__path__[0]) / f"{name}.py"
+    parameters = _written_parameters(file)
+    if parameters is not None:
+        _values(name, settings, parameters)
+
+
+def _written_parameters(file: Path) -> dict[str, inspect.Parameter] | None:
+    """Parameters of the function `build` in the text of a file; None if a default is an expression, or there is no
+    plain function of that name.
+    """
+    try:
+        tree = ast.parse(file.read_text("utf-8"))
+    except (SyntaxError, ValueError):
+        return None
+    found = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build"]
+    if len(found) != 1 or found[0].decorator_list or found[0].args.vararg or found[0].args.kwarg:
+        return None
+    given = found[0].args
+    places, keywords = [*given.posonlyargs, *given.args], given.kwonlyargs
+    none = [None] * (len(places) - len(given.defaults))
+    try:
+        return {
+            argument.arg: inspect.Parameter(
+                argument.arg,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if default is None else ast.literal_eval(default),
+                annotation="" if argument.annotation is None else ast.unparse(argument.annotation),
+            )
+            for argument, default in zip(
+                [*places, *keywords], [*none, *given.defaults, *given.kw_defaults], strict=True
+            )
+        }
+    except ValueError:
+        return None
+
+
+def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
+    """The arguments of a scene's `build` from its settings.
+
+    Raises:
+        InputError: if there is no such parameter, a value cannot be converted, or one without a default is missing.
+    """
+    values = {key: converted(key, value, parameters) for key, value in settings.items()}
+    missing = [
+        key
+        for key, p in parameters.items()
+        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and key not in values
+    ]
+    if missing:
+        raise InputError(f"scene = {name!r}: {missing[0]} has no default: expected --set {missing[0]}=VALUE")
+    return values
+
+
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
     """Build the simulation of a scene; `settings` maps arguments of its `build` to text or numbers.
 
@@ -84,15 +150,8 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
 
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
-    values = {key: converted(key, value, parameters) for key, value in settings.items()}
+    values = _values(name, settings, parameters)
     own = name.endswith(".py")
-    missing = [
-        key
-        for key, p in parameters.items()
-        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and key not in values
-    ]
-    if missing:
-        raise InputError(f"scene = {name!r}: {missing[0]} has no default: expected --set {missing[0]}=VALUE")
     with user_code(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
         simulation = scene.build(**values)
     if not isinstance(simulation, Scene):

@@ -3,12 +3,15 @@
 import inspect
 import json
 import re
+import subprocess
+import sys
 
 import pytest
 from small_runs import cli
 
 from warp_pd import InputError
 from warp_pd.run.arguments import converted, is_plain, plain, split_values
+from warp_pd.run.scene_files import require_settings
 
 
 def build(
@@ -99,3 +102,53 @@ def test_a_scene_with_tuples_and_without_defaults(tmp_path, monkeypatch):
     refused = cli("run", "mine.py")
     assert refused.exit_code == 2 and "points has no default: expected --set points=VALUE" in refused.output
     assert cli("draw", "runs/mine").exit_code == 0, "from the settings of the summary"
+
+
+NEVER_IMPORTED = (
+    "raise RuntimeError('imported')\ndef build(points, *, length: float | None = None, pair=(1.0, 2.0)):\n    pass\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"points": "7", "lenght": "1"}, "lenght is not an argument of this scene"),
+        ({"points": "7", "length": "long"}, "--set length = 'long': expected a number"),
+        ({"points": "7", "pair": "a"}, "--set pair = 'a'"),
+        ({}, "points has no default: expected --set points=VALUE"),
+    ],
+)
+def test_settings_are_checked_against_the_text_of_a_scene(settings, said, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(NEVER_IMPORTED)
+    require_settings(str(path), {"points": 7, "length": "none"})
+    with pytest.raises(InputError, match=re.escape(said)):
+        require_settings(str(path), settings)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from other import build\n",
+        "LENGTH = 2.0\ndef build(points=3, length=LENGTH): pass\n",
+        "def build(**k): pass\n",
+        "def build(:",
+    ],
+)
+def test_parameters_that_the_text_does_not_tell_are_left_to_the_import(text, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    require_settings(str(path), {"whatever": "1"})
+
+
+def test_wrong_settings_are_refused_before_warp_is_imported():
+    program = """
+import sys
+from warp_pd.__main__ import main
+try:
+    main(["run", "ball_penetration", "--set", "nonsense=1"])
+except SystemExit as left:
+    print(left.code, "warp" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["2", "False"] and "nonsense is not an argument" in done.stderr
