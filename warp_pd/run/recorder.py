@@ -19,8 +19,9 @@ from .divergence import Soundness
 from .frame_points import FramePoints
 from .scene import Measure, Outcome
 
-# Restart files of a run, about: each makes the writers bring their files to the disk.
-RESTARTS = 40
+# Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their files
+# to the disk, and copies the animation.
+RESTARTS, SECONDS_BETWEEN = 40, 1.0
 # Seconds that a frame may take to end after the user asked to stop.
 PATIENCE = 5.0
 
@@ -109,6 +110,7 @@ class Recorder:
         if getattr(self.built.simulation.solver, "history_every", None) is not None:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
+        self._saved_at = -math.inf
 
     def start_clock(self) -> None:
         """Start counting the seconds spent in steps."""
@@ -187,6 +189,7 @@ class Recorder:
             self.kept(self.history)
         if self.saved is not None and self._restart_due(frame.index):
             self.saved()
+            self._saved_at = perf_counter()
         if self.reporter is not None:
             self.reporter.frame(self._report(row))
 
@@ -204,9 +207,13 @@ class Recorder:
         self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
-        """Whether to write a restart file: at the first and last frame, when stopped, and about forty times between."""
-        frames = self.built.simulation.solver.frame_count
-        return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
+        """Whether to write a restart file: at the first and last frame, when stopped, and from time to time between."""
+        solver = self.built.simulation.solver
+        if self.stop_asked or index in (0, solver.frame_count):
+            return True
+        # What a load step costs is worth a restart file; and a search that fails leaves the last step to start from.
+        waited = not solver.dynamic or perf_counter() - self._saved_at >= SECONDS_BETWEEN
+        return waited and index % max(1, solver.frame_count // RESTARTS) == 0
 
     def _row(self, now: float, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
         built = self.built
