@@ -56,7 +56,8 @@ def test_a_balloon_leaves_the_sphere_as_a_pear():
     # 162 points: 2.6 % off; the 642 of the scene: 0.6 %.
     assert result.history[at]["stretch"] == pytest.approx(balloon_paths.PEAR[0], rel=0.03)
     roundness = [row["roundness"] for row in result.history[at:]]
-    assert roundness[0] < 0.02 and roundness[1] > 0.05
+    # How long the first step along the branch is depends on round-off, which picks one of the three pears.
+    assert roundness[0] < 0.02 and roundness[-1] > 0.05 and np.all(np.diff(roundness) > 0.0)
     # One side is thinner than the other: areas change from pole to pole and not around the axis.
     frame, sheet = result.frame, scene.sheet
     now, before = (
