@@ -25,7 +25,7 @@ from warp_pd.scenes.pure_shear_tear import HEIGHT, MU, THICKNESS, strip
 # In heights: length of the strip, where its crack begins, where its edges do not move apart, longest crack.
 LENGTH, CUT, HINGE, LONGEST = 4.0, 1.25, 5.0, 3.0
 # Energy of elastic strips with cuts of 1 to 3 H at slopes of 0.03 to 0.1, over that of pure shear ahead of the tip,
-# from 16, 24 and 32 rows to none: powers of length / H - 2 (down) and slope. `python tools/stable_crack.py` finds them.
+# from 16, 24 and 32 rows to none: powers of length / H - 2 (down) and slope, a least-squares fit.
 STORED = ((1.0138, 0.5156), (-0.0058, 0.1582), (-0.004, 0.06), (0.0004, 0.0195))
 # Tearing energies whose curve lies within those slopes [J/m^2].
 LEAST, MOST = 1.0, 4.0
