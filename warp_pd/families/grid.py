@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.checks import InputError
+from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
 from .cloud import find_neighbours, point_rows, refuse_lone_points
 from .horizon import Horizon
-from .lattice import near_cuts
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
 
@@ -49,7 +49,7 @@ def grid_families(
     neighbours, reverses, incomplete = neighbours[place], reverses[place], incomplete[place]
     refuse_lone_points(sheet, own, neighbours, horizon)
     members = max(len(stencil.steps), int((neighbours >= 0).sum(axis=1).max(initial=0)))
-    neighbours, reverses = _widened(neighbours, members, -1), _widened(reverses, members, 0)
+    neighbours, reverses = widened(neighbours, members, -1), widened(reverses, members, 0)
     # Most bonds of a deep point are not among those found: its members have the numbers of the stencil.
     row, k = np.nonzero((neighbours >= 0) & deep[neighbours])
     reverses[row, k] = stencil.number(image.grid[own[row]] - image.grid[neighbours[row, k]])
@@ -144,7 +144,9 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
     cell = sheet.spacing**2
     whole_cell = image.on & (np.abs(sheet.areas - cell) <= ALIKE * cell)
     inner = image.marked(np.flatnonzero(whole_cell)) & (image.index >= 0)
-    apart = image.marked(np.flatnonzero(image.on & near_cuts(sheet, horizon.length)))
+    reach = horizon.length * (1.0 + 1e-6)
+    near_cuts = distance_from_segments(sheet.points, np.array(sheet.cuts), reach) <= reach
+    apart = image.marked(np.flatnonzero(image.on & near_cuts))
     apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
     if sheet.barriers is not None and len(sheet.barriers):
         longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing
@@ -196,7 +198,7 @@ def dilated(mask: np.ndarray, distance: int) -> np.ndarray:
     return mask
 
 
-def _widened(table: np.ndarray, members: int, value: int) -> np.ndarray:
+def widened(table: np.ndarray, members: int, value: int) -> np.ndarray:
     """Pad a table with `value`, or cut off empty columns, to have `members` columns."""
     table = table[:, :members]
     return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 
 import numpy as np
 
+from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
-from ..geometry.triangulation import Segment, crosses, lattice_box
+from ..geometry.triangulation import crosses, lattice_box
 from .horizon import Horizon
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
@@ -33,8 +33,8 @@ def lattice_families(
 
     # Points whose neighbourhoods are the same up to `reach` share a row.
     reach = max(reach_x, reach_y, depth) + 1
-    near_x = _edge_code(lattice.columns, reach)
-    near_y = _edge_code(lattice.rows, reach)
+    near_x = clipped_index(lattice.columns, reach)
+    near_y = clipped_index(lattice.rows, reach)
     severed = _severed(sheet, ox, oy)
     first, family_class = _classes(near_x, near_y)
     if severed is not None:
@@ -75,12 +75,16 @@ def lattice_families(
     )
 
 
-def _edge_code(length: int, reach: int) -> np.ndarray:
-    """Codes of places along an axis: 0 .. reach - 1 from one end, reach inside, reach + 1 .. to the other end."""
+def clipped_index(length: int, depth: int) -> np.ndarray:
+    """Kind of each place along an edge of `length` points, shape (length,).
+
+    0 .. depth - 1 from one end, depth in the middle, depth + 1 .. 2 depth up to the other end; if the edge is shorter
+    than that, every place is a separate kind.
+    """
     index = np.arange(length)
-    if length <= 2 * reach + 1:
+    if length <= 2 * depth + 1:
         return index
-    return np.where(index < reach, index, np.where(index >= length - reach, index - length + 2 * reach + 1, reach))
+    return np.where(index < depth, index, np.maximum(index - (length - 1 - 2 * depth), depth))
 
 
 def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,23 +126,10 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
     spacings = reach / min(lattice.dx, lattice.dy) + 1.0
     boxes = [lattice_box(points[0], lattice, segment, spacings) for segment in sheet.cuts]
     touched = functools.reduce(np.union1d, boxes)
-    touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
+    reach *= 1.0 + 1e-6
+    touched = touched[distance_from_segments(points[touched], np.array(sheet.cuts), reach) <= reach]
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:
         lost |= crosses(tail, tail + offsets, segment)
     return touched, lost
-
-
-def near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
-    """Mask of points within `reach` of a cut, shape (N,)."""
-    return _near_cuts(sheet.points, sheet.cuts, reach)
-
-
-def _near_cuts(points: np.ndarray, cuts: Sequence[Segment], reach: float) -> np.ndarray:
-    near = np.zeros(len(points), bool)
-    for start, end in cuts:
-        a, b = np.array(start), np.array(end)
-        fraction = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        near |= np.linalg.norm(points - a - fraction[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
-    return near

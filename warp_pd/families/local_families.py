@@ -9,6 +9,7 @@ import numpy as np
 
 from ..geometry.sheet import Sheet
 from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .grid import widened
 from .horizon import checked_horizon
 from .partition import Partition
 from .tables import Families, InfluenceFunction, WholeFamilies, influence_function
@@ -153,16 +154,10 @@ def local_cloud_families(
     if first < sheet.size:
         refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), checked)
     members = max(gathered(int(sizes.max())))
-    neighbours, reverses = _wide(neighbours, members, -1), _wide(reverses, members, 0)
+    neighbours, reverses = widened(neighbours, members, -1), widened(reverses, members, 0)
     made = point_rows(sheet, partition.points, neighbours, reverses, incomplete[place], checked, function, True)
     bonds = sum(gathered(int(sizes[partition.owned].sum())))
     local = np.full(neighbours.shape, -1, np.int32)
     there = neighbours >= 0
     local[there] = partition.here(neighbours[there])[1]
     return replace(made, neighbours=local, whole=WholeFamilies(bonds, 0, False))
-
-
-def _wide(table: np.ndarray, members: int, value: int) -> np.ndarray:
-    """Pad a table with `value`, or cut off empty columns, to have `members` columns."""
-    table = table[:, :members]
-    return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)

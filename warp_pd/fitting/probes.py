@@ -12,7 +12,7 @@ import numpy as np
 
 from ..device.checks import InputError, one_of, point_indices
 from ..geometry.sheet import Sheet
-from ..geometry.triangulation import barycentric
+from ..geometry.triangulation import places_on_triangles
 from ..interfaces.frame import Frame
 from ..run.built import Built
 from .equilibrium import Equilibrium
@@ -112,25 +112,17 @@ class PointField:
         Places more than `tolerance` spacings outside the sheet are dropped. Raises InputError if none is on it.
         """
         from scipy import sparse
-        from scipy.spatial import cKDTree
 
         if len(sheet.triangles) == 0:
             raise InputError("PointField: expected a sheet with triangles")
-        corners = sheet.positions[sheet.triangles]
         where = np.zeros((len(places), 3))
         where[:, : places.shape[1]] = places
-        count = min(24, len(corners))
-        _, near = cKDTree(corners.mean(axis=1)).query(where, k=count)
-        near = near.reshape(len(where), count)
-        fractions = barycentric(corners[near], where[:, None])
-        best = np.argmax(fractions.min(axis=-1), axis=1)
-        rows = np.arange(len(where))
-        fraction = fractions[rows, best]
+        triangle, fraction, _ = places_on_triangles(sheet.positions[sheet.triangles], where)
         gap = np.maximum(0.0, -fraction.min(axis=1)) * np.sqrt(2.0)
         inside = gap <= tolerance
         if not inside.any():
             raise InputError("places: none of them is on the sheet; check their unit and origin")
-        points = sheet.triangles[near[rows, best]][inside]
+        points = sheet.triangles[triangle[inside]]
         kept = int(inside.sum())
         entries = fraction[inside].ravel(), (np.repeat(np.arange(kept), 3), points.ravel())
         return PointField(sparse.csr_matrix(entries, shape=(kept, sheet.size)), inside)

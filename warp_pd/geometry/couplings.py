@@ -88,7 +88,7 @@ def crack_segments(shape: Shape) -> np.ndarray:
 
 
 def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: float) -> np.ndarray:
-    """Distance of points from the nearest segment [m], shape (N,); infinite beyond `within`."""
+    """Distance of points from the nearest segment [m], shape (N,); some beyond `within` are infinite."""
     nearest = np.full(len(points), np.inf)
     for start, end in segments:
         low, high = np.minimum(start, end) - within, np.maximum(start, end) + within

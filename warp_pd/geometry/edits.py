@@ -1,4 +1,4 @@
-"""Edits of shapes: cutting, punching holes, rotating."""
+"""Edits of shapes: cuts, holes, rotation, prestretch."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ from typing import TypeVar
 import numpy as np
 
 from ..device.checks import InputError
-from .holes import square_grid, triangulation_without
 from .shape import Shape
 from .topology import boundary_edges
-from .triangulation import Segment, crossed_triangles, triangles_near
+from .triangulation import (
+    Lattice,
+    Segment,
+    cell_areas,
+    cell_triangles,
+    crosses,
+    point_areas,
+    voronoi_areas,
+    whole_cells,
+)
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -24,8 +32,13 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     """
     if segment[0] == segment[1]:
         raise InputError(f"{name}: expected a segment of nonzero length")
-    near = triangles_near(shape.points, shape.triangles, segment)
-    gone = near[crossed_triangles(shape.points, shape.triangles[near], segment)]
+    corners = shape.points[shape.triangles]
+    # Only sides near the segment are tried.
+    low, high = np.min(segment, axis=0), np.max(segment, axis=0)
+    margin = 1e-6 * float((high - low).max())
+    near = ((corners.max(axis=1) >= low - margin) & (corners.min(axis=1) <= high + margin)).all(axis=1)
+    tried = corners[near]
+    gone = np.flatnonzero(near)[crosses(tried, np.roll(tried, -1, axis=1), segment).any(axis=1)]
     if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         raise InputError(
@@ -56,8 +69,8 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
     """
     if not inside.any():
         raise InputError(f"{name} contains no points: expected a larger one")
-    triangles, areas = triangulation_without(inside, shape)
-    grid = shape.grid if shape.lattice is None else square_grid(shape.lattice)
+    triangles, areas = _triangulation_without(inside, shape)
+    grid = shape.grid if shape.lattice is None else _square_grid(shape.lattice)
     kept = np.zeros(shape.size, bool)
     kept[triangles] = True
     if not kept.any():
@@ -95,3 +108,86 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
         parts=parts,
     )
     return smaller, kept
+
+
+def _square_grid(lattice: Lattice) -> np.ndarray | None:
+    """Column and row of each point, int32, shape (N, 2); None on a lattice that is not square."""
+    if abs(lattice.dx - lattice.dy) > 1e-9 * lattice.dx or lattice.rows == 1:
+        return None
+    row, column = np.divmod(np.arange(lattice.columns * lattice.rows, dtype=np.int32), np.int32(lattice.columns))
+    return np.column_stack([column, row])
+
+
+def _triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles that remain when the points of a mask, shape (N,), are removed, and the areas of all points.
+
+    Whole cells of a lattice are removed, and of a grid whose points represent parts of its cells.
+    """
+    if shape.lattice is not None:
+        intact_cells = whole_cells(~removed.reshape(shape.lattice.rows, shape.lattice.columns))
+        return cell_triangles(intact_cells), cell_areas(shape.lattice, intact_cells)
+    if shape.grid is not None and (shape.grid >= 0).all():
+        _, areas = _cells_without(np.zeros(shape.size, bool), shape.grid, shape.spacing)
+        if np.allclose(areas, shape.areas, rtol=1e-9, atol=0.0):
+            return _cells_without(removed, shape.grid, shape.spacing)
+    kept = shape.triangles[~removed[shape.triangles].any(axis=1)]
+    if shape.frames is None:
+        return kept, point_areas(shape.points, kept)
+    # The areas of a tube or sphere are those of the smooth surface.
+    return kept, voronoi_areas(shape.points, kept) / voronoi_areas(shape.points, shape.triangles) * shape.areas
+
+
+def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the grid cells whose corners all remain, and the areas of points, a quarter of each such cell."""
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    columns, rows = (high - low + 1).tolist()
+    box = Lattice(columns, rows, spacing, spacing)
+    place = (grid[:, 1] - low[1]) * columns + grid[:, 0] - low[0]
+    kept = np.zeros(columns * rows, bool)
+    kept[place] = ~removed
+    index = np.full(columns * rows, -1, np.int32)
+    index[place] = np.arange(len(grid), dtype=np.int32)
+    whole = whole_cells(kept.reshape(rows, columns))
+    return index[cell_triangles(whole)], cell_areas(box, whole)[place]
+
+
+def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
+    """The shape that becomes `shape` by a uniform stretch about its centre.
+
+    Args:
+        shape: The stretched shape.
+        gradient: Deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
+
+    Raises:
+        InputError: for a shape with rigid inclusions, a bar, or different stretches of a curved shape.
+    """
+    even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
+    if shape.inclusions:
+        raise InputError(
+            "prestretched: the sheet has rigid inclusions, which do not stretch: expected a sheet without inclusions"
+        )
+    if len(shape.triangles) == 0:
+        raise InputError("prestretched: the sheet is a bar: expected a sheet with an area; take `initial_displacement`")
+    if shape.points.shape[1] == 3 and not even:
+        raise InputError("prestretched: expected one stretch for a curved sheet, the same in all directions")
+    inverse = np.linalg.inv(gradient) if shape.points.shape[1] == 2 else np.eye(3) / gradient[0, 0]
+    middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
+
+    def back(place: np.ndarray) -> np.ndarray:
+        return np.asarray((place - middle) @ inverse.T + middle)
+
+    area, lattice = float(np.linalg.det(gradient)), shape.lattice
+    if lattice is not None:
+        dx, dy = lattice.dx / gradient[0, 0], lattice.dy / gradient[1, 1]
+        diagonal = gradient[0, 1] == gradient[1, 0] == 0.0
+        lattice = Lattice(lattice.columns, lattice.rows, float(dx), float(dy)) if diagonal else None
+    return replace(
+        shape,
+        points=back(shape.points),
+        areas=shape.areas / area,
+        spacing=shape.spacing / float(np.sqrt(area)),
+        lattice=lattice,
+        cuts=tuple((tuple(back(np.array(a))), tuple(back(np.array(b)))) for a, b in shape.cuts),
+        grid=shape.grid if even else None,
+        spacings=None if shape.spacings is None else shape.spacings / np.sqrt(area),
+    )

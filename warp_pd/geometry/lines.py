@@ -73,6 +73,8 @@ def ring(name: str, curve: Any, at: Spacing) -> Line:
     Raises:
         InputError: if it is not a curve, or has fewer than 3 points; the message names it `name`.
     """
+    import shapely
+
     try:
         with user_code(lambda error: f"the curve raised {error!r}: expected points of shape (T, 2)"):
             found, side = as_curve(name, curve).sampled(at)
@@ -80,15 +82,10 @@ def ring(name: str, curve: Any, at: Spacing) -> Line:
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith((f"{name}:", f"{name} ", "spacing")) else f"{name}: {text}") from None
-    if _doubled_area(points) < 0.0:
+    if not shapely.LinearRing(points).is_ccw:
         # A side is named by the point that begins it.
         points, side = points[::-1], np.roll(side[::-1], -1)
     return Line(name, points, np.asarray(side, np.int64))
-
-
-def _doubled_area(points: np.ndarray) -> float:
-    x, y = points.T
-    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
 def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:

@@ -7,10 +7,10 @@ import numpy as np
 from ..device.checks import InputError
 from .file_checks import listed
 from .topology import boundary_edges, crowded_edges, flipped, pieces
-from .triangulation import doubled_normals, signed_areas
+from .triangulation import coincident_pairs, doubled_normals, signed_areas
 
-# Least area of a triangle over the mean, and least distance of two points over the extent of the mesh.
-LEAST_AREA, LEAST_DISTANCE = 1e-12, 1e-9
+# Least area of a triangle over the mean.
+LEAST_AREA = 1e-12
 # Largest coordinate whose fourth power is a number.
 LARGEST = 1e70
 
@@ -54,7 +54,8 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
     areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
     _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
-    _refuse(where, "pair", _coincident(points, triangles), "of coincident points: expected distinct points")
+    used = np.unique(triangles)
+    _refuse(where, "pair", used[coincident_pairs(points[used])], "of coincident points: expected distinct points")
     crowded = crowded_edges(triangles)
     _refuse(where, "edge", crowded, "with more than two triangles: expected one or two")
     turned = flipped(triangles)
@@ -75,16 +76,6 @@ def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face
 def require_closed(where: str, triangles: np.ndarray) -> None:
     """Check that a surface has no boundary. Raises InputError if it is not."""
     _refuse(where, "edge", boundary_edges(triangles), "with one triangle: expected a closed surface")
-
-
-def _coincident(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    from scipy.spatial import cKDTree
-
-    used = np.unique(triangles)
-    extent = float(np.ptp(points[used], axis=0).max())
-    pairs = cKDTree(points[used]).query_pairs(LEAST_DISTANCE * max(extent, 1e-300), output_type="ndarray")
-    pairs = np.sort(used[pairs], axis=1)
-    return pairs[np.lexsort(pairs.T[::-1])]
 
 
 def _refuse(where: str, noun: str, indices: np.ndarray, words: str) -> None:

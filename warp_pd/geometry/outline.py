@@ -11,10 +11,11 @@ from ..device.checks import InputError, positive, user_code
 from .assembly import Part, assembled
 from .crack_lines import crack_lines
 from .curves import Spacing
-from .filling import Filling, fill_evenly, fill_graded
+from .filling import fill_evenly, fill_graded
 from .lines import Line, Named, line_edges, named, region, require_apart, ring
 from .shape import Shape
-from .triangulation import cell_triangles, signed_areas
+from .topology import directed_edges
+from .triangulation import cell_triangles, signed_areas, whole_cells
 
 # Most points of an outline: beyond, arrays of the triangulation leave the memory of common machines.
 MAX_POINTS = 100_000_000
@@ -24,6 +25,8 @@ FINER = 16
 
 def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spacing: Any) -> Shape:
     """The shape; arguments as for `Sheet.outline`."""
+    import shapely
+
     at, least = _spacing(spacing)
     curves = [("outline", boundary), *named("hole", holes)]
     rings = [ring(name, curve, at) for name, curve in curves]
@@ -37,13 +40,19 @@ def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spaci
         slits, rings = crack_lines(paths, region(finer[0], finer[1:], ()), rings, rigid, at)
         sheet = region(rings[0], rings[1:], rigid)
     lines = [*rings, *rigid, *slits]
-    fixed = np.concatenate([line.points for line in lines])
-    fixed, which = _merged(fixed)
+    # Ends of cracks may be points of rings.
+    fixed, which = np.unique(np.concatenate([line.points for line in lines]), axis=0, return_inverse=True)
+    which = which.ravel()
     require_apart(lines, which, at)
     edges = line_edges(lines, which)
-    filling = _fill(sheet, fixed, edges, spacing, at, least)
+    drawn = shapely.MultiLineString(list(fixed[edges]))
+    shapely.prepare(drawn)
+    filling = (
+        fill_graded(sheet, fixed, drawn, at) if callable(spacing) else fill_evenly(sheet, fixed, drawn, least)
+    )  # fmt: skip
     points, grid = np.vstack([fixed, filling.points]), np.vstack([filling.fixed_grid, filling.grid])
-    order = _order(grid)
+    # Those on the grid first, row by row.
+    order = np.lexsort([grid[:, 0], grid[:, 1], grid[:, 0] < 0])
     points, grid, number = points[order], grid[order], np.argsort(order)
     least = least or float(at(points).min())
     triangles = _triangles(points, grid, sheet, least)
@@ -88,27 +97,6 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
         return found
 
     return at, 0.0
-
-
-def _merged(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct points [m], and the index of each given point; ends of cracks may be points of rings."""
-    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
-    return distinct, inverse.ravel()
-
-
-def _fill(sheet: Any, fixed: np.ndarray, edges: np.ndarray, spacing: Any, at: Spacing, least: float) -> Filling:
-    import shapely
-
-    curves = shapely.MultiLineString(list(fixed[edges]))
-    shapely.prepare(curves)
-    if callable(spacing):
-        return fill_graded(sheet, fixed, curves, at)
-    return fill_evenly(sheet, fixed, curves, least)
-
-
-def _order(grid: np.ndarray) -> np.ndarray:
-    """Order of points: those on the grid first, row by row, then the others."""
-    return np.lexsort([grid[:, 0], grid[:, 1], grid[:, 0] < 0])
 
 
 def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -> np.ndarray:
@@ -162,10 +150,8 @@ def _grid_cells(points: np.ndarray, grid: np.ndarray, least: float) -> tuple[np.
         clear[on] = ~np.isfinite(others)
     usable = np.zeros((rows, columns), bool)
     usable[grid[on, 1], grid[on, 0]] = clear[on]
-    whole = usable[:-1, :-1] & usable[1:, :-1] & usable[:-1, 1:] & usable[1:, 1:]
-    row, column = grid[on, 1], grid[on, 0]
-    padded = np.pad(whole, 1)
-    covered[on] = padded[row, column] & padded[row + 1, column] & padded[row, column + 1] & padded[row + 1, column + 1]
+    whole = whole_cells(usable)
+    covered[on] = whole_cells(np.pad(whole, 1))[grid[on, 1], grid[on, 0]]
     return number.ravel()[cell_triangles(whole)].astype(np.int64), covered
 
 
@@ -173,7 +159,7 @@ def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray)
     """Check that curves and cracks are edges of triangles. Raises InputError if they are not."""
     on = np.zeros(len(points), bool)
     on[edges] = True
-    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    sides = directed_edges(triangles)
     sides = np.sort(sides[on[sides].all(axis=1)].astype(np.int64), axis=1)
     key = np.array([len(points), 1])
     there = np.isin(np.sort(edges, axis=1) @ key, sides @ key)

@@ -12,7 +12,8 @@ import numpy as np
 from ..device.checks import InputError, said
 from .picture_files import new_figure, save
 from .shape import Shape
-from .topology import boundary_edges, boundary_rings, pieces
+from .topology import boundary_edges, boundary_rings, directed_edges, pieces
+from .triangulation import corner_sums, triangle_areas
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
 MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0
@@ -102,10 +103,11 @@ def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any
             shaded = axes.tripcolor(*where.T, sheet.triangles, thickness, cmap=THICKNESS, zorder=0.5)
             figure.colorbar(shaded, location="bottom", label="thickness (m)", shrink=0.6)
         if len(sheet.triangles) <= MAX_TRIANGLES:
-            sides = where[_sides(sheet.triangles)]
+            sides = where[np.unique(np.sort(directed_edges(sheet.triangles), axis=1), axis=0)]
             axes.add_collection(LineCollection(sides, colors="0.55", linewidths=0.35, label="triangles", zorder=1))
         axes.add_collection(LineCollection(where[edges], colors=EDGE, linewidths=1.2, label="boundary", zorder=4))
-    size = float(np.clip(0.35 * 72.0 * SIDE * _typical_distance(sheet) / extent.max(), 0.8, 5.0))
+    typical = np.median(sheet.spacing if sheet.spacings is None else sheet.spacings)
+    size = float(np.clip(0.35 * 72.0 * SIDE * typical / extent.max(), 0.8, 5.0))
     for label, members in _inclusions(sheet):
         inner = where[sheet.triangles[np.isin(sheet.triangles, members).all(axis=1)]]
         axes.add_collection(PolyCollection(inner, facecolors=RIGID, alpha=0.6, zorder=2))
@@ -115,7 +117,7 @@ def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
     for rank, (label, chosen) in enumerate(parts):
-        _markers(axes, where, chosen, label, color=_colour(rank), markersize=size + _growth(parts, rank), zorder=6)
+        _markers(axes, where, chosen, label, **_part_style(parts, rank, size), zorder=6)
     margin = 0.03 * extent.max()
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.set_xlim(low[0] - margin, high[0] + margin)
@@ -154,7 +156,7 @@ def _curved(sheet: Shape, parts: Parts, thickness: np.ndarray | None, view: tupl
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen[_towards(sheet, view)[chosen]], label, color=colour, markersize=1.5, zorder=2)
     for rank, (label, chosen) in enumerate(parts):
-        _markers(axes, where, chosen, label, color=_colour(rank), markersize=2.0 + _growth(parts, rank), zorder=4)
+        _markers(axes, where, chosen, label, **_part_style(parts, rank, 2.0), zorder=4)
     for c, name in enumerate("xyz"):
         getattr(axes, f"set_{name}lim")(low[c], high[c])
         getattr(axes, f"set_{name}label")(f"{name} (m)")
@@ -208,23 +210,10 @@ def _parts(sheet: Shape, stiffness: np.ndarray | None, regions: Parts) -> list[t
     return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]
 
 
-def _colour(rank: int) -> str:
-    return PART_COLOURS[rank % len(PART_COLOURS)]
-
-
-def _growth(parts: Parts, rank: int) -> float:
-    """Extra size of the markers of a part, so that parts below remain visible."""
-    return 0.6 + 0.5 * min(len(parts) - rank - 1, 5)
-
-
-def _typical_distance(sheet: Shape) -> float:
-    return sheet.spacing if sheet.spacings is None else float(np.median(sheet.spacings))
-
-
-def _sides(triangles: np.ndarray) -> np.ndarray:
-    """Every edge once, shape (E, 2)."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return np.unique(np.sort(edges, axis=1), axis=0)
+def _part_style(parts: Parts, rank: int, size: float) -> dict[str, Any]:
+    """Colour and size of the markers of a part; those below others are larger and remain visible."""
+    grown = size + 0.6 + 0.5 * min(len(parts) - rank - 1, 5)
+    return {"color": PART_COLOURS[rank % len(PART_COLOURS)], "markersize": grown}
 
 
 def _apart(sheet: Shape) -> np.ndarray:
@@ -235,11 +224,10 @@ def _apart(sheet: Shape) -> np.ndarray:
     double = np.zeros(len(where), bool)
     double[edge[times[place.ravel()] > 1]] = True
     touched = sheet.triangles[double[sheet.triangles].any(axis=1)]
-    middle, count = np.zeros_like(where), np.zeros(len(where))
-    for corner in touched.T:
-        np.add.at(middle, corner, sheet.points[touched].mean(axis=1))
-        np.add.at(count, corner, 1.0)
-    where[double] += APART * (middle[double] / count[double, None] - where[double])
+    middles = np.repeat(sheet.points[touched].mean(axis=1)[:, None], 3, axis=1)
+    sums = [corner_sums(middles[..., c], touched, len(where))[double] for c in (0, 1)]
+    count = np.bincount(touched.ravel(), minlength=len(where))[double]
+    where[double] += APART * (np.column_stack(sums) / count[:, None] - where[double])
     return where
 
 
@@ -247,18 +235,14 @@ def _filled(where: np.ndarray, edges: np.ndarray) -> Any:
     """The area enclosed by the boundary, as a single path."""
     from matplotlib.path import Path as Outline
 
-    points, codes = [], []
-    for ring in boundary_rings(edges):
-        points += [where[ring], where[ring[:1]]]
-        codes += [Outline.MOVETO, *[Outline.LINETO] * (len(ring) - 1), Outline.CLOSEPOLY]
-    return Outline(np.concatenate(points), codes)
+    closed = (where[np.append(ring, ring[:1])] for ring in boundary_rings(edges))
+    return Outline.make_compound_path(*(Outline(ring, closed=True) for ring in closed))
 
 
 def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Coarsened triangles: points of a cell of a cubic grid are merged (Rossignac & Borrel 1993)."""
     low = where.min(axis=0)
-    a, b, c = (where[triangles[:, k]] for k in range(3))
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(triangle_areas(where, triangles).sum())
     # A cell holds a square of the surface, and a square two triangles; it is cut at an angle.
     cell = np.sqrt(4.0 * area / MAX_TRIANGLES)
     _, of_cell = np.unique(np.floor((where - low) / cell).astype(np.int64), axis=0, return_inverse=True)
@@ -276,10 +260,6 @@ def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
     """Mask of points on the visible side of a closed surface; all points of an open one, shape (N,)."""
     if len(boundary_edges(sheet.triangles)):
         return np.ones(sheet.size, bool)
-    a, b, c = (sheet.positions[sheet.triangles[:, k]] for k in range(3))
-    normals = np.zeros((sheet.size, 3))
-    for corner in sheet.triangles.T:
-        np.add.at(normals, corner, np.cross(b - a, c - a))
     up, around = np.deg2rad(view)
     eye = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
-    return np.asarray(normals @ eye > 0.0)
+    return np.asarray(sheet.normals @ eye > 0.0)

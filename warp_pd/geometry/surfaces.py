@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.checks import InputError, corners, count, counts, positions, positive
+from .enclosure import volume_of
 from .shape import Shape
 from .topology import boundary_edges, edges_run_twice
 from .triangulation import cell_triangles, doubled_normals, refuse_coincident
@@ -25,7 +26,7 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
     if (sizes <= 1e-12 * sizes.max()).any():
         flat = int(np.argmin(sizes))
         raise InputError(f"triangles[{flat}] = {triangles[flat].tolist()}: expected corners that span an area")
-    rim = _rim("triangles", points, triangles)
+    rim = _rim(points, triangles)
     areas = _point_sums(np.repeat(sizes[:, None] / 6.0, 3, axis=1), triangles, len(points))
     unused = np.flatnonzero(areas == 0.0)
     if len(unused):
@@ -126,7 +127,7 @@ def _point_sums(corner_values: np.ndarray, triangles: np.ndarray, points: int) -
     return np.stack([np.bincount(corners, column, points) for column in columns], axis=-1).reshape(points, *inner)
 
 
-def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _rim(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Points on the open edges of the surface, int32, ascending.
 
     Raises:
@@ -136,15 +137,12 @@ def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if len(twice := edges_run_twice(triangles)):
         tail, head = twice[0]
         raise InputError(
-            f"{name}: two of them run along the edge from point {tail} to {head}: expected all counter-clockwise seen "
-            f"from outside, and two at most at every edge"
+            f"triangles: two of them run along the edge from point {tail} to {head}: expected all counter-clockwise "
+            "seen from outside, and two at most at every edge"
         )
     open_sides = boundary_edges(triangles)
-    if len(open_sides) == 0:
-        arm = points - points.mean(axis=0)
-        a, b, c = (arm[triangles[:, k]] for k in range(3))
-        if (a * np.cross(b, c)).sum() <= 0.0:
-            raise InputError(f"{name}: expected triangles counter-clockwise seen from outside, got clockwise")
+    if len(open_sides) == 0 and volume_of(points - points.mean(axis=0), triangles) <= 0.0:
+        raise InputError("triangles: expected triangles counter-clockwise seen from outside, got clockwise")
     return np.unique(open_sides).astype(np.int32)
 
 

@@ -127,9 +127,8 @@ def lattice_triangles(columns: int, rows: int) -> np.ndarray:
     return found.reshape(-1, 3)
 
 
-def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
-    """Mask of lattice cells without a corner among the points `inside`, shape (rows - 1, columns - 1)."""
-    kept = ~inside.reshape(lattice.rows, lattice.columns)
+def whole_cells(kept: np.ndarray) -> np.ndarray:
+    """Mask of the cells of a lattice whose corners are all kept, (rows - 1, columns - 1); given is (rows, columns)."""
     return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
 
 
@@ -177,10 +176,12 @@ def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """A third of each adjacent triangle for every point [m^2], shape (N,)."""
-    areas, third = np.zeros(len(points)), triangle_areas(points, triangles) / 3.0
-    for k in range(3):
-        np.add.at(areas, triangles[:, k], third)
-    return areas
+    return corner_sums(np.tile(triangle_areas(points, triangles)[:, None] / 3.0, 3), triangles, len(points))
+
+
+def corner_sums(values: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
+    """Sum of values at the corners of triangles, shape (F, 3), for every point, shape (N,)."""
+    return np.bincount(triangles.T.ravel(), values.T.ravel(), points)
 
 
 def triangles_of(points: np.ndarray) -> np.ndarray:
@@ -201,24 +202,26 @@ def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
     """
     triangles = triangles_of(points)
     signed = np.abs(signed_areas(points, triangles))
-    sides = [
-        np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))
-    ]
+    sides = np.linalg.norm(points[triangles] - points[np.roll(triangles, -1, axis=1)], axis=2)
     if spacing is None:
         spacing = float(np.sqrt(2.0 * np.median(signed)))
-    radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
+    radius = sides.prod(axis=1) / np.maximum(4.0 * signed, 1e-300)
     # Slivers along a straight edge have a huge circle and no area.
     return np.asarray(triangles[radius < 2.5 * spacing])
 
 
-def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
-    """Raise InputError if two points coincide."""
+def coincident_pairs(points: np.ndarray) -> np.ndarray:
+    """Pairs of points less than 1e-9 of the extent apart, ascending, shape (K, 2)."""
     from scipy.spatial import cKDTree
 
     extent = float(np.ptp(points, axis=0).max())
     pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
-    if len(pairs):
-        a, b = sorted(int(p) for p in pairs[0])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
+    """Raise InputError if two points coincide."""
+    for a, b in coincident_pairs(points)[:1].tolist():
         raise InputError(f"{name}[{a}] and {name}[{b}] coincide at {points[a].tolist()}: expected distinct points")
 
 
@@ -234,26 +237,6 @@ def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, t
     x = np.cos(angle) * u.ravel() - np.sin(angle) * v.ravel()
     y = np.sin(angle) * u.ravel() + np.cos(angle) * v.ravel()
     return np.column_stack([x, y])
-
-
-def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
-    """Mask of triangles with an edge that crosses the segment, shape (F,)."""
-    gone = np.zeros(len(triangles), bool)
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
-    return gone
-
-
-def triangles_near(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
-    """Ascending indices of the triangles that may intersect the bounding box of a segment."""
-    ends = np.array(segment)
-    margin = 1e-6 * float(np.ptp(ends, axis=0).max())
-    beyond = np.zeros(len(points), np.uint8)
-    for axis in (0, 1):
-        beyond |= (points[:, axis] < ends[:, axis].min() - margin).astype(np.uint8) << 2 * axis
-        beyond |= (points[:, axis] > ends[:, axis].max() + margin).astype(np.uint8) << 2 * axis + 1
-    a, b, c = (beyond[triangles[:, k]] for k in range(3))
-    return np.flatnonzero((a & b & c) == 0)
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -275,10 +258,7 @@ def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     obtuse = dot < -1e-12 * squares.max(axis=1, keepdims=True)
     some = obtuse.any(axis=1)
     cell[some] = np.where(obtuse[some], 0.5, 0.25) * area[some, None]
-    areas = np.zeros(len(points))
-    for k in range(3):
-        np.add.at(areas, triangles[:, k], cell[:, k])
-    return areas
+    return corner_sums(cell, triangles, len(points))
 
 
 def barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:

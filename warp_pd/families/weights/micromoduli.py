@@ -25,9 +25,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import sparse
 
+from ..lattice import clipped_index
 from .balance import FLOOR
 from .dual import closest_balanced
-from .rectangle import clipped_index
 
 # Components of a symmetric tensor of third order.
 COMPONENTS = ((0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..lattice import clipped_index
 from .balance import CorrectedWeights, corrected_weights
 
 
@@ -31,18 +32,6 @@ class RectangleWeights:
         """Weights [m^2], shape (P, n), of the points at lattice places (column, row), each of shape (P,)."""
         x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
         return np.asarray(self.table[x[column], y[row]])
-
-
-def clipped_index(length: int, depth: int) -> np.ndarray:
-    """Kind of each place along an edge of `length` points, shape (length,).
-
-    0 .. depth - 1 from one end, depth in the middle, depth + 1 .. 2 depth up to the other end; if the edge is shorter
-    than that, every place is a separate kind.
-    """
-    index = np.arange(length)
-    if length <= 2 * depth + 1:
-        return index
-    return np.where(index < depth, index, np.maximum(index - (length - 1 - 2 * depth), depth))
 
 
 def rectangle_corrected(
