@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_pd.kernels.factories import constants_of
 from warp_pd.kernels.numeric import numeric
-from warp_pd.materials import padded_constants
+from warp_pd.materials import capabilities, padded_constants
 
 
 def strain(F):
@@ -78,5 +78,6 @@ def respond(material, strain, bits):
     moduli = wp.zeros(n, dtype=types.vec6, device="cpu")
     known = padded_constants(material)
     constants = types.constants(len(known))(*known)
-    wp.launch(responder(material.response, bits), dim=n, inputs=[given, constants, stress, moduli], device="cpu")
+    kernel = responder(capabilities(material).response, bits)
+    wp.launch(kernel, dim=n, inputs=[given, constants, stress, moduli], device="cpu")
     return stress.numpy().astype(float), moduli.numpy().astype(float)

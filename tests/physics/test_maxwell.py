@@ -32,7 +32,7 @@ def along(material, bits, paths, steps):
     """S, C* - I, energy and sum of losses along paths of G, (paths, steps, 2, 2), at time steps (paths, steps)."""
     types = numeric(bits)
     real, vec4, mat22 = types.real, types.parameters, types.mat22
-    network = ElasticNetwork(material.functions, material.response, TensionField(material).wrinkle_width)
+    network = ElasticNetwork(material.functions, material.on_device.response, TensionField(material).wrinkle_width)
     law, energy = maxwell(network, bits), material.functions(bits)[1]
     advance, respond, stored = law.advance, law.respond, law.stored
     Constants = constants_of(material.functions(bits)[0])

@@ -92,9 +92,12 @@ class Capabilities:
 
 
 def capabilities(material: Any) -> Capabilities:
-    """Read the capabilities of a material from its attributes."""
-    names = [field.name for field in fields(Capabilities) if hasattr(material, field.name)]
-    return Capabilities(**{name: getattr(material, name) for name in names})
+    """Read the capabilities of a material from its attributes, and from its functions `on_device`."""
+    sources = (getattr(material, "on_device", None), material)
+    names = [field.name for field in fields(Capabilities)]
+    return Capabilities(
+        **{name: getattr(source, name) for source in sources for name in names if hasattr(source, name)}
+    )  # fmt: skip
 
 
 def check_material(material: Any, kind: str, name: str = "material") -> None:

@@ -25,7 +25,7 @@ def test_rows_are_few_on_a_large_lattice():
 def test_classes_are_those_of_a_table_of_all_codes():
     """Also where every point of a class lost members, or the first one."""
     rng = np.random.default_rng(0)
-    near_x, near_y = lattice._edge_code(23, 4), lattice._edge_code(9, 5)
+    near_x, near_y = lattice.clipped_index(23, 4), lattice.clipped_index(9, 5)
     code = (near_y[:, None] * (near_x.max() + 1) + near_x[None, :]).ravel()
     touched = np.unique(np.append(rng.choice(len(code), 40), [0, 4, 5, 6, 23 * 4 + 4, 23 * 4 + 5]))
     lost = rng.random((len(touched), 12)) < 0.2

@@ -210,8 +210,7 @@ def test_coordinates_of_a_curved_sheet_do_not_collide(radius, length):
 def test_points_behind_a_closed_surface_are_hidden():
     corners = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float)
     faces = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
-    sheet = Sheet(points=corners, areas=np.ones(6), triangles=np.array(faces, np.int32), spacing=1.0, **FLAT)
-    axes = drawn(sheet, view=(30.0, 45.0))
+    axes = drawn(Sheet.from_surface(corners, np.array(faces), **FLAT), view=(30.0, 45.0))
     assert markers(axes, "6 points").tolist() == corners[:3].tolist()
     assert "boundary" not in labels(axes)
 
