@@ -67,6 +67,18 @@ def new_figure(width: float, height: float) -> Any:
     return figure
 
 
+def new_panels(
+    number: int, columns: int, size: tuple[float, float], room: tuple[float, float], **options: Any
+) -> tuple[Any, Any]:
+    """A figure and its panels, row by row, each of a size [inches], with room beside and below all of them."""
+    rows = -(-number // columns)
+    figure = new_figure(size[0] * columns + room[0], size[1] * rows + room[1])
+    panels = figure.subplots(rows, columns, squeeze=False, **options).ravel()
+    for axes in panels[number:]:
+        axes.set_visible(False)
+    return figure, panels[:number]
+
+
 @functools.cache
 def _figure_class() -> Any:
     from matplotlib.figure import Figure

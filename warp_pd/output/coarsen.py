@@ -15,6 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.topology import components, directed_edges
+from ..geometry.triangulation import triangle_areas
+
 Triangles = NDArray[np.integer]
 
 
@@ -92,21 +95,14 @@ def _joined(reference: NDArray[np.floating], faces: Triangles, used: NDArray[np.
 
     The grid has nodes at the ends of the sheet, so that points on its edges become representatives.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     low, high = reference[used].min(axis=0), reference[used].max(axis=0)
-    corners = reference[faces]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    area = triangle_areas(reference, faces).sum()
     across = np.maximum(np.round((high - low) / np.sqrt(area / most)), 1)
     step = np.where(high > low, (high - low) / across, 1.0)
     node = np.round((reference - low) / step).astype(np.int64)
     cell = (node[:, 0] * (across[1] + 1) + node[:, 1]) * (across[2] + 1) + node[:, 2]
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ends = ends[cell[ends[:, 0]] == cell[ends[:, 1]]]
-    size = len(reference)
-    graph = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
+    ends = directed_edges(faces)
+    label = components(len(reference), ends[cell[ends[:, 0]] == cell[ends[:, 1]]])
     far = np.linalg.norm((reference - low) / step - node, axis=1)
     order = np.lexsort((far, label))
     begins = np.concatenate([[True], label[order][1:] != label[order][:-1]])

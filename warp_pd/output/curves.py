@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..device.checks import one_of
-from ..geometry.picture_files import new_figure, save
+from ..geometry.picture_files import new_figure, new_panels, save
 from ..geometry.shape_plot import target
 from .plots import STYLES
 from .quantities import column_label
@@ -85,13 +85,10 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
     names = list(dict.fromkeys(n for _, found in runs for n, m in found.items() if m["value"] is not None))
     if not names:
         return False
-    columns = min(len(names), COLUMNS)
-    rows = -(-len(names) // columns)
-    figure = new_figure(4.6 * columns, 3.3 * rows + 0.4)
-    panels = figure.subplots(rows, columns, squeeze=False)
+    figure, panels = new_panels(len(names), min(len(names), COLUMNS), (4.6, 3.3), (0.0, 0.4))
     varied = [key for key in runs[0][0] if len({values[key] for values, _ in runs}) > 1]
     first, *others = varied or list(runs[0][0])[:1]
-    for axes, name in zip(panels.flat, names, strict=False):
+    for axes, name in zip(panels, names, strict=True):
         curves: dict[str, list[tuple[Any, float]]] = {}
         for values, found in runs:
             if found.get(name, {}).get("value") is not None:
@@ -107,8 +104,6 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
         axes.grid(alpha=0.3)
         if axes.get_legend_handles_labels()[1]:
             axes.legend(fontsize=7)
-    for axes in panels.flat[len(names) :]:
-        axes.set_visible(False)
     save(figure, path)
     return True
 

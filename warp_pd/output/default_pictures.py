@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.picture_files import new_figure, save
+from ..geometry.picture_files import new_panels, save
 from . import plots
 from .picture_frames import Shown, frames_at
 from .quantities import ENERGIES, column_label, column_unit, known_units
@@ -114,16 +114,12 @@ def _draw_numbers(
     """Draw one panel per number, and a line that lists numbers without a panel."""
     drawn, others = names[:MOST_NUMBERS], names[MOST_NUMBERS:]
     columns = min(len(drawn), 3)
-    rows = -(-len(drawn) // columns)
-    figure = new_figure(4.2 * columns, 2.9 * rows + 0.3)
-    panels = figure.subplots(rows, columns, squeeze=False)
-    for axes, name in zip(panels.flat, drawn, strict=False):
+    figure, panels = new_panels(len(drawn), columns, (4.2, 2.9), (0.0, 0.3))
+    for axes, name in zip(panels, drawn, strict=True):
         plots.draw_curves(axes, history, [name])
         unit = column_unit(name, units)
         ylabel = column_label(name) + (f" ({unit})" if unit else "")
         axes.set(xlabel=plots.across_label("time"), ylabel=ylabel)
-    for axes in panels.flat[len(drawn) :]:
-        axes.set_visible(False)
     told = [f"{word} {', '.join(map(column_label, found))}" for word, found in (
         ("constant or missing:", still), ("only in history.csv:", others)) if found]  # fmt: skip
     if told:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
+from ..geometry.picture_files import MOST_VECTORS, current, new_figure, new_panels, save
 from ..geometry.topology import boundary_sides, directed_edges
 from .coarsen import clusters, contracted, drawn
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
@@ -63,20 +63,16 @@ def surfaces(
     shape = max(float((high - low)[1] / (high - low)[0]), LOWEST)
     wide = (PANEL - BESIDE) * min(1.0, TALLEST / shape)
     columns = _columns(len(frames))
-    rows = -(-len(frames) // columns)
     points = 72.0 * wide / float((high - low)[0])
     grown = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", seen.grown, strict=True) if g > 1.05]
     tall = wide * shape + BELOW + TITLE_LINE * len(grown)
-    figure = new_figure((wide + BESIDE) * columns + 1.4, tall * rows + 0.3)
-    panels = figure.subplots(rows, columns, squeeze=False)
-    for axes, frame in zip(panels.flat, frames, strict=False):
+    figure, panels = new_panels(len(frames), columns, (wide + BESIDE, tall), (1.4, 0.3))
+    for axes, frame in zip(panels, frames, strict=True):
         axes.set_axis_off()
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title("\n".join([frame.when, *grown]), fontsize=10)
         _paint(axes, frame, field, scale, seen)
         _scale_the_box(axes, seen, points)
-    for axes in panels.flat[len(frames) :]:
-        axes.set_visible(False)
     scale.add_bar(figure, panels, shrink=0.7)
     _name(figure, frames)
     save(figure, path)
@@ -93,17 +89,15 @@ def from_above(
     from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
-    rows = -(-len(frames) // columns)
     scale = scale_of(frames, field, label or field_label(field), limits)
     corners = np.concatenate([f.points[f.used, :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.03 * (high - low).max()
     width = 6.0 if columns == 1 else 4.2
     height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
-    figure = new_figure(width * columns + 1.4, (height + 0.5) * rows + 0.4)
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    figure, panels = new_panels(len(frames), columns, (width, height + 0.5), (1.4, 0.4), sharex=True, sharey=True)
     seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
-    for axes, frame in zip(panels.flat, frames, strict=False):
+    for axes, frame in zip(panels, frames, strict=True):
         _paint(axes, replace(frame, ball=None, bodies=()), field, scale, seen)
         for vertices, _ in frame.bodies:
             # A larger body would hide the sheet, and the lines of this one could not be seen.
@@ -114,8 +108,6 @@ def from_above(
         axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
-    for axes in panels.flat[len(frames) :]:
-        axes.set_visible(False)
     figure.supxlabel("x (m)")
     figure.supylabel("y (m)")
     scale.add_bar(figure, panels)

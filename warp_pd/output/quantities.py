@@ -57,10 +57,9 @@ def field_label(name: str) -> str:
         words, unit = FIELDS[name]
         return f"{words} ({unit})" if unit else words
     stem, number = name[:-1].rstrip("_"), name[-1:]
-    kinds = {"u": ("displacement", "m"), "velocity": ("velocity", "m/s")}
-    if stem in kinds and number in ("1", "2", "3"):
-        kind, unit = kinds[stem]
-        return f"{kind} along {'xyz'[int(number) - 1]} ({unit})"
+    if stem in ("u", "velocity") and number in ("1", "2", "3"):
+        words, unit = FIELDS[stem]
+        return f"{words} along {'xyz'[int(number) - 1]} ({unit})"
     return name.replace("_", " ")
 
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.triangulation import corner_sums, doubled_normals
+from .point_fields import plain_value
+
 # Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
 # grey print, and turns red early: along a crack the damage is near 0.4, the fraction of bonds that cross it.
 RAMP_DAMAGE = (0.0, 0.15, 0.4, 0.7, 1.0)
@@ -37,11 +40,9 @@ def point_normals(
 
     A point without a face, or whose faces cancel, takes its `fallback`, shape (N, 3) or (3,).
     """
-    first, second, third = (positions[faces[:, corner]] for corner in range(3))
-    # Twice the area is the length of this product, so a plain sum is weighted with the area already.
-    products = np.cross(second - first, third - first)
-    corners = np.asarray(faces).T.ravel()
-    sums = np.stack([np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1)
+    # As long as twice the area: a plain sum is weighted with the area already.
+    products = np.repeat(doubled_normals(positions, faces)[:, None], 3, axis=1)
+    sums = np.stack([corner_sums(products[..., c], faces, len(positions)) for c in range(3)], axis=-1)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
     return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
@@ -69,9 +70,5 @@ def camera_place(
 
 def plain_metadata(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
     """Convert metadata to types supported by USD, which does not accept NumPy numbers."""
-    values: dict[str, Any] = {
-        name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
-    }
-    if seconds_per_frame is not None:
-        values["seconds_per_frame"] = float(seconds_per_frame)
-    return values
+    values = {name: plain_value(value) for name, value in metadata.items()}
+    return values if seconds_per_frame is None else {**values, "seconds_per_frame": float(seconds_per_frame)}

@@ -151,11 +151,10 @@ class VtkHdfSeries:
         if frame.index == 0:
             _add_rows(data[REFERENCE], self.surface.points)
         _add_rows(offsets[REFERENCE], [0])
-        if frame.ball_center is not None:
-            _add_rows(root["FieldData/ball_center"], [frame.ball_center])
-            _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
-            _add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
-        _add_poses(root, steps, self.surface, frame)
+        for name, place in _places_of_bodies(self.surface, frame).items():
+            _add_rows(root["FieldData"][name], [place])
+            _add_rows(steps["FieldDataOffsets"][name], [frame.index])
+            _add_rows(steps["FieldDataSizes"][name], [[len(place), 1]])
         _add_rows(steps["PointOffsets"], [begin])
         _add_rows(steps["NumberOfParts"], [1])
         _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
@@ -305,15 +304,18 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     for name, values in {**fields, REFERENCE: surface.points.astype(np.float32)}.items():
         _create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
         _create_column(steps.require_group("PointDataOffsets"), name, np.int64)
-    if frame.ball_center is not None:
-        _create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
-        _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
-        _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
+    for name, place in _places_of_bodies(surface, frame).items():
+        _create_column(root.require_group("FieldData"), name, np.float64, (len(place),))
+        _create_column(steps.require_group("FieldDataOffsets"), name, np.int64)
+        _create_column(steps.require_group("FieldDataSizes"), name, np.int64, (2,))
     own = file.create_group("warp_pd")
+    for body in surface.bodies:
+        stored = own.create_group(body.name)
+        stored.attrs["kind"], stored.attrs["sizes"] = body.kind, body.sizes
+        stored["vertices"], stored["triangles"] = body.vertices, body.triangles
     if surface.metadata.get("turns"):
         # Readers want rising values: there the frames are numbered.
         _create_column(file, "load_times", np.float64)
-    _lay_out_bodies(root, steps, own, surface)
     for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value
     if surface.ball_diameter is not None:
@@ -361,26 +363,11 @@ def _cut(root: h5py.Group, frames: int) -> None:
         _shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
 
 
-def _lay_out_bodies(root: Any, steps: Any, own: Any, surface: Surface) -> None:
-    """Store the outlines, and create the columns of poses."""
-    for body in surface.bodies:
-        column = f"{POSE}{body.name}"
-        _create_column(root.require_group("FieldData"), column, np.float64, (7,))
-        _create_column(steps.require_group("FieldDataOffsets"), column, np.int64)
-        _create_column(steps.require_group("FieldDataSizes"), column, np.int64, (2,))
-        stored = own.create_group(body.name)
-        stored.attrs["kind"], stored.attrs["sizes"] = body.kind, body.sizes
-        stored["vertices"], stored["triangles"] = body.vertices, body.triangles
-
-
-def _add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
-    """Add the poses of a frame."""
+def _places_of_bodies(surface: Surface, frame: Frame) -> dict[str, NDArray[Any]]:
+    """Columns of a frame with the centre of the ball, and the position and quaternion of each body."""
+    ball = {} if frame.ball_center is None else {"ball_center": frame.ball_center}
     poses = () if frame.bodies is None else frame.bodies
-    for body, pose in zip(surface.bodies, poses, strict=True):
-        column = f"{POSE}{body.name}"
-        _add_rows(root["FieldData"][column], [pose])
-        _add_rows(steps["FieldDataOffsets"][column], [frame.index])
-        _add_rows(steps["FieldDataSizes"][column], [[7, 1]])
+    return ball | {f"{POSE}{body.name}": pose for body, pose in zip(surface.bodies, poses, strict=True)}
 
 
 def _create_column(
