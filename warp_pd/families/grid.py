@@ -36,9 +36,6 @@ def grid_families(
         corrected: Whether rows are needed for corrected weights, which also differ around unbalanced points; the
             members of deep points must then also be deep in the above sense.
         intersections: As for `build_families`.
-
-    Raises:
-        InputError: if a point has no neighbours, or the points of the grid are not in order.
     """
     stencil = Stencil.within(horizon, sheet.spacing)
     image = _Image.of(sheet, stencil)

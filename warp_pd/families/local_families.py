@@ -136,9 +136,6 @@ def local_cloud_families(
         horizon: Horizon in spacings of the sheet [-].
         influence: As for `build_families`.
         gathered: Function that gathers a number from all processes.
-
-    Raises:
-        InputError: if the sheet does not allow the horizon, or a point has no neighbours.
     """
     function, checked = influence_function(influence), checked_horizon(sheet, horizon)
     # Members are in the order of the user's points, on any number of processes.

@@ -118,9 +118,6 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
         rank: Number of the process.
         processes: Number of processes.
         layers: Number of additional point layers (neighbours in triangles) around the halo.
-
-    Raises:
-        InputError: if there are more processes than blocks of points.
     """
     bounds = bounds_of(sheet.size, processes)
     if not (np.diff(bounds) > 0).all():

@@ -33,11 +33,7 @@ INFLUENCE: dict[str, InfluenceFunction] = {
 
 
 def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
-    """The influence function of r = |X| / horizon, given by name or as a function.
-
-    Raises:
-        InputError: if the name is unknown, or the function does not return one number per value.
-    """
+    """The influence function of r = |X| / horizon, given by name or as a function."""
     if callable(influence):
         ratios = np.array([0.25, 0.5, 1.0])
         with user_code(lambda error: f"influence: {kind_and_text(error)}; expected a function of an array"):

@@ -77,11 +77,7 @@ class Curve:
     rows: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Check the shapes.
-
-        Raises:
-            InputError: if arrays differ in length, are empty, or contain numbers that are not finite.
-        """
+        """Check the shapes."""
         at, values = np.asarray(self.at, dtype=float), np.asarray(self.values, dtype=float)
         object.__setattr__(self, "at", at)
         object.__setattr__(self, "values", values)

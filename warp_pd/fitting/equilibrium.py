@@ -79,11 +79,7 @@ class Equilibrium:
     """
 
     def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:
-        """Build the scene, reusing compiled kernels.
-
-        Raises:
-            InputError: if derivatives at equilibrium are not available for the scene.
-        """
+        """Build the scene, reusing compiled kernels."""
         require_newton(scene)
         self.built: Built = scene.build(device, precision)
         self.built.context.compile()

@@ -203,11 +203,7 @@ class Problem:
         return np.asarray(np.concatenate(rows) * self._sizes)
 
     def check(self, q: np.ndarray) -> list[str]:
-        """Evaluate the start values; notes on data that are far from them.
-
-        Raises:
-            InputError: if they have no equilibrium.
-        """
+        """Evaluate the start values; notes on data that are far from them."""
         try:
             outputs = self.outputs(q)
         except NoEquilibriumError as error:

@@ -38,11 +38,7 @@ def step_of(value: float, size: float, bits: int) -> float:
 
 
 def value_of(scene: Simulation, name: str) -> Value:
-    """The function of a measure of a scene, or of a history column of a part.
-
-    Raises:
-        InputError: if there is no such measure.
-    """
+    """The function of a measure of a scene, or of a history column of a part."""
     for measure in scene.measures:
         if measure.name == name:
             return measure.value
@@ -214,11 +210,7 @@ def sensitivity(
 
 
 def with_defaults(build: Build, vary: Sequence[str], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings with the values of the varied arguments, by default those of `build`.
-
-    Raises:
-        InputError: if an argument does not exist, is not a number, or is given twice.
-    """
+    """Settings with the values of the varied arguments, by default those of `build`."""
     parameters = inspect.signature(build).parameters
     out = dict(settings)
     for index, name in enumerate(vary):

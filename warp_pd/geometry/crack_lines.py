@@ -27,9 +27,6 @@ def crack_lines(
     """The points of cracks, given by name and corners; and the rings with points where cracks end on them.
 
     `sheet` is a shapely polygon close to the true curves, `rings` the outline and holes, `rigid` the inclusions.
-
-    Raises:
-        InputError: if a crack is outside the sheet, crosses another line, or is too short.
     """
     import shapely
 

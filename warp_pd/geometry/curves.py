@@ -119,11 +119,7 @@ class ParametricCurve:
     function: Callable[[np.ndarray], np.ndarray]
 
     def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the curve, see `Curve`.
-
-        Raises:
-            InputError: if the function does not return points, or its ends differ.
-        """
+        """Points on the curve, see `Curve`."""
         t = np.linspace(0.0, 1.0, 5)
         points = np.asarray(self.function(t), np.float64)
         if points.shape != (5, 2) or not np.isfinite(points).all():
@@ -139,11 +135,7 @@ class ParametricCurve:
 
 
 def as_curve(name: str, given: Any) -> Curve:
-    """Convert a user's argument (a curve, a function of t, or corners) to a curve.
-
-    Raises:
-        InputError: for anything else.
-    """
+    """Convert a user's argument (a curve, a function of t, or corners) to a curve."""
     if isinstance(given, type | str) or given is None:
         raise InputError(
             f"{name} = {said(given)}: expected a Polygon, Circle or Spline, a function of t, or corners of shape (C, 2)"

@@ -25,11 +25,7 @@ AnyShape = TypeVar("AnyShape", bound=Shape)
 
 
 def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
-    """Copy a shape with a cut, without the triangles that it crosses.
-
-    Raises:
-        InputError: if the segment has no length or crosses no triangle; the message names the cut `name`.
-    """
+    """Copy a shape with a cut, without the triangles that it crosses."""
     if segment[0] == segment[1]:
         raise InputError(f"{name}: expected a segment of nonzero length")
     corners = shape.points[shape.triangles]
@@ -62,11 +58,7 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
 
 
 def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
-    """Copy a shape without the points of a mask, shape (N,); also return the mask of kept points, shape (N,).
-
-    Raises:
-        InputError: if no point is inside or none is left; the message names the hole `name`.
-    """
+    """Copy a shape without the points of a mask, shape (N,); also return the mask of kept points, shape (N,)."""
     if not inside.any():
         raise InputError(f"{name} contains no points: expected a larger one")
     triangles, areas = _triangulation_without(inside, shape)
@@ -157,9 +149,6 @@ def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
     Args:
         shape: The stretched shape.
         gradient: Deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
-
-    Raises:
-        InputError: for a shape with rigid inclusions, a bar, or different stretches of a curved shape.
     """
     even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
     if shape.inclusions:

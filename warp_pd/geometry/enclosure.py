@@ -12,11 +12,7 @@ SKEW = 1e-6
 
 
 def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
-    """Closed rings of boundary edges (edges of only one triangle), in the direction of the triangles.
-
-    Raises:
-        InputError: if an edge has more than two triangles, neighbours have opposite orientation, or rings touch.
-    """
+    """Closed rings of boundary edges (edges of only one triangle), in the direction of the triangles."""
     if len(twice := edges_run_twice(triangles)):
         a, b = twice[0]
         raise InputError(

@@ -19,11 +19,7 @@ UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of met
 
 
 def existing_file(path: Any) -> Path:
-    """Convert to a Path and check that the file exists.
-
-    Raises:
-        InputError: if `path` is not a path or the file does not exist.
-    """
+    """Convert to a Path and check that the file exists."""
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a file")
     found = Path(path)
@@ -50,11 +46,7 @@ def listed(indices: np.ndarray, noun: str) -> str:
 
 @contextlib.contextmanager
 def library_reads(path: Path) -> Iterator[None]:
-    """Context in which a library reads a file; its output goes to the error message on failure, otherwise to stderr.
-
-    Raises:
-        InputError: instead of any other error.
-    """
+    """Context in which a library reads a file; its output goes to the error message on failure, otherwise to stderr."""
     printed = io.StringIO()
     try:
         # meshio multiplies what may be no number of triangles, to see whether an STL file is binary.

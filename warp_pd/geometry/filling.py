@@ -110,11 +110,7 @@ def _morton(places: np.ndarray, size: float) -> np.ndarray:
 
 
 def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of square cells, shape (P, 2), and their widths [m]: cells wider than half the spacing are divided.
-
-    Raises:
-        InputError: if the spacing needs too many cells.
-    """
+    """Centres of square cells, shape (P, 2), and their widths [m]: cells wider than half the spacing are divided."""
     centres, found, sizes = low[None] + 0.5 * size, [], []
     # Some divisions at least: a function may be fine in a small place.
     for depth in range(DIVISIONS + 1):

@@ -68,11 +68,7 @@ def _is_point(given: Any) -> bool:
 
 
 def ring(name: str, curve: Any, at: Spacing) -> Line:
-    """Points of a closed curve, counter-clockwise.
-
-    Raises:
-        InputError: if it is not a curve, or has fewer than 3 points; the message names it `name`.
-    """
+    """Points of a closed curve, counter-clockwise."""
     import shapely
 
     try:
@@ -89,11 +85,7 @@ def ring(name: str, curve: Any, at: Spacing) -> Line:
 
 
 def region(outer: Line, inner: Sequence[Line], rigid: Sequence[Line]) -> Any:
-    """The sheet, including inclusions, as a shapely polygon.
-
-    Raises:
-        InputError: if curves cross themselves or each other, or holes are outside the outline.
-    """
+    """The sheet, including inclusions, as a shapely polygon."""
     import shapely
 
     whole = polygon(outer)

@@ -100,11 +100,7 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
 
 
 def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -> np.ndarray:
-    """Two triangles per grid cell away from other points, and Delaunay triangles between.
-
-    Raises:
-        InputError: if the triangles do not follow the curves.
-    """
+    """Two triangles per grid cell away from other points, and Delaunay triangles between."""
     import shapely
     from scipy.spatial import Delaunay, cKDTree
 

@@ -51,10 +51,6 @@ def side_by_side(shapes: Sequence[Shape]) -> Shape:
     """Join shapes as pieces side by side along x.
 
     Names of parts are prefixed with the piece, such as "sheet 1 outline"; "sheet 1" is the set of all its points.
-
-    Raises:
-        InputError: for fewer than two shapes, a mixture of flat and curved ones, bars, or shapes that already have
-            pieces.
     """
     if len(shapes) < 2:
         raise InputError(f"sheets: expected two or more sheets, got {len(shapes)}")

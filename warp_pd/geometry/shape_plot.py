@@ -40,11 +40,7 @@ def draw_shape(
     stiffness: np.ndarray | None,
     regions: Parts = (),
 ) -> Any:
-    """Draw a shape with thickness, stiffness and regions of materials; the public function is `warp_pd.draw_sheet`.
-
-    Raises:
-        InputError: if the path cannot be written.
-    """
+    """Draw a shape with thickness, stiffness and regions of materials; the public function is `warp_pd.draw_sheet`."""
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
     varying = np.asarray(thickness) if np.ndim(thickness) else None

@@ -128,12 +128,7 @@ def _point_sums(corner_values: np.ndarray, triangles: np.ndarray, points: int) -
 
 
 def _rim(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Points on the open edges of the surface, int32, ascending.
-
-    Raises:
-        InputError: if triangles have inconsistent orientation, an edge has three triangles, or the triangles of a
-            closed surface face inwards.
-    """
+    """Points on the open edges of the surface, int32, ascending."""
     if len(twice := edges_run_twice(triangles)):
         tail, head = twice[0]
         raise InputError(

@@ -152,11 +152,7 @@ def doubled_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Orient all triangles counter-clockwise.
-
-    Raises:
-        InputError: if the array has the wrong shape, or a point does not exist.
-    """
+    """Orient all triangles counter-clockwise."""
     if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
         raise InputError(f"triangles: expected shape (F, 3) with F >= 1, got {triangles.shape}")
     if triangles.min() < 0 or triangles.max() >= len(points):
@@ -195,11 +191,7 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
 
 
 def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
-    """Delaunay triangulation without triangles whose circumcircle is wider than 2.5 spacings.
-
-    Raises:
-        InputError: if the points are collinear.
-    """
+    """Delaunay triangulation without triangles whose circumcircle is wider than 2.5 spacings."""
     triangles = triangles_of(points)
     signed = np.abs(signed_areas(points, triangles))
     sides = np.linalg.norm(points[triangles] - points[np.roll(triangles, -1, axis=1)], axis=2)

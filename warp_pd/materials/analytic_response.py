@@ -29,9 +29,6 @@ def nominal_stress(
         time: Increasing times [s], shape (n,).
         x: Stretch along x, shape (n,); it may jump at the first time.
         y: Stretch along y, shape (n,).
-
-    Raises:
-        InputError: if times do not increase.
     """
     _require_rising(time)
     third = 1.0 / (x * y)

@@ -109,11 +109,7 @@ def check_material(material: Any, kind: str, name: str = "material") -> None:
 
 
 def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, ...]:
-    """The constants of `material`, padded with zeros to at least four.
-
-    Raises:
-        InputError: if there are too many constants, one is not finite, or `material` is not a material.
-    """
+    """The constants of `material`, padded with zeros to at least four."""
     if not hasattr(material, "constants"):
         raise InputError(f"material = {material!r}: expected a material, such as NeoHookean(mu, bulk)")
     name = type(material).__name__

@@ -39,9 +39,6 @@ def plot_history(
 
     Returns:
         The `matplotlib.figure.Figure`.
-
-    Raises:
-        InputError: if the history lacks a column.
     """
     columns = [column for column in history[0] if column != against]
     for name in names:

@@ -41,11 +41,7 @@ class SavedFrame:
     fields: FrameFields
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """A field.
-
-        Raises:
-            InputError: if the file does not have it.
-        """
+        """A field."""
         return self.fields[name]
 
     def __repr__(self) -> str:

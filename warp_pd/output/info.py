@@ -10,11 +10,7 @@ from ..interfaces.frame import format_time
 
 
 def describe(path: Path) -> str:
-    """Describe a frames.vtkhdf, animation.usd or summary.json, or a folder with these files, in a few lines.
-
-    Raises:
-        InputError: if the file is missing, damaged or of another kind.
-    """
+    """Describe a frames.vtkhdf, animation.usd or summary.json, or a folder with these files, in a few lines."""
     if not path.exists():
         raise InputError(f"file = {str(path)!r}: the file does not exist")
     if path.is_dir():

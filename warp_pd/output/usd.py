@@ -299,11 +299,7 @@ def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
 
 
 def describe_animation(path: Path) -> str:
-    """Describe an animation.usd in a few lines.
-
-    Raises:
-        InputError: if USD cannot read the file.
-    """
+    """Describe an animation.usd in a few lines."""
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException:

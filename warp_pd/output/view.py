@@ -79,9 +79,6 @@ def page(
         limits: Limits on the content.
         shared: Address of the package's folder output/page, from which the page loads scripts and styles; by default
             they are embedded.
-
-    Raises:
-        InputError: if the frames are damaged.
     """
     limits = limits or Limits()
     info = read_series(path)

@@ -14,11 +14,7 @@ TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0":
 
 
 def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter]) -> Any:
-    """Convert `value` to the type of the default of argument `key`; without a default, parse it as a Python literal.
-
-    Raises:
-        InputError: if the scene has no argument `key`, or the text cannot be converted.
-    """
+    """Convert `value` to the type of the default of argument `key`; without a default, parse it as a Python literal."""
     if key not in parameters:
         nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""

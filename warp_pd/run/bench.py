@@ -286,10 +286,6 @@ def chosen_features(names: str) -> tuple[str, ...]:
 
 
 def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
-    """The device and a table of the cost of cases, as text.
-
-    Raises:
-        InputError: for a device that does not exist, or a case that cannot be built.
-    """
+    """The device and a table of the cost of cases, as text."""
     where = find_device(device)
     return f"{where.name}\n{table([measure(case, str(where), seconds) for case in cases])}"

@@ -76,9 +76,6 @@ def compose(
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
         communicator: The processes that share the sheet; None for a single process.
-
-    Raises:
-        InputError: for parts that do not fit together, or a device that does not exist.
     """
     scene.check()
     parts = parts_of(scene)
@@ -120,11 +117,7 @@ def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> Bu
 
 
 def parts_of(scene: Scene) -> list[Part]:
-    """All parts of a scene in the order in which they act: rigid inclusions, supports and loads, contact, rupture.
-
-    Raises:
-        InputError: for parts that cannot be combined.
-    """
+    """All parts of a scene in the order in which they act: rigid inclusions, supports and loads, contact, rupture."""
     inclusions: list[Part] = []
     if scene.sheet.inclusions:
         inclusions = [RigidInclusions(scene.sheet.inclusions, scene.initial("initial_velocity"))]

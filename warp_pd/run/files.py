@@ -55,11 +55,7 @@ class Files:
 
 
 def stored_fields(built: Built) -> frozenset[str] | None:
-    """Names of the point fields stored in files besides the displacement; None for all fields of a frame.
-
-    Raises:
-        InputError: if the frames of this scene have no field of that name.
-    """
+    """Names of the point fields stored in files besides the displacement; None for all fields of a frame."""
     scene = built.simulation
     there = [stored.field.output for stored in built.context.fields.shown()]
     if built.rupture is not None:
@@ -98,9 +94,6 @@ def add_files(
 
     Without a folder nothing is written. `fields` are those of frames.vtkhdf, None for all; `append_from` is the first
     frame that a resumed run writes.
-
-    Raises:
-        InputError: if the frames of the resumed run have different points.
     """
     if folder is None or known is None:
         return
@@ -175,11 +168,7 @@ def file_writers(
     folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None,
     vtkhdf: bool = True, fields: Collection[str] | None = None,
 ) -> list[Writer]:  # fmt: skip
-    """Create the writers of the files in a folder; arguments as for `VtkHdfSeries` and `UsdAnimation`.
-
-    Raises:
-        InputError: if the frames of a resumed run are missing.
-    """
+    """Create the writers of the files in a folder; arguments as for `VtkHdfSeries` and `UsdAnimation`."""
     writers: list[Writer] = []
     if vtkhdf:
         from ..output.vtkhdf import VtkHdfSeries

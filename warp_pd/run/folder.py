@@ -29,12 +29,7 @@ RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
-    """Check and create the folder of the results; None if nothing is to be written.
-
-    Raises:
-        InputError: if the folder cannot be written, there is no run to resume, or the folder has results and neither
-            `resume` nor `overwrite` is set.
-    """
+    """Check and create the folder of the results; None if nothing is to be written."""
     if resume and overwrite:
         raise InputError("resume = True, overwrite = True: expected at most one of them")
     if out is not None and not isinstance(out, str | Path):
@@ -122,11 +117,7 @@ def require_room(folder: Path, needed: int) -> None:
 
 @contextlib.contextmanager
 def sole_use(folder: Path | None) -> Iterator[None]:
-    """Context in which no other run can write into the folder; the system releases the lock of a run that died.
-
-    Raises:
-        InputError: if another run writes there.
-    """
+    """Context in which no other run can write into the folder; the system releases the lock of a run that died."""
     if folder is None or fcntl is None:
         yield
         return

@@ -41,11 +41,7 @@ def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:
-    """Run `warp-pd` with the given arguments in several processes, each on a GPU if `gpus` > 1; the exit code.
-
-    Raises:
-        InputError: if Torch is missing, there are too few GPUs, or there are too many processes for this machine.
-    """
+    """Run `warp-pd` with the given arguments in several processes, each on a GPU if `gpus` > 1; the exit code."""
     _require_room(gpus, processes, device)
     try:
         from .distributed.launcher import launch as start

@@ -266,11 +266,7 @@ class Recorder:
 
 
 def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
-    """Evaluate the function of a measure or an outcome.
-
-    Raises:
-        InputError: if it raises an error, or returns neither a number nor None.
-    """
+    """Evaluate the function of a measure or an outcome."""
     with user_code(kind_and_text):
         value = item.value(*arguments)
     try:

@@ -150,11 +150,7 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def load(path: Path, known: Identity) -> dict[str, Any]:
-    """Load the arrays and numbers of a restart file of this run.
-
-    Raises:
-        InputError: if the file is missing, damaged, of another version, or of another simulation.
-    """
+    """Load the arrays and numbers of a restart file of this run."""
     where = f"resume from {str(path)!r}"
     if not path.exists():
         raise InputError(f"{where}: the file does not exist; expected the folder of an earlier run")
@@ -176,11 +172,7 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
-    """Copy a loaded state to the device, the recorder and the solver.
-
-    Raises:
-        InputError: if an array is missing or has the wrong shape.
-    """
+    """Copy a loaded state to the device, the recorder and the solver."""
     built, numbers = recorder.built, data["numbers"]
     for stored in built.context.fields:
         name, array = stored.name, stored.array

@@ -126,9 +126,6 @@ def with_fine_history(scene: Scene, every: float) -> Scene:
     Args:
         scene: The scene.
         every: Time between rows [s].
-
-    Raises:
-        InputError: if the solver cannot record rows between frames, or `every` is not positive.
     """
     solver: Any = scene.solver
     if not hasattr(solver, "history_every"):
@@ -283,11 +280,7 @@ def headline(built: Built) -> str:
 
 
 def picture_formats(pictures: bool | str) -> tuple[str, ...]:
-    """Parse the formats of the pictures; empty for none.
-
-    Raises:
-        InputError: for another format.
-    """
+    """Parse the formats of the pictures; empty for none."""
     if isinstance(pictures, bool):
         return ("png",) if pictures else ()
     names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
@@ -297,11 +290,7 @@ def picture_formats(pictures: bool | str) -> tuple[str, ...]:
 def draw(
     scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",)
 ) -> None:
-    """Draw the scene's pictures, or the default pictures if the scene has no function for them.
-
-    Raises:
-        InputError: if the scene's function raises an error, for example on damaged frames.
-    """
+    """Draw the scene's pictures, or the default pictures if the scene has no function for them."""
     with (
         user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
         drawing(Drawing(scene.scene, formats, scene.load_duration)),

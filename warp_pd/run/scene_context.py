@@ -61,11 +61,7 @@ def is_load(part: Part, scene: Scene) -> bool:
 
 
 def partition_of(scene: Scene, communicator: Communicator) -> Partition:
-    """The part of the sheet that one of several processes owns.
-
-    Raises:
-        InputError: if the sheet cannot be divided among so many processes.
-    """
+    """The part of the sheet that one of several processes owns."""
     scene.check()
     layers = 0 if scene.damage is None else scene.damage.layers
     return partition_sheet(scene.sheet.unstretched(), scene.force.horizon, communicator.rank, communicator.size, layers)
@@ -83,11 +79,7 @@ def _context_here(whole: Context, partition: Partition) -> Context:
 
 
 def parts_here(parts: Sequence[Part], context: Context) -> list[Part]:
-    """The parts, restricted to the points of this process.
-
-    Raises:
-        InputError: for a part that does not support several processes.
-    """
+    """The parts, restricted to the points of this process."""
     partition = context.partition
     return list(parts) if partition is None else [part.on_partition(context.whole, partition) for part in parts]
 

@@ -27,11 +27,7 @@ def scene_names() -> list[str]:
 
 
 def require_scene(name: str) -> None:
-    """Check that a scene exists, without importing it.
-
-    Raises:
-        InputError: for an unknown name; the message suggests the closest match.
-    """
+    """Check that a scene exists, without importing it."""
     if not name.endswith(".py"):
         one_of("scene", name, scene_names())
     elif not Path(name).is_file():
@@ -39,11 +35,7 @@ def require_scene(name: str) -> None:
 
 
 def load_scene(name: str) -> Any:
-    """Import the module of a scene, given its name or the path of a Python file with a function `build`.
-
-    Raises:
-        InputError: as `require_scene`, or for a file that is no scene.
-    """
+    """Import the module of a scene, given its name or the path of a Python file with a function `build`."""
     require_scene(name)
     return _load_file(Path(name)) if name.endswith(".py") else importlib.import_module(f"warp_pd.scenes.{name}")
 
@@ -79,9 +71,6 @@ def require_settings(name: str, settings: Mapping[str, Any]) -> None:
 
     So a wrong setting is refused without waiting for Warp. A file whose parameters cannot be told from its text is
     checked by `build_scene` alone.
-
-    Raises:
-        InputError: as `build_scene`, except for what the scene itself refuses.
     """
     require_scene(name)
     if name.endswith(".py"):
@@ -124,11 +113,7 @@ def _written_parameters(file: Path) -> dict[str, inspect.Parameter] | None:
 
 
 def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
-    """The arguments of a scene's `build` from its settings.
-
-    Raises:
-        InputError: if there is no such parameter, a value cannot be converted, or one without a default is missing.
-    """
+    """The arguments of a scene's `build` from its settings."""
     values = {key: converted(key, value, parameters) for key, value in settings.items()}
     missing = [
         key
@@ -141,11 +126,7 @@ def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, ins
 
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
-    """Build the simulation of a scene; `settings` maps arguments of its `build` to text or numbers.
-
-    Raises:
-        InputError: if the scene has no such argument, or a value cannot be converted.
-    """
+    """Build the simulation of a scene; `settings` maps arguments of its `build` to text or numbers."""
     from .scene import Scene
 
     scene = load_scene(name)

@@ -78,9 +78,6 @@ def sweep(
         overwrite: Whether to run everything again.
         told: Callback (index, number of runs, row) after each run.
 
-    Raises:
-        InputError: if a folder has a run of another scene, other settings or other code; raised before any run.
-
     Returns:
         One row per run, in order. A failed run does not stop the others. If the user stops a run, its row is the last.
     """

@@ -24,9 +24,6 @@ def run_sweep(
     """Run a sweep, print and write its table, draw its plot, and return the exit code of the worst run.
 
     Arguments are those of `sweep`; `quiet` prints only the table.
-
-    Raises:
-        InputError: if the scene does not exist, the folder cannot be written, or it has different runs.
     """
     load_scene(scene)
     writable_folder(folder, resume=False)

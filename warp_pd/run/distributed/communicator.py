@@ -275,11 +275,7 @@ def _pickled(error: BaseException) -> bytes:
 
 
 def own_device(name: str | None) -> str | None:
-    """The device of this process: the CPU or one GPU per process.
-
-    Raises:
-        InputError: if `name` is a single GPU, there are more processes than GPUs, or PyTorch has no CUDA.
-    """
+    """The device of this process: the CPU or one GPU per process."""
     if name is not None and name.startswith("cuda:"):
         raise InputError(f"device = {name!r}: expected 'cuda' (one GPU per process) or 'cpu'")
     start_warp()
