@@ -158,6 +158,8 @@ def test_a_path_that_ends_early_says_why():
     assert result.status == "not converged"
     texts = [result.summary["message"], *result.summary["notes"]]
     assert sum("even the shortest step failed, as Newton's method ended" in text for text in texts) == 2
+    result = snapping(ArcLength(increment=0.5, most_cuts=0))
+    assert result.status == "ended early" and "lies on another branch" in result.summary["message"]
 
 
 def test_a_path_may_begin_where_the_start_is_no_equilibrium():

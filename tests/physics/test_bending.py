@@ -290,6 +290,11 @@ def test_what_bending_refuses_and_a_scene_without_it():
     sheet = square(7)
     with pytest.raises(InputError, match=r"bending = -1\.0"):
         build(sheet, bending=-1.0)
+    for given in (1, 0, np.int64(1), "yes", [1.0]):
+        with pytest.raises(InputError, match="expected True, False or a stiffness D"):
+            build(sheet, bending=given)
+    with pytest.raises(InputError, match="'multigrid': bending: expected False"):
+        build(square(25), bending=True, solver=Newton(preconditioner="multigrid"))
     with pytest.raises(InputError, match="damage not supported in static equilibrium"):
         build(sheet, bending=True, damage=CriticalStretch(2.0), solver=Relaxation())
     assert not [stored for stored in build(sheet).context.fields if stored.field.owner == "bending"]

@@ -214,7 +214,7 @@ def test_messages_name_the_region():
 def test_laws_of_one_material_refuse_it():
     material = ByRegion(NEO, [(HALF, STIFF)])
     for law in (Nodal(material), Visco(material, prony=(Prony(c10=1e3, time=1.0),))):
-        with pytest.raises(InputError, match="expected one material, or BondAssociated with ByRegion"):
+        with pytest.raises(InputError, match=r"expected a material without regions \(ByRegion\), or the force Bond"):
             built_on(Simulation(CLOUD, law, Explicit(1.0)))
     with pytest.raises(InputError, match="expected a TensionField in each region instead"):
         TensionField(material)

@@ -304,12 +304,12 @@ def test_energy_balance_and_restart_of_a_sheet_that_tears(tmp_path):
 
 
 @pytest.mark.parametrize(("thickness", "said"), [
-    (np.ones(8), r"thickness: expected one positive number for each of the 9 points, got shape \(8,\)"),
+    (np.ones(8), r"thickness has shape \(8,\): expected \(9,\), one number for each point"),
     (-1e-3, "thickness = -0.001: expected a positive number"),
-    ([1e-3] * 8 + [-1e-3], r"thickness\[8\] = -0.001: expected one positive number"),
+    ([1e-3] * 8 + [-1e-3], r"thickness\[8\] = -0.001: expected a positive number"),
     (np.full(9, np.nan), r"thickness\[0\] = nan: expected finite numbers"),
     (lambda x, y: "thin", r"thickness\(x, y\) = 'thin': expected numbers"),
-    (lambda x, y: 1e-3, r"thickness\(x, y\): expected one positive number for each .* got shape \(\)"),
+    (lambda x, y: 1e-3, r"thickness\(x, y\) has shape \(\): expected \(9,\)"),
     (lambda x: x, r"thickness\(x, y\): TypeError: .*; expected a function of arrays"),
     ("thin", "thickness = 'thin': expected a number"), (None, "thickness = None: expected a number"),
 ])  # fmt: skip
@@ -320,7 +320,7 @@ def test_wrong_thickness_is_refused_in_one_line(thickness, said):
 
 
 @pytest.mark.parametrize(("energy", "said"), [
-    (np.ones(8), r"TearingEnergy.energy: .* got shape \(8,\)"), (np.zeros(81), r"TearingEnergy.energy\[0\] = 0.0"),
+    (np.ones(8), r"TearingEnergy.energy has shape \(8,\)"), (np.zeros(81), r"TearingEnergy.energy\[0\] = 0.0"),
     (lambda x, y: "weak", r"TearingEnergy.energy\(x, y\) = 'weak': expected numbers"),
 ])  # fmt: skip
 def test_wrong_tearing_energies_are_refused_in_one_line(energy, said):

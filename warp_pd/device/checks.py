@@ -125,12 +125,10 @@ def one_each(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as one positive number per point, float64, shape (N,)."""
     found = numbers(name, value)
     if found.shape != (points,):
-        raise InputError(
-            f"{name}: expected one positive number for each of the {points} points, got shape {found.shape}"
-        )
+        raise InputError(f"{name} has shape {found.shape}: expected ({points},), one number for each point")
     if not (found > 0.0).all():
         bad = int(np.flatnonzero(found <= 0.0)[0])
-        raise InputError(f"{name}[{bad}] = {found[bad]}: expected one positive number for each of the {points} points")
+        raise InputError(f"{name}[{bad}] = {found[bad]}: expected a positive number")
     return found.copy()
 
 

@@ -424,7 +424,8 @@ class Sheet(Shape):
                 expected = "two or more positions" if where is None else "one function before where"
                 raise InputError(f"slit: expected {expected}, got {len(path)}")
             places = np.array([vector(f"slit: path[{k}]", place, 3) for k, place in enumerate(path)])
-            slits, name = [slit_along(self, places)], f"slit from {path[0]!r} to {path[-1]!r}"
+            ends = [tuple(place.tolist()) for place in places[[0, -1]]]
+            slits, name = [slit_along(self, places)], f"slit from {ends[0]} to {ends[1]}"
         changed, values = opened(self, slits, name)
         return replace(self, **changed, **self.at_points(values))
 
@@ -501,9 +502,12 @@ class Sheet(Shape):
             raise InputError(
                 f"rigid: got {len(members)} points on a line: expected three or more that are not collinear"
             )
-        if len(members) == self.size:
-            raise InputError("rigid: points contain the whole sheet: expected fewer")
-        if len(shared := np.intersect1d(members, np.concatenate([[], *self.inclusions]))):
+        others = np.concatenate([[], *self.inclusions])
+        if len(np.union1d(members, others)) == self.size:
+            raise InputError(
+                f"rigid: all {self.size} points of the sheet would be in rigid bodies: expected some outside"
+            )
+        if len(shared := np.intersect1d(members, others)):
             raise InputError(
                 f"rigid: point {int(shared[0])} is in another rigid body: expected bodies that share no point"
             )

@@ -20,8 +20,8 @@ from .triangulation import doubled_normals, voronoi_areas
 # longest edge off the sheet. No triangle may shrink to less than the third fraction of its area, and a point moves only
 # as far as its triangles keep the fourth.
 ROUND_OFF, OFF, LEAST_AREA, GOOD_AREA = 1e-6, 0.5, 0.1, 0.3
-# Least distance from another slit, over the square root of the area of a point.
-ROOM = 0.4
+# Least distance from another slit in spacings: half of one, less round-off.
+ROOM = 0.495
 PER_POINT = ("frames", "spacings", "pieces")
 # A point in a triangle or on an edge: the points around it, and their weights.
 Mixture = tuple[np.ndarray, np.ndarray]
@@ -131,12 +131,15 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     if (kept < LEAST_AREA).any():
         worst = placed.points[shape.triangles[np.argmin(kept)]].mean(axis=0)
         raise InputError(f"{name} is too close to an edge or another slit {_near(worst)}: expected room for triangles")
+    spacing = np.full(shape.size, shape.spacing) if shape.spacings is None else shape.spacings
     for other in _slits(shape):
         apart = np.linalg.norm(placed.points[inner, None] - placed.points[shape.parts[other]], axis=2).min(axis=1)
-        close = apart < ROOM * np.sqrt(shape.areas[inner])
+        close = apart < ROOM * spacing[inner]
         if close.any():
             place = _near(placed.points[inner[close][0]])
-            raise InputError(f"{name} is too close to {other!r} {place}: expected slits farther apart")
+            raise InputError(
+                f"{name} is {apart[close][0]:.3g} m from {other!r} {place}: expected half a spacing or more"
+            )
     triangles, source = shape.triangles, np.arange(shape.size)
     parts = dict(shape.parts)
     for line in lines:

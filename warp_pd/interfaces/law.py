@@ -105,7 +105,7 @@ class BuiltLaw(BuiltPart, Protocol):
         energy_constants: The constants that these take.
         partial_energy: Warp function of what every n-th member adds to this energy, and to the sum of weights, if the
             law has one.
-        coarsens: Whether the law can be built on coarser sheets.
+        needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
         goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
             stiffer in other states, such as a bimodular one; None for other laws.
@@ -126,7 +126,7 @@ class BuiltLaw(BuiltPart, Protocol):
     driving_energy: wp.Function | None
     energy_constants: Any
     partial_energy: wp.Function | None
-    coarsens: bool
+    needs_finest: str
     goes_slack: bool
     slack_frequency: float | None
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, positive
+from ..device.checks import InputError, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import pack
@@ -36,7 +36,8 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         law: The force law on the device.
         context: Its context.
         given: True for the stiffness of a plate of the material and the thickness, or a stiffness D [N m], with
-            Poisson's ratio of the material; False for none.
+            Poisson's ratio of the material; False for none. The integers 0 and 1 are refused: they may be meant as
+            False and True.
 
     Raises:
         InputError: for several processes, bonds that break in static equilibrium, several materials, or a material
@@ -44,6 +45,11 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
     """
     if isinstance(given, bool | np.bool_):
         given = bool(given)
+    elif isinstance(given, str) or not np.isscalar(given) or (isinstance(given, int | np.integer) and given in (0, 1)):
+        # 1 may be meant as True or as 1 N m, a stiffness that no rubber sheet has.
+        raise InputError(
+            f"bending = {said(given)}: expected True, False or a stiffness D [N m], a positive number such as 1e-6"
+        )
     else:
         positive("bending", given)
     if given is False:
@@ -87,10 +93,10 @@ class BendingForce:
         plate: Their tables.
         energy: Energy of bending at each point at the last frame [J], (N,) float64.
         lost: Energy lost to damage at each point at the last frame [J], (N,) float64; None if it is not tracked.
-        coarsens: False: on coarser lattices the stiffness would be that of shorter waves.
+        needs_finest: On coarser lattices the stiffness would be that of shorter waves.
     """
 
-    coarsens = False
+    needs_finest = "bending: expected False"
 
     def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
         self.law, self.context = law, context

@@ -104,7 +104,7 @@ class BondAssociatedForce(FamilyLaw):
     """
 
     has_energy = True
-    coarsens = True
+    needs_finest = ""
     takes_curved = True
     takes_graded = True
     takes_tension_field = True

@@ -76,7 +76,7 @@ class FamilyLaw(BuiltLaw):
     earlier_energy: wp.Function | None = None
     driving_energy: wp.Function | None = None
     partial_energy: wp.Function | None = None
-    coarsens: bool = False
+    needs_finest: str = "force: expected BondAssociated"
     slack_frequency: float | None = None
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
@@ -125,11 +125,10 @@ class FamilyLaw(BuiltLaw):
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
-        own_values = known.by_point is not None or known.remembers is not None
-        if (known.regions or own_values) and not self.takes_regions:
+        varies = {"by_point": known.by_point, "remembers": known.remembers, "regions (ByRegion)": known.regions or None}
+        for name in [name for name, value in varies.items() if value is not None and not self.takes_regions]:
             raise InputError(
-                f"force = {type(law).__name__}: expected one material, or BondAssociated with ByRegion, `by_point` or "
-                "`remembers`"
+                f"force = {type(law).__name__}: expected a material without {name}, or the force BondAssociated"
             )
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
         constants = padded_constants(law.material)

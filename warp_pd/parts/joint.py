@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, by_point, point_indices, positive
+from ..device.checks import InputError, by_point, point_indices, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import ByPoint
@@ -28,6 +28,8 @@ STIFFNESS, REACH, ENERGY_LENGTH = 1.0, 0.5, 6.0
 # Length of the zone that breaks in a peel, times strength over energy: 2 tension = energy at 180 degrees, and a
 # membrane under the strength bends from 0 to the separation 2 energy / strength. Spacings below which a note says so.
 ZONE, RESOLVED = math.sqrt(2.0), 5.5
+# Stiffness over the default that shortens steps about tenfold, so that a note says so, and that is refused.
+STIFF, TOO_STIFF = 1e2, 1e6
 # Cosine of the angle of two sheets from which their mean normal tells peel from shear.
 ALIKE = 0.5
 
@@ -57,7 +59,8 @@ class Joint(Part):
             With this proportion both break at the same separation, and a joint takes an energy between both however it
             opens. With others it takes less if it turns from one to the other while it breaks.
         stiffness: Traction per separation of the intact joint [N/m^3]; by default the thickness times the modulus in
-            pure shear over the squared spacing. More shortens the step.
+            pure shear over the squared spacing. A hundred times as much shortens the steps about ten times; more than a
+            million times as much is refused.
         reach: Largest distance from a point to its triangle at the start [m]; by default half a spacing. The distance
             stays, as the thickness of the glue.
 
@@ -87,8 +90,8 @@ class Joint(Part):
             if value is not None and not callable(value):
                 by_point(f"Joint.{name}", value, np.zeros((np.size(value), 2)))
         for name in ("strength", "shear_energy", "shear_strength"):
-            if self.energy is None and getattr(self, name) is not None:
-                raise InputError(f"Joint.{name} without an energy: expected an energy, or glue that holds")
+            if self.energy is None and (value := getattr(self, name)) is not None:
+                raise InputError(f"Joint.{name} = {said(value)}: expected None for glue that holds (energy = None)")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the joint on a device."""
@@ -114,7 +117,16 @@ class BuiltJoint(BuiltPart):
         self.part, self.context = part, context
         sheet = context.sheet
         unit = STIFFNESS / sheet.spacing**2
-        self.stiffness = part.stiffness or membrane_stiffness("Joint.stiffness", unit, law, sheet)
+        self.stiffness, self._excess = part.stiffness or 0.0, 1.0
+        if part.stiffness is None or law.has_energy:
+            usual = membrane_stiffness("Joint.stiffness", unit, law, sheet)
+            self.stiffness = part.stiffness or usual
+            self._excess = self.stiffness / usual
+        if self._excess > TOO_STIFF:
+            raise InputError(
+                f"Joint.stiffness = {self.stiffness:.4g} N/m^3: expected at most {TOO_STIFF * usual:.4g}, a million "
+                "times the default: it would shorten the time step more than a thousand times"
+            )
         self._here = here = sheet.positions + context.initial_displacement
         self.points, self._corners, self._weights, self._gap = self._places(here)
         self._areas = sheet.areas[self.points]
@@ -126,17 +138,20 @@ class BuiltJoint(BuiltPart):
         first = point_indices("Joint.first", part.first, sheet.size)
         second = point_indices("Joint.second", part.second, sheet.size)
         if len(shared := np.intersect1d(first, second)):
-            raise InputError(f"Joint.first and Joint.second both contain point {shared[0]}; expected disjoint points")
+            raise InputError(f"Joint.first and Joint.second both contain point {shared[0]}: expected disjoint points")
         faces = sheet.triangles[np.isin(sheet.triangles, second).all(axis=1)]
         if len(faces) == 0:
-            raise InputError("Joint.second: no triangle has all its corners in it; expected those of a sheet")
+            raise InputError(
+                f"Joint.second contains {len(second)} points but all corners of no triangle: expected the points of an "
+                "area"
+            )
         reach = REACH * sheet.spacing if part.reach is None else part.reach
         face, weights, gap = places_on_triangles(here[faces], here[first])
         on = (np.abs(gap) <= reach) & (weights.min(axis=1) >= -1e-6)
         if not on.any():
             raise InputError(
-                f"Joint.first: none of its points lies on a triangle of Joint.second within {reach:.3g} m at the "
-                "start; expected sheets placed on each other, or a larger reach"
+                f"Joint.first: none of its {len(first)} points lies on a triangle of Joint.second within {reach:.3g} m "
+                "at the start: expected sheets placed on each other, or a larger reach"
             )
         return first[on], faces[face[on]], weights[on], np.where(np.abs(gap) > 1e-6 * reach, gap, 0.0)[on]
 
@@ -276,12 +291,18 @@ class BuiltJoint(BuiltPart):
         return {"joint_damage": float((damage * self._areas).sum() / self._areas.sum())}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Note if the spacing does not resolve the zone that breaks."""
-        spacing = self.context.sheet.spacing
-        if self.damage is None or self._zone >= RESOLVED * spacing:
-            return []
-        return [
-            f"joint: about {self._zone:.3g} m of it break at a time in a peel, {self._zone / spacing:.2g} spacings; "
-            f"expected {RESOLVED:g} or more, from a strength of at most {self._zone / spacing / RESOLVED:.2g} times "
-            "that given, or a finer sheet: forces otherwise oscillate, and the mean is too large"
-        ]
+        """Notes on a stiffness that shortens the steps, and on a spacing that does not resolve the zone that breaks."""
+        spacing, said = self.context.sheet.spacing, []
+        if self._excess > STIFF:
+            said.append(
+                f"joint: its stiffness is {self._excess:.3g} times the default, which shortens the time step up to "
+                f"{math.sqrt(self._excess):.3g} times"
+            )
+        if self.damage is not None and self._zone < RESOLVED * spacing:
+            said.append(
+                f"joint: about {self._zone:.3g} m of it break at a time in a peel, {self._zone / spacing:.2g} "
+                f"spacings; expected {RESOLVED:g} or more, from a strength of at most "
+                f"{self._zone / spacing / RESOLVED:.2g} times that given, or a finer sheet: otherwise forces oscillate "
+                "and their mean is too large"
+            )
+        return said

@@ -28,10 +28,12 @@ class ValuesInTime(Part):
     ramp: Ramp
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The factor on a device. Raises InputError for a material without values by point, or no pairs."""
+        """Build the factor on a device."""
         schedule = factor_schedule("ValuesInTime", self.ramp)
-        if law.point_values is None or schedule is None:
-            raise InputError(f"ValuesInTime.ramp = {self.ramp!r}: expected pairs, and a material with `by_point`")
+        if schedule is None:
+            raise InputError("ValuesInTime.ramp = None: expected pairs (time, factor)")
+        if law.point_values is None:
+            raise InputError("loads: ValuesInTime: expected a material with values by point (`by_point`)")
         return ScaledValues(context, law, context.clock.register(schedule))
 
 

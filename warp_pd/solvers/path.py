@@ -84,6 +84,8 @@ class BuiltArcLength(TearSteps):
                 converged, sink.residual = found["converged"], found["residuals"][-1]
             if not converged:
                 self.fail_to_converge(sink.residual)
+            elif self.rounds.passed():
+                converged = self.fail("a body passed through the sheet")
             elif self.tear_energy:
                 # As by a cut with the profile of a crack, damage may grow from the smallest load.
                 here = self.position()

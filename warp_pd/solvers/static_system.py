@@ -134,8 +134,8 @@ class StaticSystem(BuiltSolver):
             return f"horizon = {law.horizon_ratio:.6g}: expected at most {MAX_MULTIGRID_HORIZON}"
         if law.intact is not None:
             return "damage: expected None, because bonds must not break"
-        if not law.coarsens:
-            return "force: expected BondAssociated"
+        if law.needs_finest:
+            return law.needs_finest
         return f"sheet of {size} points: expected more than {MAX_COARSEST} points" if size <= MAX_COARSEST else ""
 
     def _no_lattices(self) -> str:

@@ -31,6 +31,7 @@ WRONG = [
     (lambda: square(5).rigid([0, 1, 5]).rigid([5, 6, 10]), "^rigid: point 5 is in another rigid body"),
     (lambda: square(9).rigid([0, 1, 9], 0.1).hole((0.01, 0.01), 0.01), "^hole at .* changes the mass of a rigid body"),
     (lambda: square(5).rigid([0, 1, 5], mass=0.0), "rigid: mass = 0.0"),
+    (lambda: square(5).rigid(range(12)).rigid(range(12, 25)), "rigid: all 25 points of the sheet would"),
     (lambda: square(5).edges("middle"), "edge = 'middle'"),
     (
         lambda: Sheet.from_points(np.vstack([square(5).points, square(5).points[3]]), **CLOUD),

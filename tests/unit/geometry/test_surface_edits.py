@@ -195,7 +195,10 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 2.0), (1.0, 0.0, 1.5)), ".*meets itself or an edge"),
     (lambda: SLIT.slit((0.9, -0.4, 1.5), (0.9, 0.4, 1.5)),
      r"slit: path\[0\] to path\[1\] crosses 'slit 1': expected slits that do not cross"),
-    (lambda: TUBE.slit(lambda x, y, z: z - 1.5).slit(lambda x, y, z: z - 1.5), "slit where .* too close to 'slit 1'"),
+    (lambda: TUBE.slit(lambda x, y, z: z - 1.5).slit(lambda x, y, z: z - 1.5), "slit where .* from 'slit 1'"),
+    (lambda: TUBE.slit(lambda x, y, z: z - 1.5, where=lambda x, y, z: x > 0).slit(
+        lambda x, y, z: z - 1.5 - 0.25 * TUBE.spacing, where=lambda x, y, z: x > 0
+    ), "slit where .* m from 'slit 1' .*: expected half a spacing or more"),
     (lambda: TUBE.inclusion((1.0, 0.0, 1.5), 0.5).slit((1.0, 0.0, 0.8), (1.0, 0.0, 2.2)),
      "slit from .* passes through a rigid body"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* contains no points"),
