@@ -153,12 +153,14 @@ def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
     even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
     if shape.inclusions:
         raise InputError(
-            "prestretched: the sheet has rigid inclusions, which do not stretch: expected a sheet without inclusions"
+            f"prestretched: the sheet has {len(shape.inclusions)} rigid inclusions, which do not stretch: expected none"
         )
     if len(shape.triangles) == 0:
         raise InputError("prestretched: the sheet is a bar: expected a sheet with an area; take `initial_displacement`")
     if shape.points.shape[1] == 3 and not even:
-        raise InputError("prestretched: expected one stretch for a curved sheet, the same in all directions")
+        raise InputError(
+            f"prestretched: gradient = {gradient.tolist()}: expected one stretch in all directions for a curved sheet"
+        )
     inverse = np.linalg.inv(gradient) if shape.points.shape[1] == 2 else np.eye(3) / gradient[0, 0]
     middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
 
