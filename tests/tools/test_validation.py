@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from validation import __main__, bulges, comparison, page, relaxation
+from study import load_rows
+from validation import __main__, bulges, comparison, page, printed, relaxation, spread
 
 from warp_pd.fitting import nominal_stress
 
@@ -23,6 +24,45 @@ def test_the_page_and_the_readme_say_what_the_numbers_say():
     text = page.PAGE.read_text()
     for heading, lines in page.sections(found).items():
         assert "\n".join([heading, "", *lines]).rstrip() in text
+
+
+def test_the_readme_counts_only_rows_with_a_deviation():
+    found = page.records()
+    known = page.compared(found)
+    bounds = {name for name, row in page.ROWS.items() if not row.counts}
+    assert bounds and not bounds & set(known)
+    assert page.summary(found).startswith(f"Against {len(known)} published results")
+    assert page.compared({name: found[name] for name in bounds}) == {}
+
+
+def test_every_row_says_what_theirs_is_and_whether_it_was_blind():
+    for row in page.ROWS.values():
+        assert row.blind == "yes" or row.blind.startswith("no: ")
+        assert row.kind.removesuffix(", a bound") in ("test", "computation", "formula", "law")
+        assert row.counts != row.kind.endswith(", a bound")
+
+
+def test_strips_that_give_constants_are_not_compared():
+    rows = {make().name: make() for make in printed.ROWS}
+    compared = {length for length, _ in (*printed.JUNE[1:], *printed.MARCH[1:])}
+    assert not {printed.JUNE[0][0], printed.MARCH[0][0]} & compared
+    assert len(rows["breaking"].at) == len(compared)
+    strokes, forces = printed.measured("read", "holed")
+    assert rows["holed"].at == pytest.approx(1e3 * strokes) and rows["holed"].theirs == pytest.approx(forces)
+
+
+def test_fits_of_the_page_are_those_of_the_laws():
+    rows = load_rows(page.SPREAD)
+    assert {(row["rubber"], row["law"]) for row in rows} == {
+        (rubber, law) for rubber in spread.RUBBERS for law in spread.MATERIALS
+    }
+    stored = next(row for row in rows if (row["rubber"], row["law"]) == ("james", "Arruda-Boyce"))
+    again = next(row for row in spread.predictions("james", ["Arruda-Boyce"]))
+    assert again["equibiaxial"] == pytest.approx(stored["equibiaxial"], rel=1e-3)
+    # It agrees with what it knows, and not with what it predicts.
+    off = {loading: np.median(np.abs(values)) for loading, values in stored["off"].items()}
+    assert off["uniaxial"] < 0.03
+    assert off["equibiaxial"] > 0.1
 
 
 @pytest.mark.parametrize("name", list(page.ROWS))

@@ -2,10 +2,11 @@
 
     python -m tools.validation notch                             one row, at a size for two cores: minutes
     python -m tools.validation --full --device cuda:0            all rows at full size, on a GPU
+    python -m tools.validation spread                            fits of four laws to uniaxial tension, on a CPU
     python -m tools.validation --only-page                       page and pictures from the numbers that exist
 
-Every call adds or replaces rows in docs/validation/numbers.json, and renews the page, its picture and the line of the
-README from all of them. With --numbers elsewhere it does not.
+Every call adds or replaces rows in docs/validation/numbers.json (fits: spread.json beside it), and renews the page, its
+pictures and the line of the README from all of them. With --numbers FOLDER/numbers.json it does not: it writes there.
 """
 
 from __future__ import annotations
@@ -21,19 +22,22 @@ if __name__ == "__main__":
 
 from study import load_rows, run_tool, save_rows, study_parser
 
+from validation import spread
 from validation.comparison import measured
 from validation.page import NUMBERS, ROWS, make
+
+FITS = "spread"
 
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, device=None, only_page=False, commit=None)
-    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(ROWS)}; by default all")
+    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join([*ROWS, FITS])}; by default all")
     parser.add_argument("--full", action="store_true", help="at full size")
     parser.add_argument("--numbers", type=Path, default=NUMBERS, help="file of the numbers")
     options = parser.parse_args(arguments)
-    for name in set(options.rows) - set(ROWS):
-        parser.error(f"ROW = {name!r}: expected one of {', '.join(ROWS)}")
+    for name in set(options.rows) - {*ROWS, FITS}:
+        parser.error(f"ROW = {name!r}: expected one of {', '.join([*ROWS, FITS])}")
     if options.only_page and options.rows:
         parser.error(f"--only-page {' '.join(options.rows)}: expected no ROW, as the page is made from all numbers")
     return options
@@ -42,7 +46,10 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run rows, keep their numbers, renew the page."""
     options = parsed(arguments)
-    for name in [] if options.only_page else options.rows or ROWS:
+    for name in [] if options.only_page else options.rows or [*ROWS, FITS]:
+        if name == FITS:
+            save_rows(options.numbers.with_name("spread.json"), spread.run(options.commit))
+            continue
         found = measured(ROWS[name], options.full, options.device, options.commit)
         others = [run for run in load_rows(options.numbers) if (run["row"], run["full"]) != (name, options.full)]
         save_rows(options.numbers, [*others, found])

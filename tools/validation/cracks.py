@@ -62,21 +62,29 @@ def limiting_speed(points: int, device: str | None) -> Sequence[float]:
 
 @lru_cache
 def stretched_sheet_speed(
-    points: int, stretch: float, device: str | None, energy: float = TEARING_ENERGY, hardens: bool = True
+    points: int,
+    stretch: float,
+    device: str | None,
+    energy: float = TEARING_ENERGY,
+    hardens: bool = True,
+    size: float = 1.0,
 ) -> float:
     """Speed of a crack in a sheet stretched equally both ways and held at its edges, in the sheet at rest [m/s].
 
-    The sheet is TALL and 1.75 times as long; its cut of 0.4 TALL begins at the left.
+    The sheet is `size` TALL and 1.75 times as long; its cut of 0.4 of the height begins at the left. `points` are those
+    along TALL.
     """
     rest = rubber("treloar")
     rest = rest if hardens else Yeoh(rest.c10)
-    long, cut, middle = 1.75 * TALL, 0.4 * TALL, 0.5 * TALL
+    tall = size * TALL
+    long, cut, middle = 1.75 * tall, 0.4 * tall, 0.5 * tall
+    rows = 2 * round(0.5 * size * points)
     sheet = Sheet.filled(
-        long, TALL, thickness=THICKNESS, density=DENSITY, points=(round(1.75 * points), 2 * (points // 2))
-    ).cut((-TALL, middle), (cut, middle))
+        long, tall, thickness=THICKNESS, density=DENSITY, points=(round(1.75 * size * points), rows)
+    ).cut((-tall, middle), (cut, middle))
     edges = np.unique(np.concatenate([sheet.edges("top"), sheet.edges("bottom"), sheet.edges("right")]))
     left = np.setdiff1d(sheet.edges("left"), edges)
-    spared = sheet.where(lambda x, y: (x < 3e-2 * long) | (x > 0.97 * long) | (abs(y - middle) > 0.47 * TALL))
+    spared = sheet.where(lambda x, y: (x < 3e-2 * long) | (x > 0.97 * long) | (abs(y - middle) > 0.47 * tall))
     apart = rough_surface(sheet, 1e-3, 0, edges)
     apart[:, :2] += (stretch - 1.0) * sheet.points
     line = TearLine(sheet)
@@ -86,10 +94,10 @@ def stretched_sheet_speed(
         loads=[Fixed(np.concatenate([edges, left]))],
         initial_displacement=apart,
         damage=TearingEnergy(energy, length=RUBBER_FIELD, spared=spared),
-        solver=Explicit(duration=4e-3, frames=160, damping=50.0, safety=0.2),
+        solver=Explicit(duration=4e-3 * size, frames=160, damping=50.0, safety=0.2),
         measures=[Measure("tip", "m", lambda b, f: line.reach(f.intact_faces, (cut, middle), (long, middle)))],
     ).run(device=device, usd=False, pictures=False)
-    rows = [(row["time"], row["tip"]) for row in result.history if 0.3 * TALL < row["tip"] < 1.1 * TALL]
+    rows = [(row["time"], row["tip"]) for row in result.history if 0.3 * tall < row["tip"] < 1.1 * tall]
     return (
         float(np.polyfit(*np.transpose(rows), 1)[0]) if result.status == "finished" and len(rows) > 3 else float("nan")
     )
@@ -134,12 +142,16 @@ def laboratory_speeds(points: int, device: str | None) -> Mapping[str, float]:
 
 
 def other_rubber(points: int, device: str | None) -> Mapping[str, float]:
-    """Crack speeds over that of shear waves, at the larger stretch, if tougher and if it does not harden."""
+    """Crack speeds over that of shear waves at the larger stretch: tougher, not hardening, half the size of the sheet.
+
+    A crack that the strain ahead of it drives, as theirs, is as fast in a small sheet. Half the size has half the G.
+    """
     over = EQUAL[-1], device
     shear, soft = wave_speeds(EQUAL[-1])[1], (2.0 * rubber("treloar").c10 / DENSITY) ** 0.5
     return {
         "with 1.5 times the Gc": stretched_sheet_speed(points, *over, energy=1.5 * TEARING_ENERGY) / shear,
         "in rubber that does not harden": stretched_sheet_speed(points, *over, hardens=False) / soft,
+        "in a sheet of half the size": stretched_sheet_speed(points, *over, size=0.5) / shear,
     }
 
 

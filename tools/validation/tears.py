@@ -114,7 +114,7 @@ def lindley(stretch: float) -> float:
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
-        "notch", STRETCHES, tuple(map(lindley, STRETCHES)), STRIP, (31, 61), (61, 121, 241), notch_factors, by_elements
+        "notch", STRETCHES, tuple(map(lindley, STRETCHES)), STRIP, (31, 61), (49, 97, 193), notch_factors, by_elements
     ),
     lambda: Comparison(
         "pieces", ("pure shear", "trousers", "edge notch"), (1.0, 1.0, 1.0), 0.02, (30,), (40, 60), test_pieces

@@ -1,0 +1,113 @@
+"""What a uniaxial test says of equibiaxial tension: four laws are fitted to it, and predict the other test.
+
+A study of laws, without a sheet: nothing is chosen. Every law is fitted to uniaxial tension alone, and, where it was
+tested, to uniaxial tension and pure shear; its nominal stress in equibiaxial tension is compared with the test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from study import Row, picture, provenance, table
+from treloar import DATA, MATERIALS
+
+from validation.comparison import deviations
+from warp_pd.fitting import Curve, UniformTests, fit, nominal_stress, read_table
+
+RUBBERS = ("treloar", "kawabata", "meunier", "james", "kawamura")
+KNOWN = (("uniaxial",), ("uniaxial", "planar"))
+# Initial shear modulus of Treloar's rubber [Pa], for which the starts of MATERIALS are.
+TYPICAL = 0.4e6
+# Constants that are no moduli.
+PURE = {"a1", "a2", "lock"}
+
+
+def curves(rubber: str) -> dict[str, Curve]:
+    """Tests of a rubber above a stretch of 1.1, by loading. Below it a reading is a tenth off."""
+    columns = read_table(DATA.with_name(f"{rubber}.csv")).columns
+    found = {}
+    for loading in ("uniaxial", "planar", "equibiaxial"):
+        if f"{loading}_stretch" in columns:
+            stretch, stress = columns[f"{loading}_stretch"], columns[f"{loading}_stress"]
+            known = np.isfinite(stretch) & (stretch > 1.1)
+            found[loading] = Curve(loading, stretch[known], "nominal_stress", stress[known], name=loading)
+    return found
+
+
+def modulus(curve: Curve) -> float:
+    """Modulus [Pa] from the first point of a uniaxial test."""
+    stretch, stress = float(np.asarray(curve.at)[0]), float(np.asarray(curve.values)[0])
+    return stress / (stretch - stretch**-2)
+
+
+def predictions(rubber: str, laws: Iterable[str] = tuple(MATERIALS)) -> list[Row]:
+    """Stresses of laws, for each set of tests that they are fitted to."""
+    tests = curves(rubber)
+    softer = modulus(tests["uniaxial"]) / TYPICAL
+    rows = []
+    for known in (of for of in KNOWN if set(of) <= set(tests)):
+        for law in laws:
+            material, start = MATERIALS[law]
+            begin = {name: value if name in PURE else value * softer for name, value in start.items()}
+            chosen = [tests[loading] for loading in known]
+            best = material(*fit(UniformTests(material, chosen), list(begin), start=begin, max_evaluations=200).values)
+            stresses = {
+                loading: [float(s) for s in nominal_stress(best, loading, np.asarray(curve.at))]
+                for loading, curve in tests.items()
+            }
+            rows.append(
+                {
+                    "rubber": rubber,
+                    "law": law,
+                    "known": "-".join(known),
+                    "off": {
+                        loading: [round(float(x), 4) for x in deviations(stresses[loading], tests[loading].values)]
+                        for loading in tests
+                    },
+                    "equibiaxial": [round(1e-6 * s, 5) for s in stresses["equibiaxial"]],
+                }
+            )
+    return rows
+
+
+def run(commit: str | None = None) -> list[Row]:
+    """All rubbers."""
+    made = provenance("CPU", commit)
+    return [{**row, "made": made} for rubber in RUBBERS for row in predictions(rubber)]
+
+
+def section(rows: list[Row]) -> list[str]:
+    """Lines of the page."""
+    lines = []
+    for known in ("-".join(of) for of in KNOWN):
+        of = {(row["rubber"], row["law"]): row["off"] for row in rows if row["known"] == known}
+        rubbers = [rubber for rubber in RUBBERS if (rubber, "Yeoh") in of]
+        head = [f"fitted to {known.replace('-', ' and ')}", *(rubber.capitalize() for rubber in rubbers)]
+        cells = [[law, *(_cell(of[rubber, law], known) for rubber in rubbers)] for law in MATERIALS]
+        lines += [*table(head, cells), ""]
+    return [*lines, "![Equibiaxial stress: test, and four laws fitted to uniaxial tension](validation/spread.png)"]
+
+
+def _cell(off: dict[str, list[float]], known: str) -> str:
+    fitted = max(float(np.median(np.abs(off[loading]))) for loading in known.split("-"))
+    return f"{100.0 * np.median(off['equibiaxial']):+.0f} % ({100.0 * fitted:.0f} %)"
+
+
+def draw(path: Path, rows: list[Row]) -> None:
+    """Equibiaxial stress of the tests, and of the laws that know uniaxial tension."""
+    with picture(path, 1, len(RUBBERS), size=(2.4, 2.2)) as axes:
+        for panel, rubber in zip(axes.flat, RUBBERS, strict=True):
+            test = curves(rubber)["equibiaxial"]
+            measured = 1e-6 * np.asarray(test.values)
+            panel.plot(test.at, measured, "ko", ms=3, label="test")
+            for row in rows:
+                if row["rubber"] == rubber and row["known"] == "uniaxial":
+                    panel.plot(test.at, row["equibiaxial"], lw=1.0, label=row["law"])
+            panel.set_ylim(0.0, 1.8 * measured.max())
+            panel.set_title(rubber.capitalize(), fontsize=8)
+            panel.set_xlabel("stretch", fontsize=7)
+            panel.set_ylabel("nominal stress (MPa)", fontsize=7)
+            panel.tick_params(labelsize=6)
+            panel.legend(fontsize=5)
