@@ -142,16 +142,17 @@ def laboratory_speeds(points: int, device: str | None) -> Mapping[str, float]:
 
 
 def other_rubber(points: int, device: str | None) -> Mapping[str, float]:
-    """Crack speeds over that of shear waves at the larger stretch: tougher, not hardening, half the size of the sheet.
+    """Crack speeds over that of shear waves: tougher and not hardening at the larger stretch, small at the other.
 
     A crack that the strain ahead of it drives, as theirs, is as fast in a small sheet. Half the size has half the G.
     """
     over = EQUAL[-1], device
+    small = stretched_sheet_speed(points, EQUAL[0], device, size=0.5) / wave_speeds(EQUAL[0])[1]
     shear, soft = wave_speeds(EQUAL[-1])[1], (2.0 * rubber("treloar").c10 / DENSITY) ** 0.5
     return {
         "with 1.5 times the Gc": stretched_sheet_speed(points, *over, energy=1.5 * TEARING_ENERGY) / shear,
         "in rubber that does not harden": stretched_sheet_speed(points, *over, hardens=False) / soft,
-        "in a sheet of half the size": stretched_sheet_speed(points, *over, size=0.5) / shear,
+        f"in a sheet of half the size at a stretch of {EQUAL[0]:g}": small,
     }
 
 

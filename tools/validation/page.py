@@ -64,13 +64,14 @@ def summary(found: dict[str, Runs]) -> str:
     tests = sum(ROWS[name].kind == "test" for name in known)
     blind = [known[name] for name in known if ROWS[name].blind == "yes"]
     worst = max(known, key=lambda name: known[name])
-    failed = sum(ROWS[name].counts for name in found) - len(known)
+    bounds = sum(not ROWS[name].counts for name in found)
+    failed = len(found) - bounds - len(known)
     median, median_of_blind = (percent(float(np.median(values))) for values in (list(known.values()), blind))
     return (
         f"Against {len(known)} published results ({tests} tests, {len(known) - tests} formulas, laws and "
         f"computations), no constant tuned: median deviation {median}, the worst {percent(known[worst])} "
         f"({ROWS[worst].title[0].lower()}{ROWS[worst].title[1:]}); {len(blind)} of them were blind, median "
-        f"{median_of_blind}; in {failed} more ours fails: [validation](docs/validation.md)."
+        f"{median_of_blind}; ours fails in {failed} more, and {bounds} give a bound: [validation](docs/validation.md)."
     )
 
 
