@@ -54,7 +54,7 @@ def test_strips_that_give_constants_are_not_compared():
 def test_fits_of_the_page_are_those_of_the_laws():
     rows = load_rows(page.SPREAD)
     assert {(row["rubber"], row["law"]) for row in rows} == {
-        (rubber, law) for rubber in spread.RUBBERS for law in spread.MATERIALS
+        (rubber, law) for rubber in spread.RUBBERS for law in spread.LAWS
     }
     stored = next(row for row in rows if (row["rubber"], row["law"]) == ("james", "Arruda-Boyce"))
     again = next(row for row in spread.predictions("james", ["Arruda-Boyce"]))
