@@ -25,6 +25,8 @@ INNER, OUTER, MU = 0.02, 0.1, 1e3
 # Pull of the inner rim over its length, thickness and shear modulus.
 PULLS = (0.05, 0.10, 0.15)
 THICKNESSES = (1e-3, 5e-4, 2.5e-4)
+# Radii [m] at which the tables show the radial and the hoop stress.
+SHOWN, HOOP_AT = (0.03, 0.04, 0.05), 0.025
 # Each pull rises in the first time [s] and is held for the second, with the damping [1/s].
 RISE, HOLD, DAMPING = 0.5, 0.7, 6.0
 Path = Callable[[float], np.ndarray]
@@ -144,7 +146,7 @@ def run(around: int, thickness: float, relaxed: bool, device: str | None) -> Row
 
 
 def draw(rows: Sequence[Row]) -> None:
-    """Heights of the thickest and the thinnest sheet, and the radial stress of all."""
+    """Heights of the thickest and the thinnest sheet, and the radial stress of all but for two circles at each rim."""
     bent = [row for row in rows if not row["relaxed"]]
     exact, flat = (pulled_membrane(PULLS[-1] * MU, wrinkles) for wrinkles in (True, False))
     with picture(DOCS / "bending-annulus.png", columns=3, size=(3.4, 3.1)) as axes:
@@ -158,13 +160,14 @@ def draw(rows: Sequence[Row]) -> None:
             axis.axis("off")
         for row in rows:
             name = "tension field" if row["relaxed"] else f"{1e3 * row['thickness']:g} mm"
-            curves.plot(1e3 * row["radius"], row["radius"] * row["radial"] / (INNER * MU), label=name, lw=1.2)
+            radius, stress = row["radius"][2:-2], row["radial"][2:-2]
+            curves.plot(1e3 * radius, radius * stress / (INNER * MU), label=name, lw=1.2)
         radii = np.linspace(INNER, OUTER, 100)
         for path, style, name in ((exact, "k--", "exact"), (flat, "k:", "flat, exact")):
             curves.plot(1e3 * radii, [path(r)[1] / (INNER * MU) for r in radii], style, label=name, lw=1.0)
         curves.set_xlabel("R (mm)")
         curves.set_ylabel("R P_r / (mu a)")
-        curves.legend(fontsize=7)
+        curves.legend(fontsize=7, loc=(0.52, 0.2))
 
 
 def main() -> None:
@@ -183,13 +186,22 @@ def main() -> None:
         name = "tension field" if row["relaxed"] else f"{1e3 * row['thickness']:g} mm"
         waves = ["", ""] if row["relaxed"] else [str(row["waves"]), f"{1e3 * row['amplitude']:.2f}"]
         over = [f"{s / e:.4f}" for s, e in zip(row["shifts"], moved[0], strict=True)]
-        stress = [f"{_over_exact(row, exact[-1], r):.3f}" for r in (0.025, 0.03, 0.04)]
+        stress = [f"{_over_exact(row, exact[-1], r):.3f}" for r in SHOWN]
+        stress.append(f"{np.interp(HOOP_AT, row['radius'], row['hoop']) / MU:.4f}")
         lines.append([name, *over, *waves, *stress])
-    lines.append(["flat, exact", *(f"{f / e:.4f}" for f, e in zip(moved[1], moved[0], strict=True)), "", "",
-                  *(f"{flat[-1](r)[1] / exact[-1](r)[1]:.3f}" for r in (0.025, 0.03, 0.04))])  # fmt: skip
+    over = [f"{f / e:.4f}" for f, e in zip(moved[1], moved[0], strict=True)]
+    stress = [f"{flat[-1](r)[1] / exact[-1](r)[1]:.3f}" for r in SHOWN]
+    lines.append(["flat, exact", *over, "", "", *stress, f"{_hoop(flat[-1], HOOP_AT) / MU:.4f}"])
     print(f"{rows[0]['points']} points, {provenance(device_title(options.device))}")
     print("largest kinetic over strain energy at the end", max(row["kinetic"] for row in rows))
-    head = ["", *(f"u at {p:g}" for p in PULLS), "waves", "amplitude (mm)", *(f"R P_r at {r} mm" for r in (25, 30, 40))]
+    head = [
+        "",
+        *(f"u at {p:g}" for p in PULLS),
+        "waves",
+        "amplitude (mm)",
+        *(f"R P_r at {1e3 * r:g} mm" for r in SHOWN),
+        "P_h / mu",
+    ]
     print("\n".join(table(head, lines)))
     draw(rows)
 
@@ -197,6 +209,14 @@ def main() -> None:
 def _over_exact(row: Row, path: Path, radius: float) -> float:
     """R P_r at a radius over that of the exact membrane."""
     return float(np.interp(radius, row["radius"], row["radius"] * row["radial"]) / path(radius)[1])
+
+
+def _hoop(path: Path, radius: float) -> float:
+    """Hoop stress of a flat membrane at a radius [Pa]."""
+    place, tension = path(radius)
+    hoop = place / radius
+    stretch = brentq(lambda s: stresses(s, hoop, MU, False)[0] - tension / radius, 0.3, 50.0)
+    return stresses(stretch, hoop, MU, False)[1]
 
 
 if __name__ == "__main__":
