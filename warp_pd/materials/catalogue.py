@@ -147,6 +147,17 @@ polyurea = Rubber(
     4.0,
     "Huang, Oterkus et al. (2019), VE table 2; the largest stretch is that of their example 6.1",
 )
+NINE_CIRCLES = (
+    "Kamarei, Zeng, Dolbow, Lopez-Pamies, Comput. Methods Appl. Mech. Engrg. 448 (2026) 118449, as in their "
+    "Examples/Trousers.py of github.com/farhadkama/FEniCSx_Kamarei_Lopez-Pamies (commit adbdfd2)"
+)
+pu_elastomer = Rubber(
+    "pu_elastomer",
+    MooneyRivlin(0.52e6 / 2.0),
+    1.23,
+    f"{NINE_CIRCLES}: a polyurethane elastomer, shear modulus 0.52 MPa; the largest stretch is that of the strength",
+    measured={"strength": (0.3e6, NINE_CIRCLES), "tearing_energy": (41.0, f"{NINE_CIRCLES}: 0.041 N/mm")},
+)
 
 
 def rubbers() -> tuple[Rubber, ...]:

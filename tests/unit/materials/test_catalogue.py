@@ -75,6 +75,17 @@ def test_vhb_has_the_force_of_a_relaxed_strip():
     assert 22e-6 * stress[0] == pytest.approx(force, rel=0.02)
 
 
+def test_the_polyurethane_has_the_energy_of_its_source_at_its_strength():
+    """0.0373087 MPa in the source, which is so for a nominal strength only."""
+    rubber = catalogue.pu_elastomer
+    stretch = np.linspace(1.0, 1.3, 3001)
+    stress = nominal_stress(rubber.material, "uniaxial", stretch)
+    energy = np.concatenate([[0.0], np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(stretch))])
+    assert np.interp(rubber.strength, stress, energy) == pytest.approx(37308.7, rel=2e-3)
+    assert np.interp(rubber.strength, stress, stretch) == pytest.approx(rubber.largest_stretch, abs=0.01)
+    assert rubber.tearing_energy == 41.0
+
+
 def test_every_value_has_a_source_and_what_has_none_is_refused():
     assert len(RUBBERS) >= 10
     for name, rubber in RUBBERS.items():
