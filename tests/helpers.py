@@ -1,11 +1,14 @@
 """What the tests share: small simulations, and their forces and energies at any displacement."""
 
+import contextlib
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import warp as wp
 
-from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Sheet, Simulation
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.geometry.triangulation import crosses
@@ -135,6 +138,32 @@ def random_gradient(seed):
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = np.array([[1.3, 0.2], [0.1, 0.9]]) + 0.15 * rng.uniform(-1, 1, (2, 2))
     return rotation[:, :2] @ stretch
+
+
+@contextlib.contextmanager
+def refused(said="", match=""):
+    """Context that an input error leaves whose one line contains `said` and matches a regular expression."""
+    with pytest.raises(InputError) as caught:
+        yield
+    line = str(caught.value)
+    assert said in line
+    assert re.search(match, line), line
+    assert "\n" not in line
+
+
+class Kept:
+    """A writer that keeps a value of every frame."""
+
+    def __init__(self, value):
+        self.value, self.all = value, []
+
+    def write(self, frame):
+        self.all.append(self.value(frame))
+
+    def save(self):
+        pass
+
+    close = save
 
 
 class StopAt:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shared_scenes
 import warp as wp
-from shared_scenes import SCENES, arrays_of, scene, started
+from shared_scenes import SCENES, arrays_of, run_all, started
 
 pytest.importorskip("torch.distributed")
 
@@ -26,7 +26,6 @@ def differences(folder, other):
 def test_two_gpus_leave_the_same_bits(tmp_path):
     done = started(2, FILE, "cuda", tmp_path / "two", *SCENES)
     assert done.returncode == 0, done.stderr
-    for name, precision in SCENES.items():
-        scene(name).run(device="cuda:0", precision=precision, out=tmp_path / name, usd=False)
+    run_all("cuda:0", tmp_path, SCENES)
     for name in SCENES:
         assert not differences(tmp_path / name, tmp_path / "two" / name), name

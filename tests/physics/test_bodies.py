@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers import square
+from helpers import refused, square
 from pxr import Usd, UsdGeom, UsdValidation
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
@@ -19,7 +19,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     Free,
-    InputError,
     Plane,
     RigidBall,
     RigidBody,
@@ -81,10 +80,10 @@ def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(spin, 
     assert rows == wanted and vector(rows[-1], "body_force")[2] != 0.0
 
 
-@pytest.mark.parametrize(("friction", "precision"), [(0.0, 64), (0.5, 64), (0.5, 32)])
-def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
+@pytest.mark.parametrize("precision", [64, 32])
+def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision):
     solver = Explicit(0.05, frames=10, safety=0.1)
-    body = RigidBody(Sphere(0.03), falling(spin=(0.0, 30.0, 0.0)), friction=friction)
+    body = RigidBody(Sphere(0.03), falling(spin=(0.0, 30.0, 0.0)), friction=0.5)
     result = run(square(15), solver, precision=precision, contact=body)
     rows, mass = result.history, result.built.to_numpy(result.built.state.mass)[:, None]
     moved = (mass * result.frame.velocity).sum(axis=0)
@@ -96,9 +95,8 @@ def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
     energies = [sum(row[name] for name in names) for row in rows]
     assert max(abs(e - energies[0]) for e in energies) < 1e-3 * energies[0]
     assert max(abs(row["balance_error"]) for row in rows) < 2e-3
-    if friction > 0.0:
-        assert (np.diff([row["body_rubbed"] for row in rows]) >= 0.0).all()
-        assert rows[-1]["body_spin_y"] < 30.0
+    assert (np.diff([row["body_rubbed"] for row in rows]) >= 0.0).all()
+    assert rows[-1]["body_spin_y"] < 30.0
 
 
 def test_a_plate_that_picks_up_a_sheet_loses_as_much_as_it_gives():
@@ -110,22 +108,6 @@ def test_a_plate_that_picks_up_a_sheet_loses_as_much_as_it_gives():
     assert rows[-1]["kinetic"] == pytest.approx(0.5 * mass * 1.25, rel=1e-12)
     assert rows[-1]["body_loss"] == pytest.approx(0.5 * mass * 1.25, rel=1e-12)
     assert rows[-1]["body_rubbed"] == pytest.approx(0.5 * mass * 0.25, rel=1e-12)
-
-
-def rubbing(shape, speed, safety, rotation=(0.0, 0.0, 0.0, 1.0)):
-    sheet = square(15)
-    edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))
-    body = RigidBody(shape, falling(velocity=(speed, 0.0, -0.5), rotation=rotation), friction=0.5)
-    return run(sheet, Explicit(0.05, frames=5, safety=safety), precision=64, contact=body, loads=[Fixed(edge)]).history
-
-
-@pytest.mark.parametrize("speed", [0.1, 1.0])
-@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03))], ids=lambda s: s.kind)
-def test_friction_takes_no_more_than_contact_loses(shape, speed):
-    rows = rubbing(shape, speed, 0.1, LYING)
-    assert rows[-1]["body_rubbed"] > 0.0
-    assert max(abs(row["balance_error"]) for row in rows) < 0.01
-    assert all(0.0 <= row["body_rubbed"] <= row["body_loss"] for row in rows)
 
 
 def rolling(shape, safety, friction=0.5, speed=1.0):
@@ -154,23 +136,6 @@ def test_what_a_rolling_ball_loses_does_not_depend_on_the_step():
 def test_a_ball_without_friction_loses_the_same_at_any_step():
     coarse, fine = (rolling(Sphere(0.12), safety, friction=0.0)[-1]["ball_loss"] for safety in (0.6, 0.15))
     assert coarse == pytest.approx(fine, rel=0.06)
-
-
-def test_heat_of_friction_does_not_depend_on_the_step():
-    coarse, fine = (rubbing(Sphere(0.03), 1.0, safety)[-1]["body_rubbed"] for safety in (0.3, 0.1))
-    assert abs(coarse - fine) < 0.1 * fine
-
-
-def test_both_precisions_agree():
-    bodies = [
-        run(
-            square(15), Explicit(0.03, frames=6, safety=0.2), precision=p,
-            contact=RigidBody(Sphere(0.03), falling(), friction=0.5),
-        )
-        for p in (32, 64)
-    ]  # fmt: skip
-    one, other = (vector(result.history[-1], "body_velocity") for result in bodies)
-    np.testing.assert_allclose(one, other, atol=2e-3)
 
 
 def test_a_body_that_nothing_touches_flies_as_it_should():
@@ -392,6 +357,5 @@ def cube(**changes):
     ],
 )  # fmt: skip
 def test_wrong_bodies_are_named_in_one_line(make, words):
-    with pytest.raises(InputError, match=words) as error:
+    with refused(match=words):
         make()
-    assert "\n" not in str(error.value)

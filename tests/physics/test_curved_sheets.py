@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from curved_sheets import SHEETS, STATES, THICKNESS, rotation, rough_motion, small_sphere, small_tube, tear
-from helpers import build, internal_force, soften, strain_energy
+from helpers import build, internal_force, refused, soften, strain_energy
 
 from warp_pd import (
     Bimodular,
@@ -12,7 +12,6 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
-    InputError,
     MooneyRivlin,
     NeoHookean,
     Newton,
@@ -256,10 +255,10 @@ def test_a_rigid_patch_of_a_tube_keeps_its_shape_and_the_momenta():
 def test_an_inclusion_is_one_patch_of_a_sheet():
     sheet = small_tube(24, 2.0)
     assert len(sheet.inclusion((0.0, 0.0, 0.0), 1.02).inclusions[0]) == 24
-    with pytest.raises(InputError, match=r"^inclusion at .* contains the whole sheet: expected a smaller one$"):
+    with refused(match=r"^inclusion at .* contains the whole sheet: expected a smaller one$"):
         sheet.inclusion((0.0, 0.0, 1.0), 9.0)
     in_two = sheet.slit(lambda x, y, z: z - 1.0)
-    with pytest.raises(InputError, match=r"^inclusion at .* contains 2 patches that do not hang together"):
+    with refused(match=r"^inclusion at .* contains 2 patches that do not hang together"):
         in_two.inclusion((1.0, 0.0, 1.0), 0.6)
 
 
@@ -288,7 +287,7 @@ def test_a_torn_balloon_keeps_its_energy_balance():
     sheet = small_sphere(10)
     weak = sheet.within((0.0, 0.0, 1.0), 0.3)
     simulation = Simulation(
-        sheet, force=BondAssociated(NeoHookean(MU, 100 * MU)), solver=Explicit(0.1, frames=4, safety=0.3),
+        sheet, force=BondAssociated(NeoHookean(MU, 100 * MU)), solver=Explicit(0.1, frames=4, safety=0.3, precision=64),
         damage=TearingEnergy(720.0, length=0.25, spared=np.setdiff1d(np.arange(sheet.size), weak)),
         initial_displacement=0.3 * sheet.points, initial_velocity=6.0 * sheet.points,
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, array, build, internal_force, jittered, rough, square, strain_energy, uniform
+from helpers import NEO, array, build, internal_force, jittered, refused, rough, square, strain_energy, uniform
 from resumed_runs import require_same_when_stopped
 
 from warp_pd import (
@@ -10,7 +10,6 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
-    InputError,
     Motion,
     NeoHookean,
     Nodal,
@@ -192,7 +191,7 @@ def test_looking_where_something_can_happen_gives_the_bits_of_looking_everywhere
 
 @pytest.mark.parametrize(
     "law",
-    [BondAssociated(TensionField(NEO), horizon=3.15), Visco(Yeoh(500.0)), Nodal(NEO, 2.015)],
+    [BondAssociated(TensionField(NEO), horizon=2.015), Visco(Yeoh(500.0)), Nodal(NEO, 2.015)],
     ids=["relaxed", "Visco", "Nodal"],
 )
 def test_a_torn_strip_keeps_its_balance(law):
@@ -349,7 +348,7 @@ def test_a_crack_of_an_outline_has_the_profile_too():
 def test_a_start_beyond_the_strength_is_one_line():
     sheet = square(9)
     start = uniform(sheet, [[1.9, 0.0], [0.0, 1.9], [0.0, 0.0]])
-    with pytest.raises(InputError, match=r"^damage = TearingEnergy: the sheet starts with [^\n]*$"):
+    with refused(match=r"^damage = TearingEnergy: the sheet starts with [^\n]*$"):
         Simulation(
             sheet, BondAssociated(NEO), Explicit(1e-3, frames=1), damage=TearingEnergy(5.0), initial_displacement=start
         ).run(device="cpu")
@@ -386,7 +385,7 @@ def test_the_stress_that_frames_show_is_that_which_is_left():
 def test_what_cannot_have_the_field_is_one_line(law):
     sheet = square(9)
     loads = [Fixed(sheet.edges("left", "right", "bottom", "top"))]
-    with pytest.raises(InputError, match=r"^[^\n]*TearingEnergy[^\n]*expected[^\n]*$|expected[^\n]*TearingEnergy$"):
+    with refused(match=r"^[^\n]*TearingEnergy[^\n]*expected[^\n]*$|expected[^\n]*TearingEnergy$"):
         Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(5.0), loads=loads).build("cpu")
 
 
@@ -404,7 +403,7 @@ def test_other_criteria_have_no_field():
     {"stretch_at_break": 0.9}, {"stretch_at_break": 1.9, "strength": 1.0},
 ])  # fmt: skip
 def test_wrong_values_are_refused(given):
-    with pytest.raises(InputError, match=r"^TearingEnergy"):
+    with refused(match=r"^TearingEnergy"):
         TearingEnergy(**{"energy": 1.0, **given})
 
 
@@ -414,18 +413,16 @@ def test_a_strength_below_that_of_the_length_is_a_constant_of_its_own():
     strong, weak = (build(damage=TearingEnergy(60.0, length=0.02, strength=s), **given).rupture for s in (None, 200.0))
     assert strong.limit > 500.0 and weak.limit == pytest.approx(200.0)
     assert weak.length == strong.length and len(weak.notes([{"mean_damage": 0.0}], None)) == 1
-    with pytest.raises(
-        InputError, match=r"^TearingEnergy\.strength = 600 J/m\^3 at a length of 0\.02 m: expected at most 5"
-    ):
+    with refused(match=r"^TearingEnergy\.strength = 600 J/m\^3 at a length of 0\.02 m: expected at most 5"):
         build(damage=TearingEnergy(60.0, length=0.02, strength=600.0), **given)
 
 
 def test_a_length_shorter_than_the_families_is_refused():
-    with pytest.raises(InputError, match=r"^TearingEnergy\.length = 0\.001: expected 0\.0151 m or more"):
+    with refused(match=r"^TearingEnergy\.length = 0\.001: expected 0\.0151 m or more"):
         build(square(11), damage=TearingEnergy(5.0, length=1e-3))
 
 
 @pytest.mark.parametrize("given", [{"length": 0.2}, {"length": 1e308}, {"strength": 1e-3}])
 def test_a_length_longer_than_the_sheet_is_refused(given):
-    with pytest.raises(InputError, match=r"^TearingEnergy: its length is .* m; expected .*, 0\.141 m, or a higher"):
+    with refused(match=r"^TearingEnergy: its length is .* m; expected .*, 0\.141 m, or a higher"):
         build(square(11), damage=TearingEnergy(5.0, **given))

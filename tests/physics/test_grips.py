@@ -7,12 +7,12 @@ from helpers import NEO
 from warp_pd import BondAssociated, Fixed, Motion, Newton, Sheet, Simulation, TearingEnergy, TensionField
 from warp_pd.materials import energy_density
 
-GRIDS = {"0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.3}}
+GRIDS = {"0": {}, "15": {"turn": 15.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.3}}
 HEIGHT, LENGTH, THICKNESS, STRETCH = 0.04, 0.06, 1e-3, 1.2
 MATERIAL = TensionField(NEO)
 
 
-def gripped(rows, wave=0.0, precision=64, **grid):
+def gripped(rows, wave=0.0, **grid):
     """An uncut strip at rest: its energy over that of uniform pure shear, and its largest damage.
 
     Between rollers its edges move apart by a mean times 1 + `wave` cos(pi x / LENGTH): a smooth state. In the
@@ -30,14 +30,14 @@ def gripped(rows, wave=0.0, precision=64, **grid):
             loads.append(Motion(grip[columns[grip] == x], [0.0, 1.0], x=0.0, y=[0.0, travel]))
     damage = TearingEnergy(10.0, strength=density / 0.97, spared=grips) if wave == 0.0 else TearingEnergy(1e3)
     scene = Simulation(sheet, BondAssociated(MATERIAL), Newton(load_steps=1), loads=loads, damage=damage)
-    last = scene.run(device="cpu", precision=precision).history[-1]
+    last = scene.run(device="cpu", precision=64).history[-1]
     return last["strain"] / (LENGTH * HEIGHT * THICKNESS * density), last["largest_damage"]
 
 
-@pytest.mark.parametrize(("name", "precision"), [("0", 64), ("15", 64), ("45", 64), ("jittered", 64), ("30", 32)])
-def test_a_strip_in_uniform_pure_shear_stores_its_exact_energy_and_keeps_quiet_at_its_grips(name, precision):
+@pytest.mark.parametrize("name", ["0", "15", "45", "jittered"])
+def test_a_strip_in_uniform_pure_shear_stores_its_exact_energy_and_keeps_quiet_at_its_grips(name):
     """At 0.97 times the strength: a family that is stretched more than the others would be damaged."""
-    energy, damage = gripped(14, precision=precision, **GRIDS[name])
+    energy, damage = gripped(14, **GRIDS[name])
     assert energy == pytest.approx(1.0, abs=1e-4)
     assert damage == 0.0
 

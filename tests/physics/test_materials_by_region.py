@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, build, built_on, exact_stress, internal_force, rough, square, strain_energy
+from helpers import NEO, build, built_on, exact_stress, internal_force, refused, rough, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
@@ -170,7 +170,7 @@ def test_energy_balance_and_restart(tmp_path):
 
     result = require_same_when_stopped(simulation, tmp_path, [2], precision=32)
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-3
-    with pytest.raises(InputError, match="written with different settings"):
+    with refused(match="written with different settings"):
         simulation(0.03).run(
             device="cpu", precision=32, out=tmp_path / "complete", usd=False, pictures=False, resume=True
         )
@@ -191,9 +191,8 @@ HALF = CLOUD.points[:, 0] > 0.049
 ])  # fmt: skip
 def test_wrong_regions_are_refused_in_one_line(parts, said):
     sheet, regions = parts.pop("sheet", CLOUD), parts.pop("regions", [(HALF, STIFF)])
-    with pytest.raises(InputError, match=f"^{said}") as caught:
+    with refused(match=f"^{said}"):
         build(sheet, material=ByRegion(NEO, regions), **parts)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("regions", [[], [STIFF], [(HALF, "rubber")], HALF, [(HALF, ByRegion(NEO, [(HALF, NEO)]))]])
@@ -203,20 +202,19 @@ def test_what_are_no_regions_is_refused(regions):
 
 
 def test_messages_name_the_region():
-    with pytest.raises(InputError, match=r"^ByRegion.regions\[0\]\[1\] = 'rubber': expected a material"):
+    with refused(match=r"^ByRegion.regions\[0\]\[1\] = 'rubber': expected a material"):
         ByRegion(NEO, [(HALF, "rubber")])
     corner = (CLOUD.points[:, :2] > 0.07).all(axis=1)
-    with pytest.raises(InputError, match=r"^ByRegion.regions\[0\], as a sheet of its own: horizon = ") as caught:
+    with refused(match=r"^ByRegion.regions\[0\], as a sheet of its own: horizon = "):
         build(CLOUD, material=ByRegion(NEO, [(corner, STIFF)]))
-    assert "\n" not in str(caught.value)
 
 
 def test_laws_of_one_material_refuse_it():
     material = ByRegion(NEO, [(HALF, STIFF)])
     for law in (Nodal(material), Visco(material, prony=(Prony(c10=1e3, time=1.0),))):
-        with pytest.raises(InputError, match=r"expected a material without regions \(ByRegion\), or the force Bond"):
+        with refused(match=r"expected a material without regions \(ByRegion\), or the force Bond"):
             built_on(Simulation(CLOUD, law, Explicit(1.0)))
-    with pytest.raises(InputError, match="expected a TensionField in each region instead"):
+    with refused(match="expected a TensionField in each region instead"):
         TensionField(material)
 
 

@@ -188,7 +188,7 @@ def test_a_torn_strip_balances_its_energy():
         Explicit(0.03, frames=30, safety=0.2),
         loads=[Fixed(left), Motion(right, times=[0.0, 0.02, 0.03], x=0.0, y=[0.0, 0.06, 0.06], z=0.0)],
         damage=TearingEnergy(1200.0, spared=np.concatenate([left, right])),
-    ).run(device="cpu", precision=32)
+    ).run(device="cpu", precision=64)
     assert result.status == "finished"
     lost = [row["viscous"] for row in result.history]
     last = result.history[-1]

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers import square
+from helpers import refused, square
 from resumed_runs import require_same_when_stopped
 from small_runs import simulate
 
@@ -267,10 +267,8 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_input_is_one_line(case):
     make, expected = WRONG[case]
-    with pytest.raises(InputError) as caught:
+    with refused(expected):
         make()
-    assert expected in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_without_newton_a_scene_says_what_to_install(monkeypatch):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import own_parts
 import pytest
-from helpers import MU, NEO, StopAt, square
+from helpers import MU, NEO, StopAt, refused, square
 
 from warp_pd import (
     Bimodular,
@@ -14,7 +14,6 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
-    InputError,
     Motion,
     Newton,
     Pressure,
@@ -108,9 +107,8 @@ def test_a_load_without_a_tangent_is_refused_by_newton_alone(parts):
 
     sheet = square(9)
     loads = [NoTangent(1e3), Fixed(sheet.edges("left"))]
-    with pytest.raises(InputError, match="ElasticFoundation") as caught:
+    with refused(match="ElasticFoundation"):
         Simulation(sheet, LAW, Newton(), loads=loads).build("cpu")
-    assert "\n" not in str(caught.value)
     Simulation(sheet, LAW, Relaxation(), loads=loads).build("cpu")
 
 
@@ -189,7 +187,7 @@ def test_solvers_without_contact_refuse_the_plane(parts, solver):
     plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
     sheet = square(9)
     said = r"contact = MovingPlane: not supported by the solver \w+; expected Explicit"
-    with pytest.raises(InputError, match=said):
+    with refused(match=said):
         Simulation(sheet, LAW, solver, loads=[Fixed(sheet.edges("left"))], contact=plane).build("cpu")
 
 
@@ -263,14 +261,13 @@ def test_plan_names_own_parts_and_what_they_allocate(parts):
     ],
 )
 def test_wrong_arguments_of_own_parts_end_in_one_line(parts, name, arguments, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(match=message):
         getattr(parts[name], arguments[0])(*arguments[1:])
-    assert "\n" not in str(caught.value)
 
 
 def test_a_part_given_as_another_argument_is_refused(parts):
     plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
-    with pytest.raises(InputError, match="MovingPlane"):
+    with refused(match="MovingPlane"):
         Simulation(square(9), LAW, Explicit(1.0), loads=[plane]).build("cpu")
-    with pytest.raises(InputError, match="contact"):
+    with refused(match="contact"):
         Simulation(square(9), LAW, Explicit(1.0), contact=Fixed([0])).build("cpu")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import square
+from helpers import refused, square
 from own_parts import RECIPES, recipe
 from resumed_runs import require_same_when_stopped
 from scipy.integrate import solve_ivp
@@ -16,7 +16,6 @@ from warp_pd import (
     BondAssociated,
     Explicit,
     Fixed,
-    InputError,
     MooneyRivlin,
     Motion,
     Newton,
@@ -59,7 +58,7 @@ WRONG = {
 
 @pytest.mark.parametrize("said", WRONG)
 def test_a_recipe_refuses_wrong_numbers(said):
-    with pytest.raises(InputError, match=re.escape(said)):
+    with refused(said):
         WRONG[said]()
 
 
@@ -382,6 +381,5 @@ def test_plan_names_what_a_recipe_allocates(name):
 def test_static_solvers_refuse_what_needs_time_in_one_line(name, solver):
     scene = SCENES[name]()
     scene.solver = solver
-    with pytest.raises(InputError, match="expected Explicit") as caught:
+    with refused(match="expected Explicit"):
         scene.build("cpu")
-    assert "\n" not in str(caught.value)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers import BULK, MU, square
+from helpers import BULK, MU, refused, square
 from small_runs import run
 
-from warp_pd import Explicit, Fixed, InputError, Motion
+from warp_pd import Explicit, Fixed, Motion
 
 
 def test_a_rigid_inclusion_moves_as_a_body():
@@ -76,7 +76,7 @@ def test_an_inclusion_that_would_deform_is_refused(name):
     sheet = square(9).inclusion((0.05, 0.05), 0.02)
     strained = np.zeros((sheet.size, 3))
     strained[:, 0] = 0.1 * sheet.points[:, 0]
-    with pytest.raises(InputError, match=rf"{name} of point \d+ = .*expected a rigid motion of its rigid inclusion"):
+    with refused(match=rf"{name} of point \d+ = .*expected a rigid motion of its rigid inclusion"):
         run(sheet, **{name: strained})
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import build, sever, square, strain_energy
+from helpers import build, refused, sever, square, strain_energy
 from passing import passing
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
@@ -11,7 +11,6 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
-    InputError,
     MooneyRivlin,
     Newton,
     Place,
@@ -389,14 +388,13 @@ def test_pieces_share_no_bond_and_start_without_stress():
     ],
 )  # fmt: skip
 def test_wrong_input_is_refused_in_one_line(make, message):
-    with pytest.raises(InputError, match=message) as error:
+    with refused(match=message):
         make()
-    assert "\n" not in str(error.value)
 
 
 def test_a_crushed_sheet_is_refused():
     sheet = square(13)
-    with pytest.raises(InputError, match="points without bonds came within"):
+    with refused(match="points without bonds came within"):
         run(sheet, initial_displacement=-0.9 * sheet.positions, contact=SelfContact(stiffness=1e-3))
 
 

@@ -6,7 +6,7 @@ import warp as wp
 from bond_based_cases import built as pairwise
 from curved_sheets import rotation, small_sphere, small_tube
 from grid_sheets import holed
-from helpers import NEO, array, build, exact_stress, jittered, sever, square, uniform
+from helpers import NEO, array, build, exact_stress, jittered, refused, sever, square, uniform
 from point_laws import build as build_law
 from visco_laws import POLYUREA, TERMS
 
@@ -17,7 +17,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     HyperelasticBonds,
-    InputError,
     Material,
     MooneyRivlin,
     Motion,
@@ -367,6 +366,5 @@ def test_what_a_law_cannot_give_is_refused_in_one_line():
         ),
         (lambda: build(square(9), fields=("principal_stress",)), "fields = 'principal_stress'"),
     ):
-        with pytest.raises(InputError) as error:
+        with refused(said):
             make()
-        assert said in str(error.value) and "\n" not in str(error.value)

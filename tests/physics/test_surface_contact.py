@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers import square
+from helpers import refused, square
 from resumed_runs import require_same_when_stopped
 from scipy.spatial.transform import Rotation
 from small_runs import run, simulate
@@ -18,7 +18,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     Free,
-    InputError,
     MooneyRivlin,
     RigidBody,
     Sheet,
@@ -134,10 +133,10 @@ def test_distances_of_triangles_from_a_segment():
         assert half_length == 0.0 or 5 < (found == 0.0).sum() < 95
 
 
-@pytest.mark.parametrize(("diameter", "stretch"), [(8e-3, 1.0), (8e-4, 5.0)])
-def test_a_pin_dents_a_balloon_and_stays_outside(diameter, stretch):
-    """Finer than its triangles, with sides of 5 to 25 mm; every step, on every triangle."""
-    result, gaps = pushed_in(Capsule(diameter, LENGTH), 3.0, 0.03, 16, 500, stretch=stretch)
+def test_a_pin_dents_a_balloon_and_stays_outside():
+    """Finer than its triangles, with sides of 25 mm; every step, on every triangle."""
+    diameter = 8e-4
+    result, gaps = pushed_in(Capsule(diameter, LENGTH), 3.0, 0.03, 16, 500, stretch=5.0)
     assert result.status == "finished" and result.summary["steps"] <= 1.01 * 500
     assert gaps.min() > 0.0
     assert gaps[-1] < 0.05 * diameter
@@ -260,11 +259,11 @@ def test_bodies_without_a_surface_leave_nothing_of_it():
     ],
 )
 def test_surfaces_that_cannot_be_are_refused(body, words):
-    with pytest.raises(InputError, match=words):
+    with refused(match=words):
         RigidBody(**{"shape": Sphere(0.1), "motion": BodyPath.still((0.0, 0.0, 5.0)), "surface": True, **body})
 
 
 def test_a_pin_between_points_of_the_sheet_at_the_start_is_refused():
     pin = RigidBody(Capsule(1e-3, 0.04), BodyPath.still((0.0535, 0.0535, 0.0)), surface=True)
-    with pytest.raises(InputError, match="m from the sheet at the start; triangle"):
+    with refused(match="m from the sheet at the start; triangle"):
         simulate(square(15), contact=pin).build("cpu")

@@ -62,14 +62,11 @@ CASES = {
     "lattice": (square(11), {"horizon": 3.15}),
     "assembled lattice": (square(11), {"assembled": True, "weights": "corrected"}),
     "assembled, 32 members and more": (square(15), {"assembled": True, "horizon": 4.15}),
-    "assembled Gent": (square(11), {"assembled": True, "material": GENT, "horizon": 1.5}),
     "lattice of varying thickness": (square(11, thickness=np.linspace(1e-3, 2e-3, 121)), {"assembled": True}),
     "Gent cloud": (jittered(11), {"material": GENT}),
     "broken lattice": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "sphere": (small_sphere(), {"weights": "corrected"}),
     "broken tube": (small_tube(16, 1.5), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
-    "broken cloud": (jittered(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
-    "softened lattice": (square(11), {"damage": TearingEnergy(10.0), "weights": "corrected"}),
     "softened and broken cloud": (jittered(11), {"crack": CRACK, "damage": TearingEnergy(10.0)}),
 }  # fmt: skip
 

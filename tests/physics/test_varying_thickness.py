@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import NEO, build, built_on, exact_stress, internal_force, rough, square, strain_energy
+from helpers import NEO, build, built_on, exact_stress, internal_force, refused, rough, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from scipy import sparse
 from scipy.interpolate import CubicSpline
@@ -21,7 +21,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     HyperelasticBonds,
-    InputError,
     MooneyRivlin,
     Motion,
     Newton,
@@ -297,7 +296,7 @@ def test_energy_balance_and_restart_of_a_sheet_that_tears(tmp_path):
     result = require_same_when_stopped(simulation, tmp_path, [3], precision=32)
     assert result.history[-1]["fracture"] > 1e-5
     assert max(abs(row["balance_error"]) for row in result.history) < 0.01
-    with pytest.raises(InputError, match="written with different settings"):
+    with refused(match="written with different settings"):
         simulation(lambda x, y: 5.0 + 31.0 * y).run(
             device="cpu", precision=32, out=tmp_path / "complete", usd=False, pictures=False, resume=True
         )
@@ -314,9 +313,8 @@ def test_energy_balance_and_restart_of_a_sheet_that_tears(tmp_path):
     ("thin", "thickness = 'thin': expected a number"), (None, "thickness = None: expected a number"),
 ])  # fmt: skip
 def test_wrong_thickness_is_refused_in_one_line(thickness, said):
-    with pytest.raises(InputError, match=f"^{said}") as caught:
+    with refused(match=f"^{said}"):
         square(3, thickness=thickness)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("energy", "said"), [
@@ -324,11 +322,9 @@ def test_wrong_thickness_is_refused_in_one_line(thickness, said):
     (lambda x, y: "weak", r"TearingEnergy.energy\(x, y\) = 'weak': expected numbers"),
 ])  # fmt: skip
 def test_wrong_tearing_energies_are_refused_in_one_line(energy, said):
-    with pytest.raises(InputError, match=f"^{said}"):
+    with refused(match=f"^{said}"):
         build(square(9), damage=TearingEnergy(energy))
-    with pytest.raises(
-        InputError, match=r"^TearingEnergy: .*strength.* with a varying energy; expected a uniform energy"
-    ):
+    with refused(match=r"^TearingEnergy: .*strength.* with a varying energy; expected a uniform energy"):
         TearingEnergy(energy, strength=10.0)
 
 
@@ -337,5 +333,5 @@ def test_wrong_tearing_energies_are_refused_in_one_line(energy, said):
     {"force": BondAssociated(NEO, fast=False, weights="plain"), "damage": CriticalEnergy(1.0)},
 ])  # fmt: skip
 def test_laws_and_criteria_of_one_thickness_refuse_others(parts):
-    with pytest.raises(InputError, match=r"^[^\n]*expected (one number|a sheet of uniform thickness)[^\n]*$"):
+    with refused(match=r"^[^\n]*expected (one number|a sheet of uniform thickness)[^\n]*$"):
         Simulation(square(9, thickness=hilly), solver=Explicit(1.0), **parts).build("cpu")

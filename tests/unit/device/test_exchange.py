@@ -4,6 +4,7 @@ import functools
 
 import pytest
 import warp as wp
+from helpers import refused
 from shared_scenes import MATERIAL, SIZE, composed, scene
 
 from warp_pd import (
@@ -14,7 +15,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     Free,
-    InputError,
     Newton,
     Nodal,
     RigidBody,
@@ -89,15 +89,14 @@ REFUSED = [
 
 @pytest.mark.parametrize(("made", "said"), REFUSED, ids=[said[:24] for _, said in REFUSED])
 def test_what_several_processes_cannot_run_is_refused_in_a_line(made, said):
-    with pytest.raises(InputError, match=said) as refused:
+    with refused(match=said):
         composed(made())
-    assert "\n" not in str(refused.value)
 
 
 def test_other_laws_are_refused_before_their_families_are_built():
     from warp_pd import Bimodular
 
-    with pytest.raises(InputError, match="force = BondBased: "):
+    with refused(match="force = BondBased: "):
         composed(plain(force=BondBased(Bimodular(1e6, 1e6), horizon=2.015)))
 
 
@@ -119,5 +118,5 @@ def test_a_launch_that_looks_too_far_is_refused():
         out = context.array(f"far_{k}", "test", wp.vec3, shape=n)
         stage.launch("test", far(), n, values=values, out=out)
         values = out
-    with pytest.raises(InputError, match=r"^test: look_far uses points up to 3 horizons away"):
+    with refused(match=r"^test: look_far uses points up to 3 horizons away"):
         add_exchanges(context)

@@ -3,8 +3,8 @@
 import fitting_cases as cases
 import numpy as np
 import pytest
+from helpers import refused
 
-from warp_pd import InputError
 from warp_pd.fitting import Curve, FieldData, read_table, read_tests
 from warp_pd.fitting.data import UNITS
 
@@ -73,13 +73,12 @@ def test_gaps_are_left_out_and_named(tmp_path):
     ],
 )
 def test_wrong_files_are_refused_in_a_line(tmp_path, text, said):
-    with pytest.raises(InputError, match=said) as raised:
+    with refused(match=said):
         read_tests(written(tmp_path, text), cases.blown, None)
-    assert "\n" not in str(raised.value)
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with refused(match="cannot be read"):
         read_table(tmp_path / "nothing.csv")
 
 
@@ -100,14 +99,14 @@ def test_a_field_has_places_and_displacements_for_every_level(tmp_path):
     assert notes == ["data.csv, line 3: the displacement is missing: the row is left out"]
     whole = "x [mm],y [mm],u [mm],v [mm]\n1,2,0.1,0.2\n"
     assert [field.at for field in read_tests(written(tmp_path, whole), cases.ogden_strip, None)[0]] == [1.0]
-    with pytest.raises(InputError, match="column 'u' is a force: expected a length"):
+    with refused(match="column 'u' is a force: expected a length"):
         read_tests(written(tmp_path, "x [m],y [m],u [N],v [m]\n1,2,3,4\n"), cases.ogden_strip, None)
 
 
 def test_shapes_of_data_are_checked():
-    with pytest.raises(InputError, match="expected equal lengths"):
+    with refused(match="expected equal lengths"):
         Curve("pressure", np.ones(2), "height", np.ones(3))
-    with pytest.raises(InputError, match="expected finite numbers"):
+    with refused(match="expected finite numbers"):
         Curve("pressure", np.ones(2), "height", np.array([1.0, np.nan]))
-    with pytest.raises(InputError, match="not all NaN"):
+    with refused(match="not all NaN"):
         FieldData(np.ones((2, 2)), np.full((2, 3), np.nan))

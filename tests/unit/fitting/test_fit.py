@@ -3,8 +3,9 @@
 import fitting_cases as cases
 import numpy as np
 import pytest
+from helpers import refused
 
-from warp_pd import Explicit, Gent, InputError, MooneyRivlin, NeoHookean, Ogden
+from warp_pd import Explicit, Gent, MooneyRivlin, NeoHookean, Ogden
 from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
 from warp_pd.fitting.equilibrium import Equilibrium
 
@@ -144,10 +145,10 @@ def test_wrong_arguments_are_refused(heights):
         (["mu"], {"bounds": {"mu": (1.0, 2.0)}}, "expected an initial value inside its bounds"),
         (["mu"], {"loss": "huber"}, "loss = 'huber'"),
     ):
-        with pytest.raises(InputError, match=said):
+        with refused(match=said):
             fit(bulge(heights), vary, device="cpu", **more)
     few = SceneTests(cases.blown, [Curve("pressure", PRESSURES[:1], "height", heights[:1])])
-    with pytest.raises(InputError, match="expected more numbers than the 2 constants"):
+    with refused(match="expected more numbers than the 2 constants"):
         fit(few, ["mu", "lock"], device="cpu")
 
 
@@ -180,7 +181,7 @@ def test_places_of_a_field_are_exact_for_linear_displacements():
     moved = type(frame)(1, 1.0, linear, frame.velocity)
     shown = PointField.at(sheet, places).values(moved)
     assert shown == pytest.approx(places @ np.array([[0.1, 0.0, 0.2], [0.3, -0.1, 0.0]]), abs=1e-15)
-    with pytest.raises(InputError, match="none of them is on the sheet"):
+    with refused(match="none of them is on the sheet"):
         PointField.at(sheet, np.array([[1.0, 1.0]]))
 
 
@@ -223,7 +224,7 @@ def test_a_run_in_time_is_fitted_by_differences_over_runs():
     curve = Curve("time", at, "height", heard, name="shaken")
     found = fit(SceneTests(shaken, [curve]), ["mu"], start={"mu": 0.45e6}, device="cpu")
     assert found.estimates["mu"] == pytest.approx(0.4e6, rel=1e-4)
-    with pytest.raises(InputError, match="expected at most"):
+    with refused(match="expected at most"):
         late = Curve("time", at * 10.0, "height", heard)
         fit(SceneTests(shaken, [late]), ["mu"], device="cpu").table()
 
@@ -239,17 +240,17 @@ def test_results_are_saved(tmp_path, heights):
 
 def test_a_constant_without_a_default_that_nothing_gives_is_named():
     curve = Curve("uniaxial", np.linspace(1.1, 2.0, 5), "stress", np.ones(5))
-    with pytest.raises(InputError, match=r"^bulk has no default: expected a value in settings"):
+    with refused(match=r"^bulk has no default: expected a value in settings"):
         fit(UniformTests(Gent, [curve], {"lock": 20.0}), ["mu"], start={"mu": 1e5})
 
     def scene(mu, pressure, points=7):
         raise AssertionError("it must not be built")
 
-    with pytest.raises(InputError, match=r"^pressure has no default: expected a value in settings"):
+    with refused(match=r"^pressure has no default: expected a value in settings"):
         fit(SceneTests(scene, [curve]), ["mu"], start={"mu": 1e5})
 
 
 def test_stretches_that_are_not_positive_are_refused():
     curve = Curve("uniaxial", [-1.1, 2.0], "stress", [1e5, 2e5], name="pulled")
-    with pytest.raises(InputError, match=r"pulled: expected positive stretches, got -1\.1"):
+    with refused(match=r"pulled: expected positive stretches, got -1\.1"):
         fit(UniformTests(MooneyRivlin, [curve]), ["c10"], start={"c10": 1e5})

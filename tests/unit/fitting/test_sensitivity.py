@@ -2,8 +2,9 @@
 
 import fitting_cases as cases
 import pytest
+from helpers import refused
 
-from warp_pd import Explicit, InputError, Relaxation
+from warp_pd import Explicit, Relaxation
 from warp_pd.fitting import sensitivity
 from warp_pd.fitting.equilibrium import Equilibrium
 from warp_pd.fitting.sensitivity import with_defaults
@@ -112,15 +113,15 @@ def test_what_has_no_derivative_is_refused():
         return scene
 
     for build, name in ((relaxed, "Relaxation"), (moving, "Explicit")):
-        with pytest.raises(InputError, match=f"solver = {name}: expected Newton"):
+        with refused(match=f"solver = {name}: expected Newton"):
             sensitivity(build, ["mu"], ["height"])
-    with pytest.raises(InputError, match="vary = 'nu': expected an argument of the scene"):
+    with refused(match="vary = 'nu': expected an argument of the scene"):
         sensitivity(cases.blown, ["nu"], ["height"])
-    with pytest.raises(InputError, match="measure = 'width': expected a measure of the scene: height"):
+    with refused(match="measure = 'width': expected a measure of the scene: height"):
         sensitivity(cases.blown, ["mu"], ["width"])
-    with pytest.raises(InputError, match="free = False: expected a number"):
+    with refused(match="free = False: expected a number"):
         sensitivity(cases.blown, ["free"], ["height"])
-    with pytest.raises(InputError, match="method = 'adjoint': expected measures that are"):
+    with refused(match="method = 'adjoint': expected measures that are"):
         sensitivity(cases.ogden_strip, ["mu1"], ["squared"], method="adjoint")
 
 

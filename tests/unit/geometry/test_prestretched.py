@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from enclosed_cases import ball
-from helpers import build, internal_force, jittered, square, strain_energy
+from helpers import build, internal_force, jittered, refused, square, strain_energy
 from small_runs import run, simulate
 
 from warp_pd import (
     Explicit,
     Fixed,
-    InputError,
     Measure,
     MooneyRivlin,
     Motion,
@@ -157,9 +156,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_stretches_are_named(make, text):
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         make()
-    assert "\n" not in str(caught.value)
 
 
 def test_a_curved_sheet_shrinks_alike_in_all_directions():
@@ -169,7 +167,7 @@ def test_a_curved_sheet_shrinks_alike_in_all_directions():
     assert sheet.unstretched().positions == pytest.approx(points / 1.6)
     assert sheet.placement() == pytest.approx(points * 0.6 / 1.6)
     assert sheet.unstretched().areas == pytest.approx(1.0 / 1.6**2)
-    with pytest.raises(InputError, match="one stretch for a curved sheet"):
+    with refused(match="one stretch for a curved sheet"):
         sheet.prestretched(1.0, 1.1)
 
 

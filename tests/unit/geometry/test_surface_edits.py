@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from curved_sheets import saddle, small_sphere, small_tube
-from helpers import build
+from helpers import build, refused
 
-from warp_pd import InputError, Sheet, TearingEnergy
+from warp_pd import Sheet, TearingEnergy
 from warp_pd.families import build_families
 from warp_pd.geometry.topology import pieces
 from warp_pd.geometry.triangulation import triangle_areas
@@ -207,6 +207,5 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
      "slit: expected a curved sheet"),
 ])  # fmt: skip
 def test_wrong_slits_and_holes_are_refused_in_one_line(change, said):
-    with pytest.raises(InputError, match=f"^{said}") as caught:
+    with refused(match=f"^{said}"):
         change()
-    assert "\n" not in str(caught.value)

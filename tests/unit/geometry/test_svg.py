@@ -4,6 +4,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from helpers import refused
 
 from warp_pd import InputError, Sheet
 from warp_pd.geometry.svg import read_outline
@@ -107,7 +108,7 @@ def test_part(tmp_path):
     body = '<rect id="left" width="4" height="4"/><g transform="scale(2)"><circle id="right" cx="20" r="1"/></g>'
     assert read(tmp_path, body, part="left").boundary.points.max() == 4.0
     assert read(tmp_path, body, part="right", tolerance=1e-6).boundary.points[:, 0].max() == pytest.approx(42.0)
-    with pytest.raises(InputError, match="part = 'rihgt': expected one of 'left', 'right'"):
+    with refused(match="part = 'rihgt': expected one of 'left', 'right'"):
         read(tmp_path, body, part="rihgt")
 
 
@@ -149,16 +150,16 @@ def test_wrong_outlines_are_named(tmp_path, name):
 def test_wrong_arguments(tmp_path):
     square = '<rect width="10" height="10"/>'
     for unit in (None, "px"):
-        with pytest.raises(InputError, match=rf"unit = {unit!r}: expected 'm', 'mm', 'cm', 'in' or a number of meters"):
+        with refused(match=rf"unit = {unit!r}: expected 'm', 'mm', 'cm', 'in' or a number of meters"):
             read(tmp_path, square, unit=unit)
     for head in (VIEW, f'{VIEW} width="100%" height="50px"'):
-        with pytest.raises(InputError, match=r"unit = 'document': .* expected lengths in mm, cm, in"):
+        with refused(match=r"unit = 'document': .* expected lengths in mm, cm, in"):
             read(tmp_path, square, head, unit="document")
-    with pytest.raises(InputError, match="expected the ratio of the viewBox"):
+    with refused(match="expected the ratio of the viewBox"):
         read(tmp_path, square, f'{VIEW} width="100mm" height="100mm"', unit="document")
-    with pytest.raises(InputError, match=r"tolerance = 0\.0: expected a positive number"):
+    with refused(match=r"tolerance = 0\.0: expected a positive number"):
         read(tmp_path, square, tolerance=0.0)
-    with pytest.raises(InputError, match="the file does not exist"):
+    with refused(match="the file does not exist"):
         read_outline(tmp_path / "none.svg", unit="m", tolerance=1e-3)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 from bond_based_cases import LAWS, built
-from helpers import array, build, jittered, square
+from helpers import array, build, jittered, refused, square
 
 from warp_pd import (
     Bimodular,
@@ -10,7 +10,6 @@ from warp_pd import (
     BondBased,
     CriticalStretch,
     Explicit,
-    InputError,
     NeoHookean,
     Newton,
     Sheet,
@@ -68,9 +67,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_input_is_one_line(make, text):
-    with pytest.raises(InputError) as error:
+    with refused(text):
         make()
-    assert text in str(error.value) and "\n" not in str(error.value)
 
 
 def test_bonds_without_a_modulus_in_compression_go_slack():

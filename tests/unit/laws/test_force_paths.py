@@ -54,22 +54,23 @@ def energy_of_families(built, displacement):
     return built.law.strain_energy.numpy()
 
 
-def compare(sheet, horizon, bits, cut=None, material=NEO, law=None):
-    parts = {"damage": CriticalStretch(1e3)} if cut else {}
+def cut_through(built):
+    sever(built, CUT)
+
+
+def compare(sheet, horizon, bits, tear=None, damage=None, material=NEO, law=None):
+    """Forces and energies of the fast and the reference kernels, after `tear` broke or weakened bonds; the launches."""
+    damage = damage or (CriticalStretch(1e3) if tear else None)
+    move = rough(sheet) if sheet.frames is None else rough_motion(sheet)
     forces, energies, launches = [], [], []
     for fast in (True, False):
         built = build(
-            sheet,
-            horizon=horizon,
-            material=material,
-            precision=bits,
-            law={"fast": fast, **(law or {})},
-            **parts,
+            sheet, horizon=horizon, material=material, precision=bits, law={"fast": fast, **(law or {})}, damage=damage
         )
-        if cut:
-            sever(built, cut)
-        forces.append(internal_force(built, rough(sheet)))
-        energies.append(energy_of_families(built, rough(sheet)))
+        if tear:
+            tear(built)
+        forces.append(internal_force(built, move))
+        energies.append(energy_of_families(built, move))
         launches.append(launch_names(built))
     quick, reference = forces
     assert np.abs(quick - reference).max() <= TOLERANCE[bits] * np.abs(reference).max()
@@ -84,66 +85,11 @@ def test_undamaged_families_inside_a_lattice(large_on_gpu):
 
 
 def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu):
-    quick, _ = compare(square((17, 15)), LARGE, 32, cut=CUT)
+    quick, _ = compare(square((17, 15)), LARGE, 32, cut_through)
     assert "undamaged_family_force" in quick
 
 
 SLIT = square(13).cut((0.0, 0.052), (0.06, 0.052))
-
-
-@pytest.mark.parametrize(
-    ("sheet", "horizon", "bits", "cut"),
-    [
-        (square(15), 1.5, 32, None),
-        (square(15), 3.15, 64, CUT),
-        (jittered(13), 1.5, 64, CUT),
-        (SLIT, 3.15, 64, CUT),
-        (holed(19), 1.5, 64, CUT),
-    ],
-)
-def test_a_cpu_sums_rows(sheet, horizon, bits, cut):
-    quick, reference = compare(sheet, horizon, bits, cut=cut)
-    assert "family_rows_force" in quick and "family_rows_force" not in reference
-
-
-@pytest.mark.parametrize("material", [NEO, Woven(MU, 2e5, 160.0), Hasty(MU, 2e5, 160.0)], ids=["neo", "woven", "far"])
-def test_a_cpu_sums_rows_of_any_material(material):
-    quick, _ = compare(square(11), 2.015, 64, material=material)
-    assert "family_rows_force" in quick
-
-
-def compare_curved(bits, tear=None):
-    """The same for a tube, which a function may tear."""
-    tube, forces, energies, launches = small_tube(), [], [], []
-    for fast in (True, False):
-        parts = {"damage": CriticalStretch(1e3)} if tear else {}
-        built = build(tube, horizon=2.5, precision=bits, law={"fast": fast}, **parts)
-        if tear:
-            tear(built)
-        forces.append(internal_force(built, rough_motion(tube)))
-        energies.append(energy_of_families(built, rough_motion(tube)))
-        launches.append(launch_names(built))
-    assert np.abs(forces[0] - forces[1]).max() <= TOLERANCE[bits] * np.abs(forces[1]).max()
-    assert np.abs(energies[0] - energies[1]).max() <= ENERGY_TOLERANCE[bits] * energies[1].max()
-    return launches
-
-
-@pytest.mark.parametrize(("torn", "bits"), [(False, 32), (True, 64)], ids=["undamaged", "torn"])
-def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
-    quick, _ = compare_curved(bits, break_at_random if torn else None)
-    assert "family_rows_force" in quick
-
-
-def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
-    quick, _ = compare_curved(64, tear)
-    assert "family_block_force" in quick
-
-
-@pytest.mark.parametrize("sheet", [square(13), jittered(13), SLIT, holed(19)], ids=["lattice", "cloud", "slit", "grid"])
-def test_one_thread_per_bond(gpu_paths, sheet):
-    """A GPU takes small sheets so."""
-    quick, _ = compare(sheet, 2.015, 64, cut=CUT)
-    assert "family_block_force" in quick and "undamaged_family_force" not in quick
 
 
 def break_at_random(built, seed=0):
@@ -153,16 +99,40 @@ def break_at_random(built, seed=0):
     built.law.intact.assign(np.ascontiguousarray(pack(families.exists & ~lost).T))
 
 
-def compare_softened(sheet, horizon, bits):
-    forces, launches = [], []
-    for fast in (True, False):
-        built = build(sheet, horizon=horizon, precision=bits, law={"fast": fast}, damage=TearingEnergy(10.0))
-        soften(built)
-        forces.append(internal_force(built, rough(sheet)))
-        launches.append(launch_names(built))
-    quick, reference = forces
-    assert np.abs(quick - reference).max() <= TOLERANCE[bits] * np.abs(reference).max()
-    assert launches[0] != launches[1] and "sweep" in launches[0]
+@pytest.mark.parametrize(
+    ("sheet", "horizon", "bits", "tear"),
+    [
+        (square(15), 1.5, 32, None),
+        (square(15), 3.15, 64, cut_through),
+        (jittered(13), 1.5, 64, cut_through),
+        (SLIT, 3.15, 64, cut_through),
+        (holed(19), 1.5, 64, cut_through),
+        (small_tube(), 2.5, 32, None),
+        (small_tube(), 2.5, 64, break_at_random),
+    ],
+    ids=["lattice", "torn lattice", "torn cloud", "torn slit", "torn grid", "tube", "torn tube"],
+)
+def test_a_cpu_sums_rows(sheet, horizon, bits, tear):
+    quick, reference = compare(sheet, horizon, bits, tear)
+    assert "family_rows_force" in quick and "family_rows_force" not in reference
+
+
+@pytest.mark.parametrize("material", [NEO, Woven(MU, 2e5, 160.0), Hasty(MU, 2e5, 160.0)], ids=["neo", "woven", "far"])
+def test_a_cpu_sums_rows_of_any_material(material):
+    quick, _ = compare(square(11), 2.015, 64, material=material)
+    assert "family_rows_force" in quick
+
+
+def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
+    quick, _ = compare(small_tube(), 2.5, 64, tear)
+    assert "family_block_force" in quick
+
+
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(19)], ids=["lattice", "cloud", "grid"])
+def test_one_thread_per_bond(gpu_paths, sheet):
+    """A GPU takes small sheets so."""
+    quick, _ = compare(sheet, 2.015, 64, cut_through)
+    assert "family_block_force" in quick and "undamaged_family_force" not in quick
 
 
 def shuffled(points=13):
@@ -227,39 +197,41 @@ def test_laws_that_need_tables_have_them(gpu_paths, tune):
     assert not compact(horizon=3.15) and not compact(horizon=2.015)
 
 
+def compare_softened(sheet, bits):
+    quick, reference = compare(sheet, 2.015, bits, soften, TearingEnergy(10.0))
+    assert quick != reference and "sweep" in quick
+
+
 def test_softened_families():
-    compare_softened(square(15), 2.015, 64)
+    compare_softened(square(15), 64)
 
 
-@pytest.mark.parametrize(("sheet", "bits"), [(square(13), 64), (jittered(13), 32)], ids=["lattice", "cloud"])
-def test_softened_families_with_one_thread_per_bond(gpu_paths, sheet, bits):
-    compare_softened(sheet, 2.015, bits)
+def test_softened_families_with_one_thread_per_bond(gpu_paths):
+    compare_softened(jittered(13), 32)
+
+
+def test_softened_families_that_share_blocks(large_on_gpu):
+    compare_softened(square(13), 64)
 
 
 @pytest.mark.parametrize("sheet", [square(13), holed(25, 0.006)], ids=["lattice", "grid"])
-def test_softened_families_that_share_blocks(large_on_gpu, sheet):
-    compare_softened(sheet, 2.015, 64)
-
-
-@pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(25, 0.006)], ids=["lattice", "cloud", "grid"])
 def test_families_that_share_blocks(large_on_gpu, sheet):
     """A GPU takes the damaged and the outer families of large sheets so."""
-    quick, _ = compare(sheet, 2.015, 64, cut=CUT)
+    quick, _ = compare(sheet, 2.015, 64, cut_through)
     assert "family_block_force" in quick and "gather_from_reverse_bonds" in quick
 
 
-@pytest.mark.parametrize(("sheet", "cut"), [(square(33), None), (holed(33, 0.006), CUT)], ids=["lattice", "torn grid"])
-def test_forces_through_a_ring(large_on_gpu, tune, sheet, cut):
+def test_forces_through_a_ring(large_on_gpu, tune):
     """Large sheets are computed in strips; here the ring is small."""
     tune(ring=300)
-    quick, _ = compare(sheet, 2.015, 64, cut=cut)
+    quick, _ = compare(holed(33, 0.006), 2.015, 64, cut_through)
     assert quick.count("undamaged_family_force") == quick.count("gather_from_reverse_bonds") > 4
 
 
 def test_bonds_between_distant_indices_need_no_ring(large_on_gpu, tune):
     """The points off the grid come first, those around them much later."""
     tune(ring=300)
-    quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=CUT)
+    quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut_through)
     assert quick.count("undamaged_family_force") == 1
 
 

@@ -12,6 +12,7 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Maxwell,
+    NeoHookean,
     Prony,
     Simulation,
     TearingEnergy,
@@ -29,7 +30,7 @@ CUT = ((0.02, 0.031), (0.071, 0.08))
 ALL_TERMS = (*TERMS, Prony(0.05e6, 0.01e6, time=0.5, exponent=0.6), Prony(0.02e6, time=1e-5))
 PRONY = {"material": POLYUREA, "prony": ALL_TERMS}
 BRANCHES = {
-    "material": TensionField(POLYUREA), "prony": (), "branches": (Maxwell(0.2e6, 0.1), Maxwell(0.1e6, 1e-4))
+    "material": TensionField(NeoHookean(4e5, 4e7)), "prony": (), "branches": (Maxwell(0.2e6, 0.1), Maxwell(0.1e6, 1e-4))
 }  # fmt: skip
 
 
@@ -83,9 +84,8 @@ def test_corrected_weights():
     compare(square(11), 64, weights="corrected")
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-def test_maxwell_elements_that_wrinkle_and_tear(bits):
-    compare(square(11), bits, damage=TearingEnergy(3e3, cut_profile=False), **BRANCHES)
+def test_maxwell_elements_that_wrinkle_and_tear():
+    compare(square(11), 64, damage=TearingEnergy(3e3, cut_profile=False), **BRANCHES)
 
 
 def test_a_curved_sheet():

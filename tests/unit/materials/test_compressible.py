@@ -3,8 +3,9 @@
 import re
 
 import pytest
+from helpers import refused
 
-from warp_pd import Gent, InputError, NeoHookean
+from warp_pd import Gent, NeoHookean
 
 
 @pytest.mark.parametrize(
@@ -18,9 +19,9 @@ from warp_pd import Gent, InputError, NeoHookean
     ],
 )
 def test_moduli_must_be_positive(numbers, said):
-    with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+    with refused(match=f"^{re.escape(said)}$"):
         NeoHookean(*numbers)
-    with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+    with refused(match=f"^{re.escape(said)}$"):
         Gent(*numbers, lock=10.0)
-    with pytest.raises(InputError, match="lock = 0"):
+    with refused(match="lock = 0"):
         Gent(1.0, 1.0, 0.0)

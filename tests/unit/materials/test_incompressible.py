@@ -6,8 +6,9 @@ from pathlib import Path
 
 import isihara
 import pytest
+from helpers import refused
 
-from warp_pd import ArrudaBoyce, BondAssociated, InputError, MooneyRivlin, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, BondAssociated, MooneyRivlin, Ogden, Yeoh
 
 
 @pytest.mark.parametrize(
@@ -31,7 +32,7 @@ from warp_pd import ArrudaBoyce, BondAssociated, InputError, MooneyRivlin, Ogden
     ],
 )
 def test_wrong_constants_are_refused(make, said):
-    with pytest.raises(InputError, match=said):
+    with refused(match=said):
         make()
 
 
@@ -49,7 +50,7 @@ def test_constants_that_the_functions_do_not_take_are_refused():
     class Long(MooneyRivlin):
         constants = (1.0, 2.0, 3.0, 4.0, 5.0)
 
-    with pytest.raises(InputError, match=r"^Long\.constants has 5 numbers: expected at most 4$"):
+    with refused(match=r"^Long\.constants has 5 numbers: expected at most 4$"):
         BondAssociated(Long(1.0))
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import square
+from helpers import refused, square
 from small_runs import simulate
 
 from warp_pd import Explicit, Fixed, Frames, InputError, Newton, Pressure
@@ -67,8 +67,7 @@ def test_what_is_not_there_is_one_line(result, tmp_path):
         (lambda: result.frames.series("stretch_1", 49), "points = 49: expected indices of 49 points"),
         (lambda: simulate(square(7), Explicit(1e-4, frames=1)).run(device="cpu").frames, "run(out='runs/mine')"),
     ):
-        with pytest.raises(InputError) as error:
+        with refused(said):
             call()
-        assert said in str(error.value) and "\n" not in str(error.value)
     with pytest.raises(IndexError, match="expected -6 to 5"):
         result.frames[6]

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from boundary_forces import built_on, families_of
-from helpers import square
+from helpers import refused, square
 
-from warp_pd import BondAssociated, BoundaryForce, Explicit, InputError, NeoHookean, Simulation
+from warp_pd import BondAssociated, BoundaryForce, Explicit, NeoHookean, Simulation
 from warp_pd.parts.boundary_force import near_edges
 
 
@@ -80,9 +80,8 @@ def test_the_plan_has_it_only_where_a_scene_asks():
     ],
 )
 def test_wrong_input_is_one_line(arguments, message):
-    with pytest.raises(InputError) as error:
+    with refused(message):
         BoundaryForce(**arguments)
-    assert message in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +93,5 @@ def test_wrong_input_is_one_line(arguments, message):
     ],
 )
 def test_wrong_points_are_one_line(loads, message):
-    with pytest.raises(InputError) as error:
+    with refused(message):
         Simulation(square(9), BondAssociated(NeoHookean(1e3, 1e5)), Explicit(1.0), loads=loads).build("cpu")
-    assert message in str(error.value) and "\n" not in str(error.value)

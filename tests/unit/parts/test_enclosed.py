@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from curved_sheets import small_tube
 from enclosed_cases import CUBE, TETRAHEDRON, ball, enclosed
-from helpers import NEO, build, jittered, rough, square
+from helpers import NEO, build, jittered, refused, rough, square
 from scipy.spatial.transform import Rotation
 
 from warp_pd import (
@@ -16,7 +16,6 @@ from warp_pd import (
     EnclosedVolume,
     Explicit,
     Fixed,
-    InputError,
     Motion,
     Relaxation,
     Simulation,
@@ -120,7 +119,7 @@ def test_a_rim_may_slide_in_the_plane_where_the_sheet_starts():
     loads = [Fixed(np.asarray(tube.edges()), "z"), EnclosedVolume([(0.0, 1.0)], 5.0)]
     build(aslant, horizon=2.5, loads=loads, initial_displacement=tube.points - aslant.points)
     for sheet, start in ((aslant, None), (tube, aslant.points - tube.points)):
-        with pytest.raises(InputError, match="is on an edge of the sheet and free"):
+        with refused(match="is on an edge of the sheet and free"):
             build(sheet, horizon=2.5, loads=loads, initial_displacement=start)
 
 
@@ -206,9 +205,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_input_is_named(make, text):
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         make()
-    assert "\n" not in str(caught.value)
 
 
 def test_moved_edges_are_held_edges():
@@ -248,5 +246,5 @@ def test_the_tangent_is_the_derivative_of_the_force():
 def test_a_leak_needs_time():
     sheet = square(5)
     loads = [Fixed(sheet.edges("all")), EnclosedGas(chamber=1.0, leak=0.6)]
-    with pytest.raises(InputError, match="EnclosedGas: not supported by the solver Relaxation"):
+    with refused(match="EnclosedGas: not supported by the solver Relaxation"):
         Simulation(sheet, BondAssociated(NEO), Relaxation(), loads=loads, damage=CriticalStretch(2.0)).build("cpu")

@@ -1,9 +1,9 @@
 """Loads, contact and rupture: wrong input is named."""
 
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 
-from warp_pd import BodyForce, CriticalEnergy, CriticalStretch, Explicit, InputError, Nodal, RigidBall, Simulation
+from warp_pd import BodyForce, CriticalEnergy, CriticalStretch, Explicit, Nodal, RigidBall, Simulation
 
 NAN = float("nan")
 WRONG = [
@@ -20,6 +20,5 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_parts_are_named(make, text):
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         make()
-    assert "\n" not in str(caught.value)

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 
-from warp_pd import BondAssociated, Explicit, Fixed, InputError, Motion, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
 from warp_pd.parts import stretching_edges
 
 
@@ -35,13 +35,12 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_supports_are_named(make, text):
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         make()
-    assert "\n" not in str(caught.value)
 
 
 def test_a_point_cannot_be_held_twice():
-    with pytest.raises(InputError, match="point 3"):
+    with refused(match="point 3"):
         built_with(Fixed([3]), Motion([3], [0.0], x=1.0))
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from helpers import refused
 
-from warp_pd import InputError
 from warp_pd.__main__ import main
 from warp_pd.families import unpack
 from warp_pd.run.bench import FEATURES, Case, Timing, break_some, measure, table, time_step
@@ -75,7 +75,7 @@ def test_a_feature_that_is_left_out_takes_no_bytes():
     ],
 )
 def test_wrong_cases(values, message):
-    with pytest.raises(InputError, match=message):
+    with refused(match=message):
         Case(15, 2.015, **values)
 
 

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 import warp as wp
-from helpers import square
+from helpers import refused, square
 from small_runs import BALL, cli, simulate
 
-from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, InputError, Simulation, read_series
+from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, Simulation, read_series
 from warp_pd.interfaces import BuiltPart, Part
 from warp_pd.materials import Bimodular
 
@@ -98,14 +98,14 @@ def test_fields_of_a_part_can_be_chosen(fields, tmp_path):
     arrays = {"mark": {"mark"}, "stretch": {"stretch_1", "stretch_2"}}
     assert held(result.folder) == {"displacement"}.union(*(arrays[name] for name in fields))
     assert (result.frame.point_data["mark"] == np.arange(sheet.size)).all()
-    with pytest.raises(InputError, match=r"expected one of .*'mark'.*did you mean 'mark'"):
+    with refused(match=r"expected one of .*'mark'.*did you mean 'mark'"):
         simulation.run(device="cpu", out=tmp_path / "b", usd=False, fields=["marc"])
 
 
 def test_a_law_says_what_it_gives():
-    with pytest.raises(InputError, match="the law BondBased has no such field; expected one of principal_stress"):
+    with refused(match="the law BondBased has no such field; expected one of principal_stress"):
         Simulation(square(9), BondBased(Bimodular(1e4)), Explicit(1.0), chosen_fields=["cauchy"]).build("cpu")
-    with pytest.raises(InputError, match="fields = 'damage': expected a list of names"):
+    with refused(match="fields = 'damage': expected a list of names"):
         small().run(device="cpu", fields="damage")
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers import square
+from helpers import refused, square
 from small_runs import BALL, cli, simulate
 
-from warp_pd import Explicit, Fixed, Free, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
+from warp_pd import Explicit, Fixed, Free, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
 from warp_pd.measures import support_force
 from warp_pd.parts import BodyPath
 from warp_pd.run.folder import read_history
@@ -141,6 +141,5 @@ def test_wrong_input_is_one_line():
         (lambda: simulate(sheet).run(device="cpu", history_every=-1.0), "history_every = -1.0"),
         (lambda: simulate(sheet).run(device="cpu").plot("kinetic", fine=True), "fine = True"),
     ):
-        with pytest.raises(InputError) as error:
+        with refused(said):
             make()
-        assert said in str(error.value) and "\n" not in str(error.value)

@@ -8,7 +8,7 @@ import sys
 import threading
 
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Outcome, Simulation
@@ -27,11 +27,11 @@ def simulation(**parts):
 def test_a_folder_with_results_is_kept_unless_asked(tmp_path):
     simulation().run(out=tmp_path, device="cpu", usd=False)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match=r"it contains summary\.json; expected a folder without results, overwrite"):
+    with refused(match=r"it contains summary\.json; expected a folder without results, overwrite"):
         simulation().run(out=tmp_path, device="cpu", usd=False)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert simulation().run(out=tmp_path, device="cpu", usd=False, overwrite=True).status == "finished"
-    with pytest.raises(InputError, match="resume = True, overwrite = True: expected at most one of them"):
+    with refused(match="resume = True, overwrite = True: expected at most one of them"):
         simulation().run(out=tmp_path, device="cpu", resume=True, overwrite=True)
 
 
@@ -40,7 +40,7 @@ def test_files_of_others_are_never_touched(tmp_path):
     (tmp_path / "summary.json").write_text("lab\n")
     (tmp_path / "fig.png.part").write_text("mine")
     for overwrite in (False, True):
-        with pytest.raises(InputError, match=r"summary\.json"):
+        with refused(match=r"summary\.json"):
             simulation().run(out=tmp_path, device="cpu", usd=False, overwrite=overwrite)
     (tmp_path / "summary.json").unlink()
     simulation().run(out=tmp_path, device="cpu", usd=False)
@@ -89,10 +89,10 @@ def test_a_disk_without_room_is_one_line_before_anything_is_written(tmp_path, mo
 def test_a_run_that_goes_on_keeps_its_files(tmp_path):
     """An animation that would hold the first half alone, or the second."""
     simulation().run(out=tmp_path, device="cpu", usd=False)
-    with pytest.raises(InputError, match=r"it lacks animation\.usd; expected usd = False"):
+    with refused(match=r"it lacks animation\.usd; expected usd = False"):
         simulation().run(out=tmp_path, device="cpu", usd=True, resume=True)
     simulation().run(out=tmp_path, device="cpu", usd=True, overwrite=True)
-    with pytest.raises(InputError, match=r"it holds animation\.usd; expected usd = True"):
+    with refused(match=r"it holds animation\.usd; expected usd = True"):
         simulation().run(out=tmp_path, device="cpu", usd=False, resume=True)
 
 

@@ -9,7 +9,7 @@ import time
 import h5py
 import numpy as np
 import pytest
-from helpers import NEO, StopAt, square
+from helpers import NEO, StopAt, refused, square
 from resumed_runs import restart_file
 from small_runs import BALL, cli
 
@@ -164,9 +164,8 @@ def test_an_initial_state_of_other_numbers_is_refused(tmp_path):
     other[17, 1] *= 1.0 + 1e-12
     options = {"out": tmp_path, "device": "cpu", "usd": False}
     assert simulation(initial_velocity=first).run(**options, writers=[StopAt(3)]).status == "interrupted"
-    with pytest.raises(InputError, match=r"different settings .initial_velocity = array") as refused:
+    with refused(match=r"different settings .initial_velocity = array"):
         simulation(initial_velocity=other).run(**options, resume=True)
-    assert "\n" not in str(refused.value)
     assert simulation(initial_velocity=first).run(**options, resume=True).status == "finished"
 
 
@@ -194,7 +193,7 @@ def test_a_finished_run_goes_on_for_longer(tmp_path):
     options = {"device": "cpu", "out": tmp_path / "run"}
     assert scene(0.02, 4).run(**options).status == "finished"
     for duration, frames in ((0.03, 4), (0.03, 5), (0.01, 2)):
-        with pytest.raises(InputError, match=r"different settings \(solver\.(duration|frames) = "):
+        with refused(match=r"different settings \(solver\.(duration|frames) = "):
             scene(duration, frames).run(**options, resume=True)
     longer = scene(0.03, 6).run(**options, resume=True)
     whole = scene(0.03, 6).run(device="cpu", out=tmp_path / "whole")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 
 from warp_pd import (
     Bimodular,
@@ -10,7 +10,6 @@ from warp_pd import (
     BondBased,
     Explicit,
     Fixed,
-    InputError,
     Measure,
     Nodal,
     Ogden,
@@ -33,7 +32,7 @@ from warp_pd import (
     ],
 )
 def test_a_part_in_the_wrong_place_is_named(make, says):
-    with pytest.raises(InputError, match=says):
+    with refused(match=says):
         make()
 
 
@@ -58,15 +57,13 @@ WRONG = [
 @pytest.mark.parametrize(("parts", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_scenes_are_named(parts, text):
     values = {"force": BondAssociated(NEO), "solver": Explicit(1.0), **parts}
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         Simulation(square(5), **values).build("cpu")
-    assert "\n" not in str(caught.value)
 
 
 def test_a_wrong_influence_function_is_named():
-    with pytest.raises(InputError, match="influence = 'cubic'") as caught:
+    with refused(match="influence = 'cubic'"):
         BondAssociated(NEO, influence="cubic")
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("kind", [Measure, Outcome])
@@ -75,5 +72,5 @@ def test_a_wrong_influence_function_is_named():
     ({"reference": float("nan")}, "reference = nan"),
 ])  # fmt: skip
 def test_a_measure_with_a_wrong_unit_or_reference_is_named(kind, changed, said):
-    with pytest.raises(InputError, match=f"^{kind.__name__} 'a': {said}"):
+    with refused(match=f"^{kind.__name__} 'a': {said}"):
         kind(**{"name": "a", "unit": "m", "value": lambda *_: 0.0, **changed})

@@ -1,31 +1,15 @@
-"""Frames of some points: every n-th column and row of a lattice, on any number of processes."""
+"""Frames of some points: every n-th column and row of a lattice; test_processes.py has them on several processes."""
 
 import itertools
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
-import shared_scenes
-from shared_scenes import scene, started
+from helpers import StopAt, refused
+from shared_scenes import scene
 
-from warp_pd import Frames, InputError
+from warp_pd import Frames
 from warp_pd.run.files import require_gatherable
 from warp_pd.run.frame_points import FramePoints
-
-# Other processes join them, and find what this one has compiled.
-pytestmark = pytest.mark.usefixtures("joined_stages")
-# Runs a scene up to some of its frames.
-SCRIPT = """
-import sys
-from dataclasses import replace
-from shared_scenes import DURATION, scene
-
-if __name__ == "__main__":
-    made = scene("torn")
-    made.solver = replace(made.solver, duration=0.5 * DURATION, frames=2)
-    made.run(device="cpu", out=sys.argv[1], usd=False, stride=int(sys.argv[2]))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -35,20 +19,14 @@ def alone(tmp_path_factory):
     return folder
 
 
-def test_frames_of_every_fifth_column_and_row(alone, tmp_path, monkeypatch):
-    """Two processes begin, one goes on."""
-    pytest.importorskip("torch.distributed")
-    folder, script = tmp_path / "out", tmp_path / "begun.py"
-    script.write_text(SCRIPT)
-    places = [str(Path(shared_scenes.__file__).parent), os.environ.get("PYTHONPATH", "")]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(places))
-    done = started(2, script, folder, 5)
-    assert done.returncode == 0, done.stderr
-    resumed = [scene("torn", frames=4).run(device="cpu", out=folder, usd=False, resume=True, stride=5)]
+def test_frames_of_every_fifth_column_and_row(alone, tmp_path):
+    folder, options = tmp_path / "out", {"device": "cpu", "out": tmp_path / "out", "usd": False, "stride": 5}
+    assert scene("torn", frames=4).run(**options, writers=[StopAt(2)]).status == "interrupted"
+    resumed = scene("torn", frames=4).run(**options, resume=True)
     found, whole = Frames(folder), Frames(alone)
     places = np.append(np.arange(0, 33, 5), 32)
     kept = (33 * places[:, None] + places).ravel()
-    assert found.points == len(kept) and len(found) == 5 and resumed[0].frame.displacement.shape == (len(kept), 3)
+    assert found.points == len(kept) and len(found) == 5 and resumed.frame.displacement.shape == (len(kept), 3)
     for some, every in zip(found, whole, strict=True):
         np.testing.assert_array_equal(some.positions, every.positions[kept])
         for name in whole.fields:
@@ -57,8 +35,8 @@ def test_frames_of_every_fifth_column_and_row(alone, tmp_path, monkeypatch):
     assert len(found[-1].triangles) < len(found[0].triangles) < 2 * (len(places) - 1) ** 2
     # Measures see all points.
     assert (folder / "history.csv").read_text() == (alone / "history.csv").read_text()
-    with pytest.raises(InputError, match="stride = 4: expected 5"):
-        scene("torn", frames=4).run(device="cpu", out=folder, usd=False, resume=True, stride=4)
+    with refused(match="stride = 4: expected 5"):
+        scene("torn", frames=4).run(**{**options, "stride": 4}, resume=True)
 
 
 def require_torn_where_the_sheet_is(coarse, fine, places):
@@ -75,16 +53,16 @@ def require_torn_where_the_sheet_is(coarse, fine, places):
 
 
 def test_a_cloud_has_whole_frames():
-    with pytest.raises(InputError, match="stride = 2: expected 1 for a sheet that is not a lattice"):
+    with refused(match="stride = 2: expected 1 for a sheet that is not a lattice"):
         scene("cloud").run(device="cpu", stride=2)
 
 
 def test_more_points_than_one_process_holds_are_refused_with_what_to_do():
     built = scene("torn").build(device="cpu")
     require_gatherable(FramePoints(built), True, most=33 * 33)
-    with pytest.raises(InputError, match=r"frames of 1089 points: expected at most 1000 .* \(--stride\)"):
+    with refused(match=r"frames of 1089 points: expected at most 1000 .* \(--stride\)"):
         require_gatherable(FramePoints(built), False, most=1000)
-    with pytest.raises(InputError, match=r"restart files of 1089 points: expected at most 1000 .* \(--no-restart\)"):
+    with refused(match=r"restart files of 1089 points: expected at most 1000 .* \(--no-restart\)"):
         require_gatherable(FramePoints(built, 2), True, most=1000)
-    with pytest.raises(InputError, match="measures of 1089 points: expected at most 1000"):
+    with refused(match="measures of 1089 points: expected at most 1000"):
         require_gatherable(FramePoints(built, 2), False, most=1000)

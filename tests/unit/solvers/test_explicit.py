@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, build, square
+from helpers import NEO, build, refused, square
 
 from warp_pd import (
     BodyPath,
@@ -12,7 +12,6 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
-    InputError,
     Motion,
     Pressure,
     Prony,
@@ -112,14 +111,14 @@ def test_a_step_in_which_the_ball_moves_too_far_is_refused():
         sheet, BondAssociated(NEO, horizon=2.015), Explicit(6e-4, frames=1, step=1e-4),
         loads=[Fixed(sheet.edges())], contact=RigidBall(0.03, (0.05, 0.05, 0.0151), (0.0, 0.0, -100.0)),
     )  # fmt: skip
-    with pytest.raises(InputError, match=r"step = 0\.0001 s: expected at most 2\.083e-05 s, .*ball"):
+    with refused(match=r"step = 0\.0001 s: expected at most 2\.083e-05 s, .*ball"):
         simulation.run(device="cpu")
 
 
 def test_a_step_above_the_stable_limit_is_refused():
     sheet = square(7)
     simulation = Simulation(sheet, BondAssociated(NEO), Explicit(0.1, step=1.0))
-    with pytest.raises(InputError, match=r"step = 1\.0 s: expected at most the stable step, 0\.0"):
+    with refused(match=r"step = 1\.0 s: expected at most the stable step, 0\.0"):
         simulation.run(device="cpu")
 
 
@@ -135,6 +134,5 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_numbers_are_named(make, text):
-    with pytest.raises(InputError, match=text) as caught:
+    with refused(match=text):
         make()
-    assert "\n" not in str(caught.value)

@@ -1,10 +1,10 @@
 """Newton and Relaxation: what they compile, and wrong input in one line."""
 
 import pytest
-from helpers import square
+from helpers import refused, square
 from small_runs import cli, simulate
 
-from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Relaxation, RigidBall
 from warp_pd.geometry.triangulation import Lattice
 from warp_pd.solvers.multigrid import coarser
 from warp_pd.solvers.newton_settings import Report
@@ -77,9 +77,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
 def test_wrong_input_is_one_line(make, text):
-    with pytest.raises(InputError) as error:
+    with refused(text):
         make()
-    assert text in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
