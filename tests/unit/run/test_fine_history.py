@@ -136,7 +136,7 @@ def test_wrong_input_is_one_line():
         (lambda: Explicit(1.0, history_every=0.0), "history_every = 0.0"),
         (lambda: Reaction([0], "my force"), "Reaction.name = 'my force'"),
         (lambda: simulate(sheet, loads=[Reaction([49])]).build("cpu"), "Reaction.points"),
-        (lambda: simulate(sheet, loads=[Reaction([0]), Reaction([1])]).build("cpu"), "Reaction.name = 'reaction'"),
+        (lambda: simulate(sheet, loads=[Reaction([0]), Reaction([1])]).build("cpu"), "with the name 'reaction'"),
         (lambda: simulate(sheet, Newton()).run(device="cpu", history_every=0.1), "expected the solver Explicit"),
         (lambda: simulate(sheet).run(device="cpu", history_every=-1.0), "history_every = -1.0"),
         (lambda: simulate(sheet).run(device="cpu").plot("kinetic", fine=True), "fine = True"),
