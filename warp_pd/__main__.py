@@ -193,6 +193,7 @@ def run(
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.
+    from .output.beside import number_beside, processes_beside
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
     from .run.result import report
@@ -202,23 +203,25 @@ def run(
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
+    drawn = is_first() and not (no_pictures or no_vtkhdf)
     try:
-        result = simulation.run(
-            out=folder,
-            device=device,
-            precision=precision,
-            resume=resume,
-            overwrite=overwrite,
-            usd=not no_usd,
-            vtkhdf=not no_vtkhdf,
-            fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
-            pictures=False if no_pictures else pictures,
-            view=not no_view,
-            history_every=history_every,
-            stride=stride,
-            restarts=not no_restart,
-            reporter=Progress(quiet),
-        )
+        with processes_beside(number_beside(simulation.sheet.size) if drawn else 0):
+            result = simulation.run(
+                out=folder,
+                device=device,
+                precision=precision,
+                resume=resume,
+                overwrite=overwrite,
+                usd=not no_usd,
+                vtkhdf=not no_vtkhdf,
+                fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
+                pictures=False if no_pictures else pictures,
+                view=not no_view,
+                history_every=history_every,
+                stride=stride,
+                restarts=not no_restart,
+                reporter=Progress(quiet),
+            )
     except DivergedError as error:
         _say(str(error))
         sys.exit(DIVERGED)

@@ -7,11 +7,27 @@ phase by phase (phases.py). To write your own part, inherit from its protocol; o
 docs/write-your-own-part.md.
 """
 
-from .built_part import BuiltPart, History, StepLimit
-from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
-from .output import FrameReport, Reporter, Writer
-from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, External, Load, Part, Rupture
-from .solver import BuiltSolver, FrameSink, Solver, System
+from typing import TYPE_CHECKING
+
+from ..device.lazy import lazy
+
+if TYPE_CHECKING:
+    from .built_part import BuiltPart, History, StepLimit
+    from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
+    from .output import FrameReport, Reporter, Writer
+    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, External, Load, Part, Rupture
+    from .solver import BuiltSolver, FrameSink, Solver, System
+else:
+    __getattr__ = lazy(
+        __name__,
+        {
+            "built_part": "BuiltPart History StepLimit",
+            "law": "BuiltLaw Law Solve SparseTangent Tangent",
+            "output": "FrameReport Reporter Writer",
+            "part": "BuiltContact BuiltLoad BuiltRupture Constraint Contact External Load Part Rupture",
+            "solver": "BuiltSolver FrameSink Solver System",
+        },
+    )
 
 __all__ = [
     "BuiltContact",

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..geometry.picture_files import new_panels, save
 from . import plots
+from .beside import drawn_beside
 from .picture_frames import Shown, frames_at
 from .quantities import ENERGIES, column_label, column_unit, known_units
 from .vtkhdf import read_series
@@ -107,6 +108,7 @@ def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
     return reach[name[-1]] > max(NOISE * max(reach.values()), ARM * of_force if "_torque_" in name else 0.0)
 
 
+@drawn_beside
 def _draw_numbers(
     folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str],
     still: Sequence[str],

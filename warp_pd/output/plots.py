@@ -11,6 +11,7 @@ import numpy as np
 
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, new_panels, save
 from ..geometry.topology import boundary_sides, directed_edges
+from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
@@ -34,6 +35,7 @@ LOWEST, TALLEST = 0.3, 1.4
 TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
 
+@drawn_beside
 def surfaces(
     path: Path,
     frames: Sequence[Shown],
@@ -78,6 +80,7 @@ def surfaces(
     save(figure, path)
 
 
+@drawn_beside
 def from_above(
     path: Path,
     frames: Sequence[Shown],
@@ -133,6 +136,7 @@ def thumbnail(
              ylim=(across[:, 1].min() - margin, across[:, 1].max() + margin))  # fmt: skip
 
 
+@drawn_beside
 def reference(
     path: Path,
     frames: Sequence[Shown],
@@ -144,6 +148,7 @@ def reference(
     from_above(path, [replace(f, points=f.reference, bodies=()) for f in frames], field, label, limits)
 
 
+@drawn_beside
 def curves(
     path: Path,
     history: Sequence[dict[str, float]],
@@ -196,6 +201,7 @@ def across_label(against: str) -> str:
     return "time (s)" if current().load_duration is None else "load factor"
 
 
+@drawn_beside
 def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
     """Plot curves (label, x, y, Matplotlib style), each with separate x values."""
     figure = new_figure(6.4, 4.0)
@@ -208,6 +214,7 @@ def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]
     save(figure, path)
 
 
+@drawn_beside
 def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]) -> None:
     """Plot data with the fitted model above and scaled residuals below, one column per test.
 
@@ -232,6 +239,7 @@ def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndar
     save(figure, path)
 
 
+@drawn_beside
 def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     """Draw the directions of the largest principal stress as strokes on the reference sheet.
 

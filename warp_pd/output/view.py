@@ -63,11 +63,30 @@ class Limits:
         return np.unique(np.round(np.linspace(0, frames - 1, min(frames, fits))).astype(np.int64))
 
 
+@dataclass(frozen=True)
+class PageFrames:
+    """What a page holds of the frames of a run: names and numbers, and the arrays that they refer to."""
+
+    content: dict[str, Any]
+    arrays: Arrays
+
+
+def page_frames(path: Path, limits: Limits | None = None) -> PageFrames:
+    """Read frames.vtkhdf for a page.
+
+    Raises:
+        InputError: if the frames are damaged.
+    """
+    limits = limits or Limits()
+    arrays = Arrays(limits.bits)
+    return PageFrames(_sheet(path, read_series(path), limits, arrays), arrays)
+
+
 def page(
     path: Path,
     summary: Mapping[str, Any],
     history: Sequence[Mapping[str, float]],
-    limits: Limits | None = None,
+    frames: PageFrames,
     shared: str | None = None,
 ) -> str:
     """The page of a run: HTML that needs neither a server nor a network.
@@ -76,20 +95,18 @@ def page(
         path: frames.vtkhdf of the run.
         summary: Contents of its summary.json; empty if there is none.
         history: Its history, one row per frame; empty if there is none.
-        limits: Limits on the content.
+        frames: What `page_frames` read from the file.
         shared: Address of the package's folder output/page, from which the page loads scripts and styles; by default
             they are embedded.
     """
-    limits = limits or Limits()
     info = read_series(path)
-    arrays = Arrays(limits.bits)
     content = {
         "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
         "summary": _finite(dict(summary)),
         "history": _history(history, summary, bool(info.metadata.get("turns"))),
-        **_sheet(path, info, limits, arrays),
+        **frames.content,
     }
-    return _html(content, arrays, shared)
+    return _html(content, frames.arrays, shared)
 
 
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
 from ..interfaces.frame import format_time
 from ..materials import capabilities
+from ..output.beside import begun, wait_for_pictures
 from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
@@ -31,7 +32,7 @@ from .result import Result
 from .scene import Scene, check_writers
 from .scene_context import partition_of
 from .summary import Seconds, summary_of
-from .view import LARGE, write_page
+from .view import LARGE, read_page_frames, write_page
 
 # A search that got a part of the way, and no farther.
 LIMIT_POINT = (
@@ -251,6 +252,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
         summary["notes"].append(
             f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
         )
+    frames = begun(read_page_frames, folder) if files.view and not large else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -265,8 +267,8 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
             )
     summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-    if files.view and not large:
-        write_page(folder)
+    if frames is not None:
+        write_page(folder, read=frames)
 
 
 def headline(built: Built) -> str:
@@ -295,14 +297,21 @@ def draw(
         user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
         drawing(Drawing(scene.scene, formats, scene.load_duration)),
     ):
-        if scene.pictures is not None:
-            scene.pictures(history, folder)
-            return
-        from ..output import default_pictures
+        try:
+            if scene.pictures is not None:
+                scene.pictures(history, folder)
+            else:
+                _draw_default(scene, history, folder, summary)
+        finally:
+            wait_for_pictures()
 
-        regions = capabilities(scene.force.material).regions
-        points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
-        default_pictures.draw(history, folder, summary, points)
+
+def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping[str, Any]) -> None:
+    from ..output import default_pictures
+
+    regions = capabilities(scene.force.material).regions
+    points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
+    default_pictures.draw(history, folder, summary, points)
 
 
 def _not_converged(recorder: Recorder) -> str:
