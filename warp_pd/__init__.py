@@ -45,34 +45,22 @@ if TYPE_CHECKING:
     from .output.frames import Frames, SavedFrame
     from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
-    from .parts import (
-        BodyForce,
-        BodyPath,
-        BoundaryForce,
-        Box,
-        Capsule,
-        CriticalEnergy,
-        CriticalStretch,
-        Cylinder,
-        EnclosedGas,
-        EnclosedVolume,
-        Fixed,
-        Free,
-        Joint,
-        Motion,
-        Plane,
-        PointForce,
-        Pressure,
-        Reaction,
-        RigidBall,
-        RigidBody,
-        SelfContact,
-        Sphere,
-        TearingEnergy,
-        TriangleMesh,
-        ValuesInTime,
-        newton_bodies,
-    )
+    from .parts.bodies import RigidBody
+    from .parts.body_mesh import TriangleMesh
+    from .parts.body_motion import BodyPath, Free
+    from .parts.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
+    from .parts.boundary_force import BoundaryForce
+    from .parts.contact import RigidBall
+    from .parts.enclosed import EnclosedGas, EnclosedVolume
+    from .parts.joint import Joint
+    from .parts.loads import BodyForce, PointForce, Pressure
+    from .parts.newton_world import newton_bodies
+    from .parts.point_values import ValuesInTime
+    from .parts.reaction import Reaction
+    from .parts.rupture import CriticalEnergy, CriticalStretch
+    from .parts.self_contact import SelfContact
+    from .parts.supports import Fixed, Motion
+    from .parts.tearing_energy import TearingEnergy
     from .run.built import Built
     from .run.result import Result
     from .run.scene import Measure, Outcome
@@ -102,9 +90,22 @@ else:
             "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
             "geometry.together": "glued placed together",
-            "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
-            "EnclosedVolume Fixed Free Joint Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
-            "Sphere TearingEnergy TriangleMesh ValuesInTime newton_bodies",
+            "parts.bodies": "RigidBody",
+            "parts.body_mesh": "TriangleMesh",
+            "parts.body_motion": "BodyPath Free",
+            "parts.body_shapes": "Box Capsule Cylinder Plane Sphere",
+            "parts.boundary_force": "BoundaryForce",
+            "parts.contact": "RigidBall",
+            "parts.enclosed": "EnclosedGas EnclosedVolume",
+            "parts.joint": "Joint",
+            "parts.loads": "BodyForce PointForce Pressure",
+            "parts.newton_world": "newton_bodies",
+            "parts.point_values": "ValuesInTime",
+            "parts.reaction": "Reaction",
+            "parts.rupture": "CriticalEnergy CriticalStretch",
+            "parts.self_contact": "SelfContact",
+            "parts.supports": "Fixed Motion",
+            "parts.tearing_energy": "TearingEnergy",
             "run.result": "Result",
             "run.scene": "Measure Outcome",
             "geometry.curves": "Circle Polygon Spline",

@@ -259,12 +259,7 @@ class Context:
         return everything
 
     def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
-        """Copy a field of the whole sheet to the host; with several processes only allowed within `Communicator.root`.
-
-        Args:
-            array: The field.
-            coarse: The points to copy, of a field of points; None: all.
-        """
+        """Copy a field of the whole sheet, or its `coarse` points, to the host; of several processes only in `root`."""
         if self.partition is None:
             return to_host(array, None if coarse is None else coarse.points())
         index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
@@ -299,12 +294,7 @@ class Context:
         return point if self.partition is None else int(self.partition.points[point])
 
     def stage(self, name: str, when: str) -> Stage:
-        """Create a stage.
-
-        Args:
-            name: Its name.
-            when: How often it runs, for `plan`.
-        """
+        """Create a stage with a new name; `when` says in `plan` how often it runs."""
         name = self.prefix + name
         if name in self.stages:
             raise ValueError(f"stage {name!r} already exists: expected a new name")

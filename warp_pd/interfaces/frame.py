@@ -14,12 +14,7 @@ OWN_FIELDS = ("displacement", "velocity", "damage", "strain_energy_density")
 
 
 def format_time(time: float, load_duration: float | None) -> str:
-    """Text for the time of a frame, or for the load factor with a static solver.
-
-    Args:
-        time: Time, or load time of a static solver [s].
-        load_duration: Load time of the full load of a static solver [s]; None in dynamics.
-    """
+    """Text for a time [s], or for the load factor of a static solver with a load time at full load [s]."""
     return f"t = {time:.4g} s" if load_duration is None else f"load factor {time / load_duration:.4g}"
 
 

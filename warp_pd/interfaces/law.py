@@ -41,11 +41,7 @@ class SparseTangent(Protocol):
         ...
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
-        """Solver of K x = b on arrays of shape (N, 3); None if K is singular.
-
-        Args:
-            added: Blocks that are added to K on its diagonal [N/m], shape (N, 3, 3).
-        """
+        """Solver of K x = b on (N, 3) arrays; None if K is singular. `added`, (N, 3, 3): to its diagonal [N/m]."""
         ...
 
 
@@ -191,11 +187,7 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method.
-
-        Args:
-            context: Context in which arrays are allocated.
-            geometric: Whether the stiffness includes the tension of the sheet.
+        """Create the tangent for Newton's method; `geometric`: with the stiffness from the tension of the sheet.
 
         Raises:
             InputError: if the law has none.

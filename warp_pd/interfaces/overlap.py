@@ -76,11 +76,8 @@ def _parts(launch: Launch, partition: Partition) -> list[Launch]:
 def _may_go_first(launch: Launch, sent: Set[int], before: Sequence[Touched], of_points: Set[int]) -> bool:
     """Whether the inner part of a launch may run before an exchange and before the border parts of earlier launches.
 
-    Args:
-        launch: The launch.
-        sent: Arrays that are exchanged.
-        before: Arrays accessed by the earlier launches.
-        of_points: Arrays that a launch accesses only at its own point unless it gathers.
+    `sent` are the arrays that are exchanged, `before` those that the earlier launches access, and `of_points` those
+    that a launch accesses only at its own point unless it gathers.
     """
     mine = by_point(launch)
     if launch.side_stream or mine.writes & sent:

@@ -68,11 +68,7 @@ class Part(Protocol):
         return ()
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
-        """The part restricted to the points of one of several processes.
-
-        Args:
-            sheet: The whole sheet.
-            partition: The part of the sheet in this process.
+        """The part restricted to the points of one of several processes; `sheet` is the whole sheet.
 
         Raises:
             InputError: by default, because parts need explicit support for several processes.
@@ -214,14 +210,42 @@ class Load(Part, Protocol):
         raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
+class Solid(Protocol):
+    """A rigid body that results show, and that is compared with the others and with the sheet at every frame.
+
+    Attributes:
+        label: Its name in messages.
+        meets_others: Whether it feels other bodies of which this is true.
+        between_points: Whether it could pass between points, because contact acts only at points.
+        thickness: Smallest extent [m]; None if it is unbounded.
+    """
+
+    label: str
+    meets_others: bool
+    between_points: bool
+    thickness: float | None
+
+    def outline(self) -> Body:
+        """Its surface, for drawing."""
+        ...
+
+    def pose(self) -> np.ndarray:
+        """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,)."""
+        ...
+
+    def distance_from(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances [m], shape (N,), of points, shape (N, 3), from it at a frame."""
+        ...
+
+
 class BuiltContact(BuiltPart, Protocol):
     """Contact on a device.
 
     Attributes:
-        meets_others: Whether the body feels other bodies of which this is true.
+        solid: The body that it is with, if results show it; the ball of `RigidBall` has its own columns instead.
     """
 
-    meets_others: bool = False
+    solid: Solid | None = None
 
     def ball_diameter(self) -> float | None:
         """Diameter of the ball to draw [m], or None."""
@@ -229,26 +253,6 @@ class BuiltContact(BuiltPart, Protocol):
 
     def centre(self, time: float) -> np.ndarray | None:
         """Centre of the ball at a time [m], shape (3,), or None."""
-        return None
-
-    def outline(self) -> Body | None:
-        """Surface of a body to draw, or None."""
-        return None
-
-    def pose(self) -> np.ndarray | None:
-        """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,), or None."""
-        return None
-
-    def thickness(self) -> float | None:
-        """Smallest extent of the body [m]; None if it is unbounded or has no outline."""
-        return None
-
-    def between_points(self) -> bool:
-        """Whether the body could pass between points, because contact acts only at points."""
-        return True
-
-    def distance_from(self, points: np.ndarray) -> np.ndarray | None:
-        """Signed distances [m], shape (N,), of points, shape (N, 3), from the body at a frame; None without a body."""
         return None
 
 
@@ -299,22 +303,14 @@ class BuiltRupture(BuiltPart, Protocol):
         ...
 
     def break_at_rest(self, again: bool) -> bool:
-        """Break the bonds that exceed the criterion at the current displacement.
+        """Break the bonds that exceed the criterion at the current displacement; return whether there were any.
 
-        Args:
-            again: Whether bonds have already broken at the current loads.
-
-        Returns:
-            Whether equilibrium must be found again.
+        `again`: whether bonds have already broken at the current loads.
         """
         ...
 
     def energy_at_rest(self, again: bool | None) -> float:
-        """Energy of the damage field [J] that `break_at_rest` would find; 0 without a damage field.
-
-        Args:
-            again: As for `break_at_rest`; None for the energy of the damage as it is.
-        """
+        """Energy of the damage field [J] that `break_at_rest` would find, or for None as it is; 0 without one."""
         return 0.0
 
     def fingerprint(self) -> str:

@@ -117,7 +117,9 @@ class BuiltBody(BuiltContact):
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
-        self.meets_others = part.meets_others
+        self.solid = self
+        self.meets_others, self.between_points = part.meets_others, not part.surface
+        self.thickness = part.shape.thinnest() if part.shape.bounded else None
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body would pass between points.
         if part.shape.bounded and not part.surface:
@@ -273,14 +275,6 @@ class BuiltBody(BuiltContact):
     def pose(self) -> np.ndarray:
         """Position of its centre [m] and quaternion (x, y, z, w), shape (7,)."""
         return np.concatenate([self.motion.place.numpy()[0], self.motion.rotation.numpy()[0]])
-
-    def thickness(self) -> float | None:
-        """Smallest extent [m] of a bounded body, otherwise None."""
-        return self.part.shape.thinnest() if self.part.shape.bounded else None
-
-    def between_points(self) -> bool:
-        """Whether the body could pass between points of the sheet."""
-        return not self.part.surface
 
     def distance_from(self, points: np.ndarray) -> np.ndarray:
         """Signed distances [m], shape (N,), of points, shape (N, 3), from its surface at a frame."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History
+from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History, Solid
 from ..interfaces.context import Context
 from .contact import MIN_DIAMETER
 
@@ -20,7 +20,7 @@ BISECTIONS = 40
 
 def body_checks(context: Context, law: BuiltLaw, contacts: Sequence[BuiltContact]) -> list[BodyChecks]:
     """The checks of a scene with rigid bodies; empty for other scenes."""
-    bodies = [contact for contact in contacts if contact.outline() is not None]
+    bodies = [contact.solid for contact in contacts if contact.solid is not None]
     return [BodyChecks(context, law, bodies)] if bodies else []
 
 
@@ -30,12 +30,12 @@ class BodyChecks(BuiltPart):
     The results are stored in a field, so that a resumed run has the same notes as an uninterrupted one.
 
     Attributes:
-        bodies: The bodies of the scene that have an outline.
+        bodies: The bodies of the scene.
     """
 
     label = "contact"
 
-    def __init__(self, context: Context, law: BuiltLaw, bodies: Sequence[BuiltContact]) -> None:
+    def __init__(self, context: Context, law: BuiltLaw, bodies: Sequence[Solid]) -> None:
         self.context, self.law, self.bodies = context, law, bodies
         self._drawn = {body.label: body.outline() for body in self.bodies}
         self._texts = self._possible()
@@ -55,7 +55,7 @@ class BodyChecks(BuiltPart):
             )
         for body in self.bodies:
             texts["thin", body.label] = (
-                f"{body.label} is {body.thickness() or 0.0:.3g} m thick, and points near it are more than "
+                f"{body.label} is {body.thickness or 0.0:.3g} m thick, and points near it are more than "
                 f"1/{MIN_DIAMETER:g} of that apart: it may pass between them, without surface=True"
             )
             texts["passed", body.label] = (
@@ -83,7 +83,7 @@ class BodyChecks(BuiltPart):
         found = zip(self._texts.values(), frames, strict=True)
         return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
 
-    def _strangers(self) -> list[tuple[BuiltContact, BuiltContact]]:
+    def _strangers(self) -> list[tuple[Solid, Solid]]:
         """Pairs of bodies that do not feel each other."""
         pairs = itertools.combinations(self.bodies, 2)
         return [(a, b) for a, b in pairs if not (a.meets_others and b.meets_others)]
@@ -91,13 +91,11 @@ class BodyChecks(BuiltPart):
     def _overlaps(self) -> set[tuple[str, ...]]:
         return {(a.label, b.label) for a, b in self._strangers() if max(self._depth(a, b), self._depth(b, a)) > 0.0}
 
-    def _depth(self, one: BuiltContact, other: BuiltContact) -> float:
+    def _depth(self, one: Solid, other: Solid) -> float:
         """Largest depth [m] of the vertices of a body in another body; vertices of unbounded bodies are ignored."""
-        drawn, pose = self._drawn[one.label], one.pose()
-        if drawn is None or pose is None or one.thickness() is None:
+        if one.thickness is None:
             return 0.0
-        distance = other.distance_from(drawn.placed(pose))
-        return 0.0 if distance is None else -float(distance.min(initial=0.0))
+        return -float(other.distance_from(self._drawn[one.label].placed(one.pose())).min(initial=0.0))
 
     def _compare_with_sheet(self) -> set[tuple[str, ...]]:
         sheet = self.context.sheet
@@ -106,13 +104,12 @@ class BodyChecks(BuiltPart):
         centres: dict[str, np.ndarray] = {}
         met: set[tuple[str, ...]] = set()
         for body in self.bodies:
-            thickness, pose = body.thickness(), body.pose()
-            if thickness is None or pose is None:
+            thickness, pose = body.thickness, body.pose()
+            if thickness is None:
                 continue
             centres[body.label] = pose[:3]
-            if body.between_points() and thickness < MIN_DIAMETER * self._widest_near(
-                body, thickness, position, corners
-            ):
+            widest = self._widest_near(body, thickness, position, corners) if body.between_points else 0.0
+            if thickness < MIN_DIAMETER * widest:
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
@@ -126,11 +123,9 @@ class BodyChecks(BuiltPart):
             return None
         return np.asarray((self.law.intact.numpy() != self._intact).any(axis=0))
 
-    def _widest_near(self, body: BuiltContact, near: float, position: np.ndarray, corners: np.ndarray) -> float:
+    def _widest_near(self, body: Solid, near: float, position: np.ndarray, corners: np.ndarray) -> float:
         """Largest point spacing [m] of the triangles nearer to a body than `near` [m]; 0 if there are none."""
         distance = body.distance_from(position)
-        if distance is None:
-            return 0.0
         chosen = corners[(distance[corners] < near).any(axis=1)]
         # The longest side of a triangle may be a diagonal, the second longest is the wider of its two spacings.
         sides = np.sort(np.linalg.norm(position[chosen] - position[np.roll(chosen, 1, axis=1)], axis=2), axis=1)

@@ -358,11 +358,7 @@ def signed_distances(
 ) -> np.ndarray:
     """Normals (columns 1 to 3) and signed distances [m] (4) of points in the frame of a shape, shape (N, 4).
 
-    Args:
-        shape: The shape.
-        points: Positions [m], shape (N, 3).
-        device: Device for the computation.
-        made: Result of `on_device` for this shape and device; None to create it.
+    `made` is the result of `on_device` for this shape and device; None to create it.
     """
     body, mesh = made or on_device(shape, device)
     kernel = distances.distances(shape.distance)

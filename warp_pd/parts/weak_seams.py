@@ -41,11 +41,8 @@ def seam_energy(ratio: float, half: float) -> float:
     """Minimum energy of a tear in the middle of a straight seam, divided by the tearing energy of the seam.
 
     The energy of the field with d = 1 in the middle is minimal for d'' = 1/2 (in units of the length), with a kink at
-    the edge of the seam, and d = d' = 0 at the end of the damage.
-
-    Args:
-        ratio: Tearing energy beside the seam divided by that in the seam.
-        half: Half the width of the seam divided by the length.
+    the edge of the seam, and d = d' = 0 at the end of the damage. `ratio` is the tearing energy beside the seam over
+    that in it, `half` half the width of the seam over the length.
     """
     if half >= 2.0:
         return 1.0

@@ -23,7 +23,11 @@ from ..interfaces.context import find_device
 from ..laws.bond_associated import BondAssociated
 from ..laws.bond_based import BondBased
 from ..materials import Bimodular, Gent
-from ..parts import CriticalStretch, Fixed, Pressure, RigidBall, TearingEnergy
+from ..parts.contact import RigidBall
+from ..parts.loads import Pressure
+from ..parts.rupture import CriticalStretch
+from ..parts.supports import Fixed
+from ..parts.tearing_energy import TearingEnergy
 from ..solvers.explicit import Explicit
 from .built import Built
 from .simulation import Simulation

@@ -73,7 +73,7 @@ class FramePoints:
             ball_diameter=next((d for c in contacts if (d := c.ball_diameter()) is not None), None),
             title=scene.scene,
             metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static, **named},
-            bodies=tuple(body for c in contacts if (body := c.outline()) is not None),
+            bodies=tuple(c.solid.outline() for c in contacts if c.solid is not None),
         )
 
     @property
@@ -110,7 +110,7 @@ class FramePoints:
         if self._placement is not None:
             # From the sheet as it was clamped, in the same precision.
             displacement = (displacement - self._placement).astype(displacement.dtype)
-        poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
+        poses = [c.solid.pose() for c in built.contacts if c.solid is not None]
         return Frame(
             index=index,
             time=now,

@@ -43,8 +43,7 @@ class Aggregates:
     def prepare(self, keep: bool = False) -> bool:
         """Set up the aggregates for the present tangent; return whether they are usable.
 
-        Args:
-            keep: Whether those of an earlier tangent will do, if its solve took few cycles.
+        With `keep` those of an earlier tangent stay if its solve took few cycles.
         """
         if keep and self.usable and self._cycles <= KEPT_CYCLES:
             self._cycles = 0

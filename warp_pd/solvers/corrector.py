@@ -117,9 +117,7 @@ class Corrector(StaticSystem):
     def tangent_at(self, factor: float, sign: float) -> np.ndarray | None:
         """Derivative of the displacement by the load factor [m] at the current equilibrium; None if it is singular.
 
-        Args:
-            factor: Load factor.
-            sign: Direction in which loads are differenced, 1 or -1.
+        `sign` is the direction in which loads are differenced, 1 or -1.
         """
         level = self.levels[0]
         self.set_loads(factor)

@@ -12,14 +12,7 @@ OWNER = "solver"
 
 
 def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> None:
-    """Add the pointwise stages of drift and kick.
-
-    Args:
-        phase: Current phase; only the phases of drift and kick get launches.
-        stage: Stage to which they are added.
-        context: Context with the shared state.
-        inertia: Mass [kg], or the fictitious mass of a static solver, (N,).
-    """
+    """Add the pointwise stages of drift and kick in their phases; `inertia`: mass or fictitious mass [kg], (N,)."""
     if phase not in (Phase.DRIFT, Phase.KICK):
         return
     state, f = context.state, context.features

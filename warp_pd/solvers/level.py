@@ -78,9 +78,7 @@ class Level:
     def add_residual(self, stage: Stage, dead: Array | None) -> None:
         """Add the residual to the stage "evaluate", after the launches of internal and external force.
 
-        Args:
-            stage: The stage "evaluate".
-            dead: Dead loads [N] if there are also displacement-dependent loads; otherwise None.
+        `dead` are the dead loads [N] if there are also displacement-dependent loads, otherwise None.
         """
         state, f = self.context.state, self.context.features
         stage.launch(
@@ -90,13 +88,9 @@ class Level:
         )  # fmt: skip
 
     def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
-        """Add the launches of image = K vector, with zero in held components.
+        """Add the launches of image = K vector, both (N,) vec3, with zero in held components.
 
-        Args:
-            stage: Stage to which they are added.
-            vector: (N,) vec3.
-            image: (N,) vec3.
-            following: Whether K includes displacement-dependent loads.
+        `following`: whether K includes displacement-dependent loads.
         """
         self.tangent.add_product(stage, vector, image)
         for contact in self.contacts:

@@ -70,8 +70,7 @@ class LinearSolver:
     def prepare(self, keep: bool = False) -> bool:
         """Factorise or aggregate if the preconditioner needs it; return whether that succeeded.
 
-        Args:
-            keep: Whether the aggregates of an earlier tangent will do.
+        With `keep` the aggregates of an earlier tangent will do.
         """
         if self.hierarchy is not None:
             return self.hierarchy.prepare(keep)
@@ -95,15 +94,10 @@ class LinearSolver:
     def solve_closely(
         self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None = None
     ) -> bool:
-        """Solve for `direction` by iterations on the host; the preconditioner may be that of an earlier tangent.
+        """Solve for `direction` by iterations on the host; return whether the accuracy was reached.
 
-        Args:
-            right_side: Right-hand side [N], shape (N, 3).
-            accuracy: As for `solve`.
-            added: Function of vectors of shape (3 N,) that is added to K x, for the transposed tangent.
-
-        Returns:
-            Whether the accuracy was reached.
+        The preconditioner may be that of an earlier tangent. `added` is a function of vectors of shape (3 N,) that is
+        added to K x, for the transposed tangent.
         """
         self._added = added
         try:

@@ -12,10 +12,9 @@ import numpy as np
 import warp as wp
 
 from ..device.fields import Array, assign
-from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
-from ..interfaces import BuiltLaw, BuiltLoad, Solve, System
+from ..interfaces import BuiltLaw, Solve, System
 from ..interfaces.context import Context, Features, State
 from ..kernels.equilibrium import lattice_transfer
 from ..kernels.loads import begin_loads
@@ -28,25 +27,6 @@ MIN_SIDE = 7
 MIN_HORIZON = 1.5
 
 
-class CoarseLoads:
-    """Loads on a coarser lattice: dead loads restricted from the finest, displacement-dependent loads built anew.
-
-    Attributes:
-        dead: Forces of the dead loads [N], (N,) vec3.
-    """
-
-    def __init__(self, context: Context) -> None:
-        self.context = context
-        self.dead = context.array("dead_loads", OWNER, context.types.vec3, shape=context.sheet.size)
-
-    def add_force(self, stage: Stage, following: list[BuiltLoad], displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the external force [N]."""
-        begin = begin_loads(self.context.bits, True)
-        stage.pointwise(OWNER, begin, self.context.sheet.size, constant=self.dead, external=out)
-        for load in following:
-            load.add_force(stage, displacement, out)
-
-
 class Hierarchy:
     """Levels of one sheet, finest first, and the V-cycle between them.
 
@@ -56,17 +36,13 @@ class Hierarchy:
     """
 
     def __init__(self, finest: Level, system: System) -> None:
-        """Build the coarser levels.
-
-        Args:
-            finest: The sheet, an uncut rectangle, with a law and loads that can be built on coarser lattices.
-            system: Its law and parts.
-        """
+        """Build the coarser levels of an uncut rectangle, whose law and loads can be built on coarser lattices."""
         context = finest.context
         sheet = context.sheet
         assert sheet.lattice is not None
         self.levels, self.lattices = [finest], [sheet.lattice]
-        self._loads: list[CoarseLoads | None] = [None]
+        # Dead loads [N], restricted from the finest level.
+        self._dead_loads: list[Array | None] = [None]
         self._dead: Array | None = None
         coarser_lattices = coarser(sheet.lattice)
         if context.features.loaded and coarser_lattices:
@@ -88,23 +64,25 @@ class Hierarchy:
         level = Level(context, law, law.tangent(context, True), following)
         stage, state = context.stage("evaluate", "every residual of Newton"), context.state
         law.add_force(stage, state.displacement, state.force)
-        loads = None
+        dead: Array | None = None
         if state.external is not None:
-            loads = CoarseLoads(context)
-            loads.add_force(stage, following, state.displacement, state.external)
-        apart = system.external.keep_dead_apart() is not None
-        level.add_residual(stage, loads.dead if apart and loads is not None else None)
-        self._loads.append(loads)
+            dead = context.array("dead_loads", OWNER, context.types.vec3, shape=level.points)
+            begin = begin_loads(context.bits, True)
+            stage.pointwise(OWNER, begin, level.points, constant=dead, external=state.external)
+            for load in following:
+                load.add_force(stage, state.displacement, state.external)
+        level.add_residual(stage, None if system.external.keep_dead_apart() is None else dead)
+        self._dead_loads.append(dead)
         self.levels.append(level)
         self.lattices.append(lattice)
 
     def set_loads(self, index: int) -> None:
         """Restrict the current dead loads of the finest lattice to a coarser one."""
-        loads = self._loads[index]
+        loads = self._dead_loads[index]
         if loads is not None and self._dead is not None:
             self.levels[0].run("dead loads")
             dead = self._dead.numpy().astype(np.float64)
-            assign(loads.dead, restrict_loads(dead, self.lattices[0], self.lattices[index]))
+            assign(loads, restrict_loads(dead, self.lattices[0], self.lattices[index]))
 
     def _add_transfer(self, index: int) -> None:
         fine, coarse = self.levels[index], self.levels[index + 1]

@@ -169,11 +169,7 @@ class BuiltArcLength(TearSteps):
     def _end(self, origin: Origin, least: float, most: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
         """Find equilibrium at the final load factor; reject it if the load turned before, or if it is far away.
 
-        Args:
-            origin: The point before it.
-            least: Smallest distance from there [m].
-            most: Largest distance [m].
-            sink: Where progress goes.
+        Its distance from the point before it is expected between `least` and `most` [m].
         """
         level, factor = self.levels[0], math.copysign(1.0, origin.factor)
         self.set_loads(factor)

@@ -34,19 +34,11 @@ class Stability:
 
 
 def stability(level: Level, solver: LinearSolver, number: int) -> Stability | None:
-    """Stability at the last linearisation.
+    """Stability at the last linearisation, from a number of lowest eigenvalues; None if they are not found.
 
     K0 is factorised; by Sylvester's law of inertia its pivots have the signs of its eigenvalues. With
     displacement-dependent loads, K has as many negative eigenvalues as K0^-1 K if K0 has none. Otherwise the sum of
     both numbers is even or odd like the number for K, which suffices to detect a change of sign.
-
-    Args:
-        level: The sheet.
-        solver: Its linear solver, with the tangent factorised.
-        number: Number of eigenvalues to find.
-
-    Returns:
-        None without a factorisation, or if the eigenvalues are not found.
     """
     factors = solver.factors
     negative = None if factors is None else factors.negative()

@@ -36,12 +36,7 @@ class StableStep:
     """
 
     def __init__(self, system: System, inertia: Array) -> None:
-        """Add the stage "estimate".
-
-        Args:
-            system: The sheet with its law and parts.
-            inertia: True or fictitious mass, (N,).
-        """
+        """Add the stage "estimate"; `inertia` is the true or fictitious mass, (N,)."""
         self.context = context = system.context
         types, n = context.types, context.sheet.size
         self._noise = np.random.default_rng(0)

@@ -71,12 +71,9 @@ class StaticRounds:
             self._rupture.prepare_at_rest()
 
     def following(self, entry: dict[str, Any], residual: float, tolerance: float) -> Round | None:
-        """The round after an equilibrium; None if nothing has changed there.
+        """The round after an equilibrium with this residual; None if nothing has changed there.
 
-        Args:
-            entry: Entry of the load step in the report, whose rounds it counts.
-            residual: Relative residual of the equilibrium.
-            tolerance: Relative residual that the last equilibrium of a load step needs.
+        `entry` is that of the load step in the report, whose rounds it counts; its last equilibrium needs `tolerance`.
         """
         # Bonds break only with the final forces of contact.
         updated = self.update_multipliers()
@@ -97,11 +94,7 @@ class StaticRounds:
         return sum(contact.passed() for contact in self.contacts) > 0
 
     def breaks(self, rounds: int) -> bool:
-        """Break the bonds that exceed the criterion; return whether equilibrium must be found again.
-
-        Args:
-            rounds: Number of rounds so far at these loads.
-        """
+        """Break the bonds that exceed the criterion after some rounds at these loads; return whether any did."""
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 
     def energy(self, rounds: int | None = None) -> float:

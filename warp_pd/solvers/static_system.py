@@ -234,12 +234,9 @@ class StaticSystem(BuiltSolver):
             assign(level.displacement, np.where(held, self.target(index, factor), u))
 
     def linearise(self, index: int, tension: float, keep: bool = False) -> bool:
-        """Compute the tangent and preconditioner of a level; return whether it is of use; not at a slack start.
+        """Compute the tangent and preconditioner of a level with an added tension [Pa]; return whether it is of use.
 
-        Args:
-            index: The level.
-            tension: Added tension [Pa].
-            keep: Whether the aggregates of an earlier tangent will do.
+        It is not at a slack start. With `keep` the aggregates of an earlier tangent will do.
         """
         if self.hierarchy:
             self.hierarchy.linearise(index, tension)

@@ -120,10 +120,7 @@ class TearSteps(Corrector):
     def _accept_tear(self, origin: Origin, factor: float, grown: float) -> bool:
         """Accept the current equilibrium as the next point; return whether the tangent is of use.
 
-        Args:
-            origin: The point before it.
-            factor: Load factor.
-            grown: Growth of the energy of the damage field over what was wanted.
+        `grown` is the growth of the energy of the damage field over what was wanted.
         """
         state, sign = self.state, math.copysign(1.0, factor)
         along = self.tangent_at(factor, sign)
@@ -140,16 +137,15 @@ class TearSteps(Corrector):
 
 
 def load_factor(excess: Callable[[float], float], here: float, stride: float, most: float) -> float | None:
-    """Load factor at which an increasing function is zero, by the Illinois variant of regula falsi.
+    """Load factor at which an increasing function is zero, by the Illinois method; None if none is found.
+
+    The value of the function at the result is the last one computed.
 
     Args:
-        excess: The function; its value at the result is the last one computed.
+        excess: The function.
         here: First guess.
         stride: First distance from there, which doubles until the zero is enclosed.
         most: Largest load factor; it is the result if the function is negative there.
-
-    Returns:
-        None if no zero is found.
     """
     a, at_a = here, excess(here)
     if abs(at_a) <= CLOSE or (here >= most and at_a < 0.0):

@@ -4,12 +4,21 @@ import numpy as np
 import pytest
 from helpers import MU, NEO, build, internal_force, refused, strain_energy
 
-from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Sheet, Simulation
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    CriticalEnergy,
+    Explicit,
+    RigidBall,
+    Sheet,
+    Simulation,
+    TearingEnergy,
+)
 from warp_pd.geometry.curves import Circle
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.geometry.topology import boundary_edges
 from warp_pd.measures import TearLine
-from warp_pd.parts import CriticalEnergy, RigidBall, TearingEnergy
 
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
 SHEET = {"thickness": 1e-3, "density": 1000.0}

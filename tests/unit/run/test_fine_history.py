@@ -6,9 +6,20 @@ import warp as wp
 from helpers import refused, square
 from small_runs import BALL, cli, simulate
 
-from warp_pd import Explicit, Fixed, Free, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
+from warp_pd import (
+    BodyPath,
+    Explicit,
+    Fixed,
+    Free,
+    Measure,
+    Motion,
+    Newton,
+    Reaction,
+    RigidBall,
+    RigidBody,
+    Sphere,
+)
 from warp_pd.measures import support_force
-from warp_pd.parts import BodyPath
 from warp_pd.run.folder import read_history
 from warp_pd.run.recorder import FineHistory
 
