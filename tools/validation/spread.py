@@ -6,8 +6,9 @@ tested, to uniaxial tension and pure shear; its nominal stress in equibiaxial te
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from study import Row, picture, provenance, table
@@ -43,17 +44,22 @@ def modulus(curve: Curve) -> float:
     return stress / (stretch - stretch**-2)
 
 
+def fitted(tests: Mapping[str, Curve], law: str, known: Iterable[str]) -> Any:
+    """A law, fitted to some of the tests of a rubber."""
+    material, start = MATERIALS[law]
+    softer = modulus(tests["uniaxial"]) / TYPICAL
+    begin = {name: value if name in PURE else value * softer for name, value in start.items()}
+    chosen = UniformTests(material, [tests[loading] for loading in known])
+    return material(*map(float, fit(chosen, list(begin), start=begin, max_evaluations=200).values))
+
+
 def predictions(rubber: str, laws: Iterable[str] = LAWS) -> list[Row]:
     """Stresses of laws, for each set of tests that they are fitted to."""
     tests = curves(rubber)
-    softer = modulus(tests["uniaxial"]) / TYPICAL
     rows = []
     for known in (of for of in KNOWN if set(of) <= set(tests)):
         for law in laws:
-            material, start = MATERIALS[law]
-            begin = {name: value if name in PURE else value * softer for name, value in start.items()}
-            chosen = [tests[loading] for loading in known]
-            best = material(*fit(UniformTests(material, chosen), list(begin), start=begin, max_evaluations=200).values)
+            best = fitted(tests, law, known)
             stresses = {
                 loading: [float(s) for s in nominal_stress(best, loading, np.asarray(curve.at))]
                 for loading, curve in tests.items()
@@ -97,18 +103,22 @@ def _cell(off: dict[str, list[float]], known: str) -> str:
 
 
 def draw(path: Path, rows: list[Row]) -> None:
-    """Equibiaxial stress of the tests, and of the laws that know uniaxial tension."""
-    with picture(path, 1, len(RUBBERS), size=(2.4, 2.2)) as axes:
-        for panel, rubber in zip(axes.flat, RUBBERS, strict=True):
+    """Equibiaxial stress of the tests, and of the laws that know uniaxial tension; the last panel has the legend."""
+    with picture(path, 2, 3, size=(3.2, 2.4)) as axes:
+        *panels, last = axes.flat
+        for panel, rubber in zip(panels, RUBBERS, strict=True):
             test = curves(rubber)["equibiaxial"]
             measured = 1e-6 * np.asarray(test.values)
-            panel.plot(test.at, measured, "ko", ms=3, label="test")
-            for row in rows:
-                if row["rubber"] == rubber and row["known"] == "uniaxial":
-                    panel.plot(test.at, row["equibiaxial"], lw=1.0, label=row["law"])
-            panel.set_ylim(0.0, 1.8 * measured.max())
-            panel.set_title(rubber.capitalize(), fontsize=8)
-            panel.set_xlabel("stretch", fontsize=7)
-            panel.set_ylabel("nominal stress (MPa)", fontsize=7)
-            panel.tick_params(labelsize=6)
-            panel.legend(fontsize=5)
+            panel.plot(test.at, measured, "ko", ms=4, label="test")
+            for law in LAWS:
+                (row,) = (r for r in rows if (r["rubber"], r["law"], r["known"]) == (rubber, law, "uniaxial"))
+                panel.plot(test.at, row["equibiaxial"], lw=1.2, label=law)
+            panel.set_ylim(0.0, 1.5 * measured.max())
+            panel.set_title(rubber.capitalize(), fontsize=9)
+            panel.set_xlabel("stretch, both ways", fontsize=8)
+            panel.set_ylabel("nominal stress (MPa)", fontsize=8)
+            panel.tick_params(labelsize=7)
+        last.axis("off")
+        last.legend(
+            *panels[0].get_legend_handles_labels(), loc="center", fontsize=9, title="fitted to uniaxial tension"
+        )
