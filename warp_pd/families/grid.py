@@ -16,7 +16,7 @@ from .tables import TOLERANCE, Families, InfluenceFunction
 
 # Relative difference of areas that counts as none.
 ALIKE = 1e-9
-# Distance from its place on the grid, in spacings, up to which a point is on it: less than `TOLERANCE` allows bonds.
+# A point closer than this to its place on the grid, in spacings, counts as on it; less than `TOLERANCE` allows bonds.
 OFF_PLACE = 3e-10
 
 

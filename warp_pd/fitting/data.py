@@ -34,7 +34,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "m/s": (1.0, "velocity"), "mm/s": (1e-3, "velocity"), "mm/min": (1e-3 / 60.0, "velocity"),
     "Hz": (1.0, "frequency"), "degrees": (1.0, "angle"), "deg": (1.0, "angle"),
 }  # fmt: skip
-# What the names of arguments of scenes say of their dimension; what is not listed is not checked.
+# Dimensions that the names of scene arguments imply; other names are not checked.
 DIMENSIONS = {
     "pressure": "pressure", "stretch": "ratio", "prestretch": "ratio", "strain": "ratio", "time": "time",
     "travel": "length", "extension": "length", "thickness": "length", "depth": "length", "force": "force",

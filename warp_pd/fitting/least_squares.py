@@ -18,11 +18,11 @@ from .uniform import LOADINGS
 LOSSES = ("linear", "soft_l1")
 # Median absolute deviation to standard deviation of normal noise.
 MAD = 1.4826
-# Residuals of more standard deviations than this bend the robust loss; the deviation is found anew so many times.
+# Residuals above so many standard deviations count linearly in the robust loss, and most updates of the deviation.
 MARGIN, MOST_MARGINS = 2.0, 5
-# Pull of the constants to their start values, over their size: it holds those that the data do not tell, no others.
+# Pull of the constants towards their start values, over their size; it holds only those that the data do not determine.
 PULL = 1e-5
-# The median of the model over that of the data from which on a wrong unit is likely.
+# Ratio of the medians of data and model above which a wrong unit is likely.
 UNLIKELY = 50.0
 # The largest stress of a uniform test [Pa] below which MPa were likely meant: soft gels carry more.
 TINY_STRESS = 1e3

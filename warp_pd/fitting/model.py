@@ -16,7 +16,7 @@ from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_diff
 from .probes import PointField
 from .sensitivity import Build, Derivatives, Value, value_of
 
-# Values of a control at zero load that are tried: those of a force or a path, and of a stretch.
+# Candidates for the value of a control at zero load: of a force or displacement, and of a stretch.
 AT_REST = (0.0, 1.0)
 TRIAL_FACTOR, TRIAL_SIZE, SAME = 0.37, 1e-3, 1e-9
 # Relative residual of the states of a fit in float64, unless the scene has its own tolerance: data have more noise.

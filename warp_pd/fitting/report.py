@@ -16,8 +16,8 @@ from ..run.simulation import Simulation
 from .data import Curve, Test
 from .model import Experiment, SceneTests
 
-# The data do not tell a combination of constants if its singular value is below this fraction of the largest, or
-# its relative uncertainty larger than this; a single constant is told badly from this uncertainty on.
+# The data do not determine a combination of constants if its singular value is below this fraction of the largest, or
+# its relative uncertainty above this; a single constant is determined poorly above the third number.
 SINGULAR, UNTOLD, BADLY = 1e-6, 10.0, 0.3
 # A constant belongs to a combination from this fraction of it on.
 FRACTION = 0.3
@@ -63,14 +63,16 @@ class Judgement:
             errors[np.abs(direction) > FRACTION * np.abs(direction).max()] = np.inf
         for name, error, value in zip(vary, errors, values, strict=True):
             if math.isfinite(error) and error > BADLY * abs(value):
-                words.append(f"the data tell {name} badly: its standard error is {100.0 * error / abs(value):.0f} %")
+                words.append(
+                    f"the data determine {name} poorly: its standard error is {100.0 * error / abs(value):.0f} %"
+                )
         scale = np.sqrt(np.diag(covariance))
         correlations = covariance / np.where(scale > 0.0, scale, 1.0) / np.where(scale > 0.0, scale, 1.0)[:, None]
         for a in range(len(vary)):
             for b in range(a):
                 if np.isfinite(errors[[a, b]]).all() and abs(correlations[a, b]) > CORRELATED:
                     words.append(
-                        f"{vary[b]} and {vary[a]} are correlated by {correlations[a, b]:+.3f}: the data tell little "
+                        f"{vary[b]} and {vary[a]} are correlated by {correlations[a, b]:+.3f}: the data say little "
                         "more than a combination of the two"
                     )
         return Judgement(deviation, errors, correlations, words)
@@ -80,7 +82,7 @@ def _untold(vary: Sequence[str], direction: np.ndarray) -> str:
     fraction = direction / np.abs(direction).max()
     names = [name for name, part in zip(vary, fraction, strict=True) if abs(part) > FRACTION]
     if len(names) == 1:
-        return f"the data do not tell {names[0]}"
+        return f"the data do not determine {names[0]}"
     sign = np.sign(fraction[np.argmax(np.abs(fraction))])
     powers = " ".join(
         f"{name}^{sign * part:+.2f}" for name, part in zip(vary, fraction, strict=True) if abs(part) > FRACTION

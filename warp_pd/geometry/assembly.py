@@ -90,21 +90,21 @@ def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
 
 def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray]]:
     """The shape with a crack opened, and its named faces; tips belong to both faces."""
-    split = split_along(shape.size, shape.triangles, crack.points)
-    copies = shape.size + np.arange(len(split.doubled))
+    triangles, doubled = split_along(shape.size, shape.triangles, crack.points)
+    copies = shape.size + np.arange(len(doubled))
     grid = None
     if shape.grid is not None:
         grid = np.vstack([shape.grid, np.full((len(copies), 2), -1, np.int32)])
-        grid[split.doubled] = -1
+        grid[doubled] = -1
     opened = replace(
         shape,
-        points=np.vstack([shape.points, shape.points[split.doubled]]),
+        points=np.vstack([shape.points, shape.points[doubled]]),
         areas=np.zeros(shape.size + len(copies)),
-        triangles=split.triangles.astype(np.int32),
+        triangles=triangles.astype(np.int32),
         grid=grid,
-        spacings=None if shape.spacings is None else np.concatenate([shape.spacings, shape.spacings[split.doubled]]),
+        spacings=None if shape.spacings is None else np.concatenate([shape.spacings, shape.spacings[doubled]]),
     )
-    tips = np.setdiff1d(crack.points, split.doubled)
+    tips = np.setdiff1d(crack.points, doubled)
     left, right = np.sort(crack.points), np.union1d(tips, copies)
     names = {crack.name: np.union1d(left, right), f"{crack.name} left": left, f"{crack.name} right": right}
     return opened, names if not len(tips) else {**names, f"{crack.name} tips": tips}

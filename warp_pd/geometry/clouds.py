@@ -8,7 +8,6 @@ import numpy as np
 
 from ..device import checks
 from ..device.checks import InputError, corners, positions, positive
-from .curves import Spacing
 from .lines import region, ring
 from .shape import Shape
 from .topology import boundary_edges, ring_names
@@ -62,10 +61,9 @@ def _triangles_inside(points: np.ndarray, outline: Any, spacing: float | None) -
     boundary, holes = (outline.boundary, outline.holes) if hasattr(outline, "holes") else (outline, ())
     rough = spacing if spacing is not None else float(np.sqrt(np.ptp(points, axis=0).prod() / len(points)))
 
-    def step(places: np.ndarray) -> np.ndarray:
+    def at(places: np.ndarray) -> np.ndarray:
         return np.full(len(places), STEP * rough)
 
-    at: Spacing = step
     inner = [ring(f"hole {number}", curve, at) for number, curve in enumerate(holes, start=1)]
     sheet = region(ring("outline", boundary, at), inner, ())
     room = sheet.buffer(BEYOND * rough)

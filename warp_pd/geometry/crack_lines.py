@@ -77,7 +77,7 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
 
     line, edge = shapely.LineString(corners), sheet.boundary
     pieces = [piece for piece in shapely.get_parts(line.intersection(sheet)) if piece.length > 0.0]
-    # A part that is a hair long is where an end on the edge is, but for round-off, outside.
+    # A tiny piece comes from an end on the edge that is outside by round-off.
     longest = max((piece.length for piece in pieces), default=0.0)
     pieces = [piece for piece in pieces if piece.length > 1e-6 * longest]
     if len(pieces) != 1:

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from .topology import components, directed_edges, undirected
 
 
-@dataclass(frozen=True, eq=False)
-class SplitPoints:
-    """A triangulation opened along a crack.
-
-    Attributes:
-        triangles: Triangles, those on the right side of the crack with the new points, shape (F, 3).
-        doubled: Points that have a copy, in order along the crack; the copies come after all other points.
-    """
-
-    triangles: np.ndarray
-    doubled: np.ndarray
-
-
-def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> SplitPoints:
+def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Open a triangulation along a crack.
 
     The corners at a point are divided into groups that are connected through triangles without crossing the crack. At a
@@ -32,6 +17,10 @@ def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> SplitP
         points: Number of points.
         triangles: Counter-clockwise, shape (F, 3); the crack runs along their edges.
         crack: Points along the crack, shape (L,); those of a closed one end with the first.
+
+    Returns:
+        Triangles, those on the right side of the crack with the new points, shape (F, 3); and the points that have a
+        copy, in order along the crack. The copies come after all other points.
     """
     edges, steps = directed_edges(triangles).astype(np.int64), np.column_stack([crack[:-1], crack[1:]])
     number = undirected(np.concatenate([edges, steps]))
@@ -52,4 +41,4 @@ def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> SplitP
     copy = np.arange(points)
     copy[doubled] = points + np.arange(len(doubled))
     found = np.where(corner, copy[edges[:, 0]], edges[:, 0])
-    return SplitPoints(found.reshape(3, -1).T.astype(triangles.dtype), doubled)
+    return found.reshape(3, -1).T.astype(triangles.dtype), doubled

@@ -16,6 +16,7 @@ from .triangulation import (
     cell_areas,
     cell_triangles,
     crosses,
+    moved_cut,
     point_areas,
     voronoi_areas,
     whole_cells,
@@ -53,7 +54,7 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
     def turn(p: np.ndarray) -> np.ndarray:
         return np.asarray((p - middle) @ rotation.T + middle)
 
-    cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in shape.cuts)
+    cuts = tuple(moved_cut(cut, turn) for cut in shape.cuts)
     return replace(shape, points=turn(shape.points), lattice=None, grid=None, cuts=cuts), rotation
 
 
@@ -178,7 +179,7 @@ def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
         areas=shape.areas / area,
         spacing=shape.spacing / float(np.sqrt(area)),
         lattice=lattice,
-        cuts=tuple((tuple(back(np.array(a))), tuple(back(np.array(b)))) for a, b in shape.cuts),
+        cuts=tuple(moved_cut(cut, back) for cut in shape.cuts),
         grid=shape.grid if even else None,
         spacings=None if shape.spacings is None else shape.spacings / np.sqrt(area),
     )

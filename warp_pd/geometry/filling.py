@@ -60,11 +60,9 @@ def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> 
     points, grid = candidates[kept], np.column_stack([column, row])[kept].astype(np.int32) + 1
 
     if not fits.all():
-        apart = cKDTree(fixed[~fits]).query(points, distance_upper_bound=BAND * spacing)[0]
-        loose = apart < BAND * spacing
+        apart = cKDTree(fixed[~fits]).query(points, distance_upper_bound=(BAND + 3.0) * spacing)[0]
+        loose, around = apart < BAND * spacing, np.isfinite(apart)
         grid[loose] = -1
-        reach = cKDTree(fixed[~fits]).query(points, distance_upper_bound=(BAND + 3.0) * spacing)[0]
-        around = np.isfinite(reach)
         points[loose] = _relaxed(
             np.vstack([points[loose], fixed, points[around & ~loose]]), int(loose.sum()), region, None, ROUNDS
         )

@@ -11,7 +11,7 @@ from .triangulation import coincident_pairs, doubled_normals, signed_areas
 
 # Least area of a triangle over the mean.
 LEAST_AREA = 1e-12
-# Largest coordinate whose fourth power is a number.
+# Largest coordinate whose fourth power is finite.
 LARGEST = 1e70
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from ..device.checks import OutputError
 
 FORMATS = ("png", "pdf", "svg")
-# Dots per inch, and those of the parts of a vector picture that are too many to be drawn one by one.
+# Dots per inch of a PNG, and of the parts of a vector picture that are pixels.
 RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
 # Polygons above which a vector picture holds the sheet as pixels.
 MOST_VECTORS = 20_000

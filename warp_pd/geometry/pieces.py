@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..device.checks import InputError, finite, vector
 from .shape import Shape
+from .triangulation import moved_cut
 
 # Gap between pieces that lie side by side, in spacings of the wider one.
 GAP = 4.0
@@ -78,42 +80,24 @@ def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Sh
         parts |= {f"{name} {part}": np.asarray(points + first[k], np.int32) for part, points in shape.parts.items()}
     numbered = list(enumerate(shapes))
     barriers = [shape.barriers + first[k] for k, shape in numbered if shape.barriers is not None]
-    alike = all(shape.spacings is None and _close(shape.spacing, shapes[0].spacing) for shape in shapes)
-    frames = None if shapes[0].frames is None else np.concatenate([_required(shape.frames) for shape in shapes])
+    spacings = [np.full(s.size, s.spacing) if s.spacings is None else s.spacings for s in shapes]
+    alike = all(s.spacings is None and math.isclose(s.spacing, shapes[0].spacing, rel_tol=1e-9) for s in shapes)
+    frames = [shape.frames for shape in shapes if shape.frames is not None]
     return Shape(
         points=np.concatenate([shape.points + moves[k] for k, shape in numbered]),
         areas=np.concatenate([shape.areas for shape in shapes]),
         triangles=np.concatenate([shape.triangles + first[k] for k, shape in numbered]).astype(np.int32),
         spacing=max(shape.spacing for shape in shapes),
-        cuts=tuple(_moved(cut, moves[k]) for k, shape in numbered for cut in shape.cuts),
+        cuts=tuple(moved_cut(cut, lambda at, k=k: at + moves[k]) for k, shape in numbered for cut in shape.cuts),
         inclusions=tuple(np.asarray(m + first[k], np.int32) for k, shape in numbered for m in shape.inclusions),
-        spacings=None if alike else np.concatenate([_spacings(shape) for shape in shapes]),
-        frames=frames,
+        spacings=None if alike else np.concatenate(spacings),
+        frames=np.concatenate(frames) if frames else None,
         barriers=np.concatenate(barriers).astype(np.int32) if barriers else None,
         bodies=_bodies(shapes),
         parts=parts,
         pieces=np.repeat(np.arange(1, len(shapes) + 1, dtype=np.int32), np.diff(first)),
         origins=moves,
     )
-
-
-def _close(a: float, b: float) -> bool:
-    return abs(a - b) <= 1e-9 * b
-
-
-def _spacings(shape: Shape) -> np.ndarray:
-    return np.full(shape.size, shape.spacing) if shape.spacings is None else shape.spacings
-
-
-def _required(frames: np.ndarray | None) -> np.ndarray:
-    assert frames is not None
-    return frames
-
-
-def _moved(cut: tuple[tuple[float, ...], ...], move: np.ndarray) -> tuple[tuple[float, float], tuple[float, float]]:
-    (ax, ay), (bx, by) = cut
-    x, y = float(move[0]), float(move[1])
-    return (ax + x, ay + y), (bx + x, by + y)
 
 
 def _bodies(shapes: Sequence[Shape]) -> np.ndarray | None:

@@ -22,7 +22,7 @@ RUBBER, EDGE, GRID_POINT, OTHER_POINT, RIGID, CUT = "#f0dfb8", "#3b2a14", "#1632
 # Colours of a thickness that varies.
 THICKNESS = "YlOrBr"
 PART_COLOURS = ("C0", "C1", "C2", "C3", "C4", "C6", "C8", "C9")
-# Where a point that shares its place with another, on the two faces of a crack, is drawn: this far into its triangles.
+# Points on the two faces of a crack coincide: each is drawn so far into its triangles, as a fraction.
 APART = 0.2
 # Elevation and azimuth of the eye [degrees].
 VIEW = (28.0, -60.0)

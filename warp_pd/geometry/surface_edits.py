@@ -143,10 +143,10 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     triangles, source = shape.triangles, np.arange(shape.size)
     parts = dict(shape.parts)
     for line in lines:
-        split = split_along(len(source), triangles, line)
-        copies = len(source) + np.arange(len(split.doubled))
-        triangles, source = split.triangles, np.append(source, split.doubled)
-        left, right = np.unique(line), np.union1d(np.setdiff1d(line, split.doubled), copies)
+        triangles, doubled = split_along(len(source), triangles, line)
+        copies = len(source) + np.arange(len(doubled))
+        source = np.append(source, doubled)
+        left, right = np.unique(line), np.union1d(np.setdiff1d(line, doubled), copies)
         number = next(k for k in range(1, len(parts) + 2) if f"slit {k}" not in parts)
         parts |= {f"slit {number} left": left, f"slit {number} right": right, f"slit {number}": np.union1d(left, right)}
     parts |= {part: np.flatnonzero(np.isin(source, points)) for part, points in shape.parts.items()}
@@ -251,8 +251,8 @@ def _snapped(
     """Edges along the zero line of a level, shape (K, 2), with positive values on their left, and new places of points.
 
     On each edge that the zero line crosses, one end is moved to the crossing, so that the line runs along edges
-    (Labelle & Shewchuk 2007, section 3): the end whose triangles keep more of their areas, and only as far as they stay
-    sound. Points of an open edge move along it.
+    (Labelle & Shewchuk 2007, section 3): the end whose triangles keep more of their areas, and only as far as they keep
+    enough of them. Points of an open edge move along it.
     """
     difference = np.abs(np.diff(level[edges], axis=1))[:, 0]
     level[np.abs(level) < ROUND_OFF * difference.max(initial=0.0)] = 0.0

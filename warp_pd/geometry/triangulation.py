@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,12 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     meeting = tail + fraction[..., None] * (head - tail) - start
     place = (meeting @ along) / length_squared
     return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
+
+
+def moved_cut(cut: Segment, move: Callable[[np.ndarray], np.ndarray]) -> Segment:
+    """A segment with both ends at new places."""
+    (ax, ay), (bx, by) = (move(np.array(end)).tolist() for end in cut)
+    return (ax, ay), (bx, by)
 
 
 def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: float) -> np.ndarray:

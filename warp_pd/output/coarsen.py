@@ -47,7 +47,7 @@ def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles,
     cluster = np.arange(len(reference))
     if np.count_nonzero(used) <= most:
         return cluster
-    # What tore to shreds has no clusters: such a sheet is coarsened as it was at first.
+    # A sheet torn to shreds has too many clusters: it is coarsened as it was in the first frame.
     loose = used.copy()
     loose[last] = False
     between = first[loose[first].all(axis=1)]

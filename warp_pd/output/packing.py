@@ -26,7 +26,7 @@ class Arrays:
     texts: list[str] = field(default_factory=list)
 
     def add(self, values: NDArray[Any]) -> dict[str, Any]:
-        """Add an array, real numbers in single precision, integers in 32 bits, booleans in one; how to unpack it."""
+        """Add an array, with 32 bits a number or one bit a boolean; return how to unpack it."""
         if values.dtype == np.bool_:
             return self._entry(np.packbits(values, axis=-1, bitorder="little"), "bits", values.shape)
         kind = "float32" if np.issubdtype(values.dtype, np.floating) else "uint32"

@@ -124,7 +124,7 @@ class UsdAnimation:
         self._stage = None
         published = Sdf.Layer.Find(str(self.path))
         if published:
-            # Whoever in this process holds the animation open would otherwise go on seeing the past.
+            # Readers in this process that have the animation open would otherwise keep the old frames.
             published.Reload(force=True)
 
     def _discard(self) -> None:

@@ -24,7 +24,7 @@ from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
 # What a page loads, in this order; vendor.* are the libraries.
 STYLES = ("vendor.css", "page.css")
 SCRIPTS = ("vendor.js", "data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
-# What a page holds unless told otherwise: points; and numbers, in all frames, but some frames in any case.
+# Defaults of a page: most points, most numbers in all frames together, and fewest frames.
 POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
 
 

@@ -37,7 +37,7 @@ KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 POLYGONS = KINDS.index("Polygons")
 # What the names of columns with the position and quaternion of a body begin with.
 POSE = "pose_"
-# The point field that every frame finds in the same rows.
+# The point field that all frames share.
 REFERENCE = "reference_position"
 # What the metadata say about the points.
 POSITIONS = f"deformed; {REFERENCE} + displacement"

@@ -13,7 +13,7 @@ from ..device.checks import said
 from .built import Built
 from .scene import Scene
 
-# Units of columns that no part speaks for; those of measures come with them.
+# Units of columns that belong to no part; measures have their own.
 UNITS = {"time": "s", "step": "s", "largest_damage": "1", "mean_damage": "1", "pressure": "Pa", "volume": "m^3"}
 
 

@@ -47,7 +47,7 @@ class Files:
         """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete."""
         for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
             begun = (folder / name).is_file()
-            # Frames that are gone are told by their writer.
+            # The writer of the frames reports missing ones.
             if begun != wanted and (begun or name != "frames.vtkhdf"):
                 there = "holds" if begun else "lacks"
                 expected = f"{option} = {begun}, {'without ' if begun else ''}--no-{option}"
@@ -149,13 +149,9 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
     """Disk space for two frames, restart files and the small files [bytes]."""
     surface = recorder.points.surface
     frame = BYTES_OF_POINT * len(surface.points) + 12 * len(surface.faces)
-    return int(2 * frame + (2 * _restart_bytes(recorder.built) if restarts else 0) + SMALL_FILES)
-
-
-def _restart_bytes(built: Built) -> int:
-    """Size of a restart file [bytes]."""
-    kept = built.context.fields.kept().values()
-    return int(sum(array.capacity for array in kept)) * built.context.communicator.size
+    context = recorder.built.context
+    restart_file = sum(array.capacity for array in context.fields.kept().values()) * context.communicator.size
+    return int(2 * frame + (2 * restart_file if restarts else 0) + SMALL_FILES)
 
 
 def _require_room(folder: Path, needed: int) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import itertools
 import json
 import math
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -166,15 +167,20 @@ def read_history(path: Path) -> History:
 def write_atomically(path: Path, text: str) -> None:
     """Write a file under a temporary name and rename it when it is complete."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
+    part.write_text(text, encoding="utf-8", newline="")
     os.replace(part, path)
+
+
+def write_csv(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a table as CSV atomically; None becomes an empty cell."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(head)
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue())
 
 
 def write_history(path: Path, history: History) -> None:
     """Write the history as CSV atomically, one row per frame; a missing number is an empty cell."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="") as stream:
-        writer, names = csv.writer(stream), list(history[-1])
-        writer.writerow(names)
-        writer.writerows(["" if math.isnan(row[name]) else row[name] for name in names] for row in history)
-    os.replace(part, path)
+    names = list(history[-1])
+    write_csv(path, names, (["" if math.isnan(row[name]) else row[name] for name in names] for row in history))

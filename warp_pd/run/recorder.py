@@ -22,7 +22,7 @@ from .scene import Measure, Outcome
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
-# Seconds that a frame may take to end after the user asked to stop.
+# Seconds after which a frame is aborted if the user asked to stop.
 PATIENCE = 5.0
 
 

@@ -27,9 +27,9 @@ NAME = "restart.npz"
 VERSION = 6
 # Numbers of the recorder that a restart keeps.
 NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
-# What a scene says that changes nothing of the state of a run; of measures the names count all the same.
+# Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
-# Longer values are kept as their hash; a message names so many that differ.
+# Longest value kept as text, longer ones as their hash; and most differences that a message names.
 MAX_LENGTH, MAX_NAMED = 60, 4
 
 

@@ -34,7 +34,7 @@ from .scene_context import partition_of
 from .summary import Seconds, summary_of
 from .view import LARGE, read_page_frames, write_page
 
-# A search that got a part of the way, and no farther.
+# Advice if the search stopped between no load and the full load.
 LIMIT_POINT = (
     "if the load has its maximum there (a limit point), no equilibrium exists beyond it: follow the path with the "
     "solver ArcLength, prescribe the displacement (Motion) or the volume (EnclosedVolume) instead of the load, or "
@@ -188,7 +188,7 @@ def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, fi
     saved = restart.load(folder / restart.NAME, known) if resume else None
     if saved is not None:
         files.require_same(folder)
-        # They tell of a run that is over, which this one is not.
+        # They describe a finished run, and this one goes on.
         for name in ("summary.json", PAGE):
             (folder / name).unlink(missing_ok=True)
     else:

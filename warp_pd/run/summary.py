@@ -125,26 +125,16 @@ def _commit() -> str | None:
 
 
 def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:
-    """The summary of a finished run."""
-    notes = notes_of(recorder)
+    """The summary of a finished run: lengths [m], density [kg/m^3], times [s], horizon in spacings, energies [J].
+
+    A varying thickness or density is given by its minimum and maximum.
+    """
+    built, notes = recorder.built, notes_of(recorder)
     measures = _measures(recorder, notes)
-    columns = recorder.history[-1] if recorder.history else {}
-    return {
-        **_origin(recorder, status, message),
-        **_model(recorder),
-        **_course(recorder),
-        **_cost(recorder, seconds),
-        "correction": recorder.built.law.correction,
-        "energy": _energy(recorder),
-        "notes": notes,
-        "measures": measures,
-        "units": {name: unit for name, unit in units_of(recorder.built).items() if name in columns},
-    }
-
-
-def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
-    """Scene, status and device of a run."""
-    scene, context = recorder.built.simulation, recorder.built.context
+    scene, context, law = built.simulation, built.context, built.law
+    row = recorder.history[-1] if recorder.history else {}
+    losses = {name: row[name] for name in ("damping", "rupture", *built.energy.lost) if name in row}
+    load_duration, points = scene.load_duration, context.whole.size
     return {
         "scene": scene.scene,
         "file": scene.file,
@@ -158,37 +148,15 @@ def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
         "machine": platform.node(),
         "device": str(context.device.name),
         "precision": context.bits,
-    }
-
-
-def _model(recorder: Recorder) -> dict[str, Any]:
-    """The law and the sheet: thickness and spacing [m], density [kg/m^3], horizon in spacings.
-
-    A varying thickness or density is given by its minimum and maximum.
-    """
-    built, context = recorder.built, recorder.built.context
-    force = built.simulation.force
-    return {
-        "force": type(force).__name__,
-        "material": said(force.material),
+        "force": type(scene.force).__name__,
+        "material": said(scene.force.material),
         "thickness": _range(context.whole.thickness),
         "density": _range(context.whole.density),
         "spacing": context.sheet.spacing,
-        "weights": built.law.weights,
-        "horizon": force.horizon,
-        "points": context.whole.size,
-        "bonds": built.law.families.bond_count,
-    }
-
-
-def _range(values: float | np.ndarray) -> float | list[float]:
-    return [float(np.min(values)), float(np.max(values))] if np.ndim(values) else float(values)
-
-
-def _course(recorder: Recorder) -> dict[str, Any]:
-    """How far the run got: steps, time [s] or load factor, step [s], residual."""
-    load_duration = recorder.built.simulation.load_duration
-    return {
+        "weights": law.weights,
+        "horizon": scene.force.horizon,
+        "points": points,
+        "bonds": law.families.bond_count,
         "steps": recorder.steps,
         "time": recorder.time if load_duration is None else None,
         "load_share": None if load_duration is None else recorder.time / load_duration,
@@ -196,30 +164,22 @@ def _course(recorder: Recorder) -> dict[str, Any]:
         "stable_dt": recorder.stable_dt,
         "residual": recorder.residual,
         "solve": recorder.solve,
-    }
-
-
-def _cost(recorder: Recorder, seconds: Seconds) -> dict[str, Any]:
-    """Wall time [s] and memory."""
-    context = recorder.built.context
-    rate = context.whole.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
-    return {
         "wall_s": seconds.wall,
         "setup_s": seconds.setup,
         "compile_s": seconds.compile,
-        "point_steps_per_s": rate,
+        "point_steps_per_s": points * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0,
         "bytes_per_point": context.fields.nbytes / context.sheet.size,
+        "correction": law.correction,
+        "energy": {
+            **{name: row.get(name) for name in ("kinetic", "strain", "external")},
+            "dissipated": losses if context.features.tracked else None,
+            "balance_error": row.get("balance_error"),
+        },
+        "notes": notes,
+        "measures": measures,
+        "units": {name: unit for name, unit in units_of(built).items() if name in row},
     }
 
 
-def _energy(recorder: Recorder) -> dict[str, Any]:
-    """Energies of the last frame [J]."""
-    row = recorder.history[-1] if recorder.history else {}
-    losses = {name: row[name] for name in ("damping", "rupture", *recorder.built.energy.lost) if name in row}
-    return {
-        "kinetic": row.get("kinetic"),
-        "strain": row.get("strain"),
-        "external": row.get("external"),
-        "dissipated": losses if recorder.built.context.features.tracked else None,
-        "balance_error": row.get("balance_error"),
-    }
+def _range(values: float | np.ndarray) -> float | list[float]:
+    return [float(np.min(values)), float(np.max(values))] if np.ndim(values) else float(values)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from ..device.checks import InputError
 from . import restart
 from .built import compose
 from .divergence import DivergedError
-from .folder import run_summary, write_atomically
+from .folder import run_summary, write_csv
 from .runner import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 
 REFUSED = "refused"
@@ -156,7 +155,7 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> bool:
-    """Write the table as CSV with full precision; a missing number is an empty cell. Whether it was written:
+    """Write the table as CSV with full precision; a missing number is an empty cell. Returns whether it was written.
 
     A table of refused runs alone is not written, and one with some does not replace a table that has results for them.
     """
@@ -164,11 +163,7 @@ def write_table(path: Path, rows: Sequence[Row]) -> bool:
     kept = {tuple(row.values.values()) for row in rows if row.status != REFUSED}
     if len(kept) < len(rows) and (not kept or not _results_in(path, list(rows[0].values)) <= kept):
         return False
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(head)
-    writer.writerows(cells)
-    write_atomically(path, text.getvalue())
+    write_csv(path, head, cells)
     return True
 
 
