@@ -42,6 +42,20 @@ def test_every_row_says_what_theirs_is_and_whether_it_was_blind():
         assert row.counts != row.kind.endswith(", a bound")
 
 
+def test_force_on_a_strip_is_the_slope_of_its_energy():
+    strokes = np.linspace(0.0, 0.012, 7)
+    weaker = None
+    for notch in (2e-3, 6e-3):
+        sheet, length = printed.notched(13, notch)
+        assert length == pytest.approx(notch, abs=1.001e-3)
+        force, energy = printed.pulled(sheet, strokes, "cpu", horizon=2.015)
+        # Simpson's rule over pairs of steps.
+        work = np.sum((force[:-2:2] + 4.0 * force[1:-1:2] + force[2::2]) * strokes[1]) / 3.0
+        assert energy[-1] == pytest.approx(work, rel=1e-3)
+        assert weaker is None or force[-1] < weaker
+        weaker = force[-1]
+
+
 def test_strips_that_give_constants_are_not_compared():
     rows = {make().name: make() for make in printed.ROWS}
     compared = {length for length, _ in (*printed.JUNE[1:], *printed.MARCH[1:])}
