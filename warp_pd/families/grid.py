@@ -27,15 +27,8 @@ def grid_families(
 
     Points are deep, and share row 0, if their family and those of all members are complete: every point of the stencil
     exists and represents one cell, and no other points are near. Members and reverse bonds of a deep point then have
-    the indices of the stencil.
-
-    Args:
-        sheet: The sheet.
-        horizon: The horizon.
-        function: Influence function.
-        corrected: Whether rows are needed for corrected weights, which also differ around unbalanced points; the
-            members of deep points must then also be deep in the above sense.
-        intersections: As for `build_families`.
+    the indices of the stencil. Corrected weights also differ around unbalanced points: where rows are needed for them
+    (`corrected`), the members of deep points must be deep in the above sense, too.
     """
     stencil = Stencil.within(horizon, sheet.spacing)
     image = _Image.of(sheet, stencil)
@@ -69,6 +62,12 @@ class Stencil:
         length = np.hypot(x, y)
         inside = (length > 0.0) & (step * length <= horizon.length * (1.0 + TOLERANCE))
         return Stencil(np.column_stack([x[inside], y[inside]]), reach)
+
+    def image(self) -> np.ndarray:
+        """Mask of a family and its point, in the middle, shape (2 reach + 1, 2 reach + 1)."""
+        found = np.zeros((2 * self.reach + 1, 2 * self.reach + 1), bool)
+        found[tuple((np.vstack([self.steps, [0, 0]]) + self.reach).T[::-1])] = True
+        return found
 
     def number(self, steps: np.ndarray) -> np.ndarray:
         """Member indices of steps of the stencil, shape (..., 2)."""
@@ -136,6 +135,8 @@ class _Image:
 
 def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon, corrected: bool) -> np.ndarray:
     """Mask of the points that share row 0, shape (N,)."""
+    from scipy.ndimage import binary_erosion
+
     if not image.on.any():
         return image.on
     cell = sheet.spacing**2
@@ -156,24 +157,15 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
         for x, y in stencil.steps:
             apart_here = image.step(apart, 0, 0)
             apart_here |= image.step(body, x, y) != image.step(body, 0, 0)
-    complete = _eroded(image, inner, stencil.steps) & ~apart
-    for _ in range(2 if corrected else 1):
-        complete = _eroded(image, complete, stencil.steps)
+    # A place stays if the mask holds it and all members of its family.
+    family = stencil.image()
+    complete = binary_erosion(inner, family) & ~apart
+    complete = binary_erosion(complete, family, iterations=2 if corrected else 1)
     deep: np.ndarray = image.on & image.at_points(complete & _in_line(image, stencil.steps))
     if (factors := sheet.factors) is not None and deep.any():
         different, count = np.unique(factors[deep], return_counts=True)
         deep &= factors == different[count.argmax()]
     return np.asarray(deep)
-
-
-def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Erode a mask: keep the places from which all steps stay in the mask."""
-    kept = np.zeros_like(inside)
-    found = image.step(inside, 0, 0).copy()
-    for x, y in steps:
-        found &= image.step(inside, x, y)
-    image.step(kept, 0, 0)[...] = found
-    return kept
 
 
 def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
@@ -188,11 +180,9 @@ def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
 
 def dilated(mask: np.ndarray, distance: int) -> np.ndarray:
     """Dilate a mask by a distance along x and y."""
-    from scipy.ndimage import maximum_filter1d
+    from scipy.ndimage import maximum_filter
 
-    for axis in range(2):
-        mask = maximum_filter1d(mask.view(np.uint8), 2 * distance + 1, axis=axis, mode="constant").view(bool)
-    return mask
+    return np.asarray(maximum_filter(mask.view(np.uint8), 2 * distance + 1, mode="constant").view(bool))
 
 
 def widened(table: np.ndarray, members: int, value: int) -> np.ndarray:

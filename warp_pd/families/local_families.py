@@ -128,14 +128,9 @@ def local_cloud_families(
     sheet: Sheet, partition: Partition, horizon: float, influence: str | InfluenceFunction,
     gathered: Callable[[int], list[int]],
 ) -> Families:  # fmt: skip
-    """Families of the points of a partition; incomplete ones are empty.
+    """Families of the points of a partition of a whole sheet; incomplete ones are empty.
 
-    Args:
-        sheet: The whole sheet.
-        partition: The part of the sheet in this process.
-        horizon: Horizon in spacings of the sheet [-].
-        influence: As for `build_families`.
-        gathered: Function that gathers a number from all processes.
+    `horizon` and `influence` are as for `build_families`; `gathered` gathers a number from all processes.
     """
     function, checked = influence_function(influence), checked_horizon(sheet, horizon)
     # Members are in the order of the user's points, on any number of processes.

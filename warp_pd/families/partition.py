@@ -110,14 +110,9 @@ def bounds_of(points: int, processes: int) -> np.ndarray:
 
 
 def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, layers: int = 0) -> Partition:
-    """The partition of a sheet for one of several processes.
+    """The partition of a whole sheet for the process `rank` of several; the horizon is in spacings.
 
-    Args:
-        sheet: The whole sheet.
-        horizon: Horizon in spacings of the sheet [-].
-        rank: Number of the process.
-        processes: Number of processes.
-        layers: Number of additional point layers (neighbours in triangles) around the halo.
+    `layers` of further points (neighbours in triangles) surround the halo.
     """
     bounds = bounds_of(sheet.size, processes)
     if not (np.diff(bounds) > 0).all():

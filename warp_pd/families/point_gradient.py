@@ -35,12 +35,9 @@ def point_gradient(families: Families) -> tuple[Any, Any]:
 
 
 def surface_vector_matrix(gradient: tuple[Any, Any], displacement: np.ndarray, factors: np.ndarray) -> Any:
-    """Derivative of factor_i (F e1 x F e2)_i by the displacement, sparse, shape (3 N, 3 N).
+    """Derivative of factor_i (F e1 x F e2)_i by the displacement [m], shape (N, 3): sparse, shape (3 N, 3 N).
 
-    Args:
-        gradient: Result of `point_gradient`.
-        displacement: Displacement [m], shape (N, 3).
-        factors: Factor of each point, shape (N,).
+    `gradient` is a result of `point_gradient`, `factors` has shape (N,).
     """
     from scipy import sparse
 

@@ -72,12 +72,8 @@ def shapes_by_row(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse shape tensors, shape (R, n, 3), and sizes, shape (R, n), as for `Families.inverse_shapes`.
 
-    Args:
-        bonds: X / horizon, shape (R, n, 2).
-        influence: w, shape (R, n).
-        areas: Areas of the members, shape (R, n).
-        exists: Mask of existing members, which come first in each row, shape (R, n).
-        common: Masks of the intersections, shape (R, n, words).
+    Bonds are X / horizon, shape (R, n, 2), `common` the masks of the intersections, shape (R, n, words); influence,
+    areas and `exists` of the members have shape (R, n). Existing members come first in each row.
     """
     rows, n = exists.shape
     inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))

@@ -15,13 +15,8 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
     w_ik is half the sum of the cotangents of the angles opposite an edge; negative values, from obtuse angles, are set
     to zero. Points on opposite sides of a cut are not coupled, except on a lattice or grid.
 
-    Args:
-        shape: Points and triangles, flat or curved.
-        of: Points whose couplings to compute, shape (N,); None for all.
-
-    Returns:
-        Neighbours, int32, shape (K, N), and couplings [-], shape (K, N). Missing neighbours are the point itself with
-        zero coupling.
+    Returns neighbours, int32, and couplings [-], both of shape (K, N), or of the points `of` alone, shape (N,). Missing
+    neighbours are the point itself with zero coupling.
     """
     of = np.arange(shape.size, dtype=np.int32) if of is None else of
     if shape.whole_lattice is not None:

@@ -8,19 +8,14 @@ from .topology import components, directed_edges, undirected
 
 
 def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Open a triangulation along a crack.
+    """Open a triangulation of `points` points along a crack.
 
     The corners at a point are divided into groups that are connected through triangles without crossing the crack. At a
-    tip there is one group; an end on the edge of the sheet has two.
+    tip there is one group; an end on the edge of the sheet has two. The crack runs along edges of the counter-clockwise
+    triangles, shape (F, 3); its points have shape (L,), and those of a closed one end with the first.
 
-    Args:
-        points: Number of points.
-        triangles: Counter-clockwise, shape (F, 3); the crack runs along their edges.
-        crack: Points along the crack, shape (L,); those of a closed one end with the first.
-
-    Returns:
-        Triangles, those on the right side of the crack with the new points, shape (F, 3); and the points that have a
-        copy, in order along the crack. The copies come after all other points.
+    Returns the triangles, those on the right side of the crack with the new points, shape (F, 3), and the points that
+    have a copy, in order along the crack. The copies come after all other points.
     """
     edges, steps = directed_edges(triangles).astype(np.int64), np.column_stack([crack[:-1], crack[1:]])
     number = undirected(np.concatenate([edges, steps]))

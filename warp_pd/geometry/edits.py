@@ -147,9 +147,7 @@ def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tup
 def before_stretch(shape: AnyShape, gradient: np.ndarray) -> AnyShape:
     """The shape that becomes `shape` by a uniform stretch about its centre.
 
-    Args:
-        shape: The stretched shape.
-        gradient: Deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
+    `gradient` is the deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
     """
     even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
     if shape.inclusions:

@@ -38,14 +38,7 @@ def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The triangulation with the other diagonal in every rectangle (two triangles with a common hypotenuse).
 
     Pressure on a rectangle loads the ends of its diagonal more than the other corners; the mean of both triangulations
-    is even.
-
-    Args:
-        positions: Positions [m], shape (N, 3).
-        triangles: shape (F, 3).
-
-    Returns:
-        shape (F, 3); the same array if there is no rectangle.
+    is even. Without any rectangle the same array is returned.
     """
     size = int(triangles.max()) + 1
     corners = triangles.astype(np.int64)
@@ -69,12 +62,7 @@ def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def volume_of(positions: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume enclosed by a surface [m^3], positive if its triangles are counter-clockwise seen from outside.
-
-    Args:
-        positions: Positions [m], shape (N, 3).
-        triangles: shape (F, 3).
-    """
+    """Volume enclosed by a surface [m^3], positive if its triangles are counter-clockwise seen from outside."""
     a, b, c = (positions[triangles[:, k]] for k in range(3))
     return float(np.einsum("fc,fc->", a, np.cross(b, c)) / 6.0)
 

@@ -16,16 +16,10 @@ LARGEST = 1e70
 
 
 def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
-    """Check the faces of a file before they are used.
+    """Check the faces of a file; `corners` are the point indices of all faces, one after the other, `counts` of each.
 
-    Args:
-        where: Prefix of the message.
-        points: Positions, shape (V, 3).
-        counts: Corners of each face, shape (P,).
-        corners: Point indices of all faces, one after the other, shape (sum of counts,).
-
-    Raises:
-        InputError: if there are no faces, fewer than three corners, missing points, or coordinates that are not finite.
+    Raises InputError, which begins with `where`, if there are no faces, fewer than three corners, missing points, or
+    coordinates that are not finite.
     """
     if len(counts) == 0:
         raise InputError(f"{where}: no triangles or quadrilaterals: expected at least one")
@@ -39,17 +33,10 @@ def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: n
 
 
 def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:
-    """Check a triangulated surface.
+    """Check a triangulated surface; `face_of` is the face in the file of each triangle, shape (F,).
 
-    Args:
-        where: Prefix of the message.
-        points: Positions, shape (V, 3).
-        triangles: Shape (F, 3).
-        face_of: Face in the file of each triangle, shape (F,).
-
-    Raises:
-        InputError: for degenerate triangles, coincident points, edges with more than two triangles, or triangles with
-            flipped orientation.
+    Raises InputError, which begins with `where`, for degenerate triangles, coincident points, edges with more than two
+    triangles, or triangles with flipped orientation.
     """
     areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])

@@ -73,13 +73,8 @@ def slit_along(shape: Shape, path: np.ndarray) -> Slit:
 def slits_at(shape: Shape, level: np.ndarray, inside: np.ndarray | None) -> list[Slit]:
     """The slits where a level, shape (N,), is zero, with positive values on their left.
 
-    Args:
-        shape: A curved shape.
-        level: Values at the points.
-        inside: Mask of the points at which there may be a slit, shape (N,); None for all.
-
-    Raises:
-        InputError: if the level has no zero there, or its zero line meets itself.
+    They lie where the mask `inside`, shape (N,), allows; None allows all points. Raises InputError if the level has no
+    zero there, or its zero line meets itself.
     """
     sides, snapped = _snapped(shape, _edges(shape), level.copy(), held=[])
     sides = sides if inside is None else sides[inside[sides].all(axis=1)]
@@ -100,15 +95,9 @@ def slits_at(shape: Shape, level: np.ndarray, inside: np.ndarray | None) -> list
 
 
 def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]:
-    """Open slits.
+    """Open slits in a curved shape; messages call them `name`.
 
-    Args:
-        shape: A curved shape.
-        slits: The slits.
-        name: Of the slits in messages.
-
-    Returns:
-        Changed attributes of the shape, and what gives the values of its points from those of the points before.
+    Returns the changed attributes of the shape, and a function from values at its points to those at the new ones.
 
     Raises:
         InputError: if a slit meets itself or another one, touches an edge of the sheet except at its ends, passes

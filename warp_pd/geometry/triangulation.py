@@ -275,15 +275,10 @@ def barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def places_on_triangles(corners: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The nearest triangle that each place lies above or below.
+    """The nearest triangle, given by its corners, shape (F, 3, 3), that each place, shape (P, 3), lies above or below.
 
-    Args:
-        corners: Corners of the triangles [m], shape (F, 3, 3).
-        places: Places in space [m], shape (P, 3).
-
-    Returns:
-        Triangle, shape (P,), weights of its corners, shape (P, 3), of which one is negative for a place beside the
-        surface, and height above it along its normal [m], shape (P,).
+    Returns the triangle, shape (P,), weights of its corners, shape (P, 3), of which one is negative for a place beside
+    the surface, and the height above it along its normal [m], shape (P,).
     """
     from scipy.spatial import cKDTree
 

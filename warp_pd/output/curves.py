@@ -27,19 +27,7 @@ def plot_history(
     path: Any = None,
     title: str = "",
 ) -> Any:
-    """Plot columns of the history, one panel per unit.
-
-    Args:
-        history: One row per frame.
-        names: Columns to draw.
-        units: Known units of the columns.
-        against: Column along the horizontal axis.
-        path: File of the picture (.png, .pdf or .svg); None writes no file.
-        title: Title.
-
-    Returns:
-        The `matplotlib.figure.Figure`.
-    """
+    """Plot columns of the history, one panel per unit; arguments as for `Result.plot`, `units` by column."""
     columns = [column for column in history[0] if column != against]
     for name in names:
         one_of("column", name, columns)

@@ -218,9 +218,7 @@ def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]
 def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]) -> None:
     """Plot data with the fitted model above and scaled residuals below, one column per test.
 
-    Args:
-        path: The picture.
-        panels: Title, labels of both axes, controlled values, measured values, model values, and residuals [-].
+    A panel has a title, labels of both axes, controlled values, measured values, model values, and residuals [-].
     """
     figure = new_figure(4.2 * len(panels), 5.0)
     for k, (title, xlabel, ylabel, at, data, model, residual) in enumerate(panels):
@@ -356,13 +354,7 @@ def _dash_the_ball(axes: Any, ball: tuple[np.ndarray, float], seen: View) -> Non
 
 
 def _scale_the_box(axes: Any, seen: View, points: float) -> None:
-    """Draw coordinate scales along three edges of the bounding box.
-
-    Args:
-        axes: Axes of the panel.
-        seen: The view.
-        points: Approximate size of a unit of length in the picture [1/72 inch].
-    """
+    """Draw coordinate scales along three edges of the bounding box; a unit of length is about `points` / 72 inch."""
     from matplotlib.ticker import MaxNLocator
 
     for c, start, end, away in seen.edges():

@@ -122,12 +122,7 @@ def run(
 
 
 def with_fine_history(scene: Scene, every: float) -> Scene:
-    """Copy a scene with a solver that also records history rows between frames.
-
-    Args:
-        scene: The scene.
-        every: Time between rows [s].
-    """
+    """Copy a scene with a solver that also records a history row every `every` seconds, between frames."""
     solver: Any = scene.solver
     if not hasattr(solver, "history_every"):
         raise InputError(f"history_every = {every!r}: expected the solver Explicit, got {type(solver).__name__}")

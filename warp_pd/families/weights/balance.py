@@ -47,11 +47,8 @@ class CorrectedWeights:
 def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Force of a unit stress on each point, b_m = integral of grad N_m over the triangles [m], shape (N, 2).
 
-    Inside the sheet it is zero; on the edge it is half of each adjacent edge times its outward normal.
-
-    Args:
-        points: Reference positions [m], shape (N, 2).
-        triangles: Triangulation, of either orientation, shape (F, 3).
+    Inside the sheet it is zero; on the edge it is half of each adjacent edge times its outward normal. Triangles may
+    have either orientation.
     """
     vectors = np.zeros((len(points), 2))
     corners = points[triangles]
@@ -80,13 +77,8 @@ def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """As `edge_vectors`, on a curved sheet: half of each adjacent open edge times its outward in-surface normal.
 
-    Args:
-        points: Reference positions [m], shape (N, 3).
-        triangles: Counter-clockwise seen from outside, shape (F, 3).
-        frames: Tangent vectors at the points, shape (N, 3, 2).
-
-    Returns:
-        Components along the tangent vectors [m], shape (N, 2).
+    Returns components along the tangent vectors `frames`, shape (N, 3, 2). Triangles are counter-clockwise seen from
+    outside.
     """
     sides = boundary_sides(triangles)
     ends = directed_edges(triangles)[sides]

@@ -16,6 +16,8 @@ BALANCED = 1e-10
 MAX_BALANCES = 200_000
 # Where positive weights cannot balance a point, residual^2 / (2 softness) joins the objective instead.
 SOFTNESS = 1e-4
+# Most Newton steps; solvable problems took up to 15.
+MOST_STEPS = 40
 # Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
 HOPELESS = 200.0
 
@@ -68,22 +70,14 @@ class _Dual(NamedTuple):
         return float(value), ratio, slope
 
 
-def _maximise(
-    problem: _Dual, multiplier: np.ndarray, softness: np.ndarray, steps: int = 40
-) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Newton's method on the dual, which is smooth and has no constraints.
+def _maximise(problem: _Dual, multiplier: np.ndarray, softness: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Newton's method on the dual, which is smooth and has no constraints, from a first multiplier, shape (M,).
 
-    Args:
-        problem: The dual problem, with M balances and U unknowns.
-        multiplier: Initial multipliers, shape (M,).
-        softness: Where positive, the penalty residual^2 / (2 softness) replaces the constraint, shape (M,).
-        steps: Maximum number of Newton steps; solvable problems took up to 15.
-
-    Returns:
-        Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
+    Where `softness`, shape (M,), is positive, the penalty residual^2 / (2 softness) replaces the constraint. Returns
+    multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
     """
     value, ratio, slope = problem.value(multiplier, softness)
-    for _ in range(steps):
+    for _ in range(MOST_STEPS):
         gradient = problem.left(ratio) - softness * multiplier
         if np.abs(gradient).max() <= 1e-12 or ratio.max() > HOPELESS:
             break

@@ -19,15 +19,10 @@ INTERRUPTED, LOST = 130, 4
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:
-    """Run `python -m warp_pd` in several processes of this machine.
+    """Run `python -m warp_pd` with the same arguments in several processes of this machine.
 
-    Args:
-        processes: Number of processes.
-        arguments: Arguments of the command, the same for every process.
-
-    Returns:
-        0 if all succeed; otherwise the exit code of a process that reported an error, LOST if one was killed, or
-        INTERRUPTED if a signal ended this process.
+    Returns 0 if all succeed; otherwise the exit code of a process that reported an error, LOST if one was killed, or
+    INTERRUPTED if a signal ended this process.
     """
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)
