@@ -148,6 +148,12 @@ class Launch:
     late: Launch | None = None
 
     @property
+    def gathered(self) -> set[int]:
+        """Arrays that its kernel names as gathered, by address."""
+        named = self.source.effects.gathers
+        return {int(array.ptr) for name, array in arrays_in(self.arguments) if name in named}
+
+    @property
     def points(self) -> tuple[int, int]:
         """First point that it works on, and last point plus 1."""
         if self.span is None:

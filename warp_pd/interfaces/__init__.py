@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
     from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
     from .output import FrameReport, Reporter, Writer
-    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, External, Load, Part, Rupture, Solid
+    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
     from .solver import BuiltSolver, FrameSink, Solver, System
 else:
     __getattr__ = lazy(
@@ -24,7 +24,7 @@ else:
             "built_part": "BuiltPart History StepLimit",
             "law": "BuiltLaw Law Solve SparseTangent Tangent",
             "output": "FrameReport Reporter Writer",
-            "part": "BuiltContact BuiltLoad BuiltRupture Constraint Contact External Load Part Rupture Solid",
+            "part": "BuiltContact BuiltLoad BuiltRupture Constraint Contact Load Part Rupture Solid",
             "solver": "BuiltSolver FrameSink Solver System",
         },
     )
@@ -38,7 +38,6 @@ __all__ = [
     "BuiltSolver",
     "Constraint",
     "Contact",
-    "External",
     "FrameReport",
     "FrameSink",
     "History",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from ..device.checks import InputError
 from ..device.fields import Stored
-from ..device.launches import Call, Item, Launch, Stage, arrays_in
+from ..device.launches import Call, Item, Launch, Stage
 from ..families.partition import HALO
 from .context import Context
 from .overlap import has_streams, overlap_exchanges
@@ -75,8 +75,8 @@ class Exchanges:
         if per == OWN_BLOCKS:
             reads, gathers = reads | gathers, frozenset()
         if per == LIST and launch.source.effects.gathers:
-            named = {int(a.ptr) for name, a in arrays_in(launch.arguments) if name in launch.source.effects.gathers}
-            reads, gathers = gathers - self._numbers(named), gathers & self._numbers(named)
+            named = self._numbers(launch.gathered)
+            reads, gathers = gathers - named, gathers & named
         if per in WHOLE and gathers:
             raise InputError(
                 f"{launch.owner}: {launch.name} works on all points at once, which is not supported on several "

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import warp as wp
 
-from ..device.launches import Call, Item, Launch, Touched, arrays_in
+from ..device.launches import Call, Item, Launch, Touched
 from ..families.partition import Partition
 
 
@@ -94,5 +94,5 @@ def by_point(launch: Launch) -> Touched:
     touched = launch.touched
     if launch.span is None:
         return touched
-    named = {int(a.ptr) for name, a in arrays_in(launch.arguments) if name in launch.source.effects.gathers}
+    named = launch.gathered
     return Touched(touched.reads | touched.gathers - named, touched.gathers & named, touched.writes)

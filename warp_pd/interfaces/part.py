@@ -167,38 +167,6 @@ class BuiltLoad(BuiltPart, Protocol):
         return None
 
 
-class External(BuiltPart, Protocol):
-    """The sum of all loads.
-
-    Attributes:
-        following: Loads that depend on the displacement.
-        contacts: Those of `following` that are contact in static equilibrium.
-    """
-
-    following: Sequence[BuiltLoad]
-    contacts: Sequence[StaticContact]
-
-    def keep_dead_apart(self) -> Array | None:
-        """Let `add_force` also store the sum of the loads that do not depend on the displacement [N], (N,) vec3.
-
-        Returns:
-            The array of this sum; None unless there are loads of both kinds.
-        """
-        ...
-
-    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the external force [N]; none if it is constant."""
-        ...
-
-    def add_dead(self, stage: Stage, out: Array) -> None:
-        """Add the launches that fill `out` with the force of the loads that do not depend on the displacement [N]."""
-        ...
-
-    def add_following(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that add the force of the loads that depend on the displacement to `out` [N]."""
-        ...
-
-
 class Load(Part, Protocol):
     """A part that adds to the external force."""
 

@@ -14,8 +14,9 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule
 from .built_part import BuiltPart
 from .context import Context
+from .external_force import ExternalForce
 from .law import BuiltLaw
-from .part import BuiltRupture, Constraint, External
+from .part import BuiltRupture, Constraint
 from .phases import Phase
 
 
@@ -73,7 +74,7 @@ class System:
 
     context: Context
     law: BuiltLaw
-    external: External
+    external: ExternalForce
     parts: tuple[BuiltPart, ...]
     constraints: tuple[Constraint, ...]
     rupture: BuiltRupture | None

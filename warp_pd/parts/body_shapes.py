@@ -45,7 +45,7 @@ class BodyShape(Protocol):
 
     def inertia(self) -> np.ndarray:
         """Inertia tensor about the centre of mass divided by mass [m^2], shape (3, 3), for uniform density."""
-        ...
+        raise InputError(f"{type(self).__name__}: an unbounded body has no mass: expected a motion along a BodyPath")
 
     def outline(self, extent: float) -> Outline:
         """Vertices [m], (V, 3), and triangles, (F, 3), for drawing; `extent` [m] is the size of the scene."""
@@ -125,10 +125,6 @@ class Plane(BodyShape):
         """Infinite."""
         return math.inf
 
-    def inertia(self) -> np.ndarray:
-        """Raise, because a half space has no mass."""
-        raise InputError("Plane: a half space has no mass: expected a motion along a BodyPath")
-
     def outline(self, extent: float) -> Outline:
         """Square with sides of twice the extent."""
         normal = np.array(self.sizes())
@@ -140,22 +136,27 @@ class Plane(BodyShape):
 
 
 @dataclass(frozen=True)
-class Capsule(BodyShape):
-    """A cylinder along z with hemispherical ends; `length` [m] is that of the axis, without the ends."""
+class Round(BodyShape):
+    """A body about the axis z of its frame (base class); `diameter` and `length` [m]."""
 
     diameter: float
     length: float
 
-    kind: ClassVar[str] = "capsule"
-    distance: ClassVar[Any] = distances.capsule_distance
-
     def __post_init__(self) -> None:
-        positive("Capsule.diameter", self.diameter)
-        positive("Capsule.length", self.length)
+        positive(f"{type(self).__name__}.diameter", self.diameter)
+        positive(f"{type(self).__name__}.length", self.length)
 
     def sizes(self) -> tuple[float, ...]:
         """The radius, and half of the length."""
         return 0.5 * self.diameter, 0.5 * self.length
+
+
+@dataclass(frozen=True)
+class Capsule(Round):
+    """A cylinder along z with hemispherical ends; `length` [m] is that of the axis, without the ends."""
+
+    kind: ClassVar[str] = "capsule"
+    distance: ClassVar[Any] = distances.capsule_distance
 
     def radius(self) -> float:
         """Half of the total length [m]."""
@@ -187,22 +188,11 @@ class Capsule(BodyShape):
 
 
 @dataclass(frozen=True)
-class Cylinder(BodyShape):
+class Cylinder(Round):
     """A cylinder along z with flat ends; `diameter` and `length` [m]."""
-
-    diameter: float
-    length: float
 
     kind: ClassVar[str] = "cylinder"
     distance: ClassVar[Any] = distances.cylinder_distance
-
-    def __post_init__(self) -> None:
-        positive("Cylinder.diameter", self.diameter)
-        positive("Cylinder.length", self.length)
-
-    def sizes(self) -> tuple[float, ...]:
-        """The radius, and half of the length."""
-        return 0.5 * self.diameter, 0.5 * self.length
 
     def radius(self) -> float:
         """Distance of the edges from the centre [m]."""

@@ -14,12 +14,12 @@ from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, Built
 from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
 from ..interfaces.exchange import add_exchanges
+from ..interfaces.external_force import ExternalForce
 from ..interfaces.phases import SETUP, Phase
 from ..laws.bending import with_bending
 from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums
-from ..parts.loads import ExternalForce
 from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
 from .scene import Scene
