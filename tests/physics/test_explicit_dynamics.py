@@ -107,7 +107,7 @@ def test_stable_at_the_estimate_and_unstable_above():
         velocity[sheet.edges()] = 0.0
         built = build(sheet, horizon=2.015, weights="corrected", loads=[Fixed(sheet.edges())], initial_displacement=start,  # noqa: E501
                       initial_velocity=velocity)  # fmt: skip
-        stable = 2.0 / built.solver.stable_step.omega(300, settle=0.0)
+        stable = 2.0 / built.solver.stable_step.omega(300, accuracy=0.0)
         built.context.run("setup")
         built.state.step.assign(np.array([share * stable]))
         steps = built.context.sequence("step")

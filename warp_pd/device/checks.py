@@ -178,7 +178,7 @@ def of_kind(name: str, value: Any, kind: type) -> None:
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     """Return `value` if it is allowed."""
     choices = list(allowed)
-    # An array is equal to nothing here: it would ask which of its entries is meant.
+    # Comparing an array with a choice would be ambiguous.
     if not isinstance(value, np.ndarray) and value in choices:
         return value
     words = [c for c in choices if isinstance(c, str)]

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-# What a Linux machine with an NVIDIA device has, also under Windows; what Warp's native library says without a driver.
+# Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
 STDERR = 2
 

@@ -166,7 +166,7 @@ def run_once(device: wp.Device, items: Iterable[Item]) -> None:
             if wait and aside:
                 main.wait_stream(side)
             if item.side_stream and aside:
-                # What is on the side stream waits for everything that stands before it.
+                # The side stream waits for everything before it.
                 side.wait_stream(main)
             _run(item, device, side if item.side_stream else main)
     if waits[-1] and aside:

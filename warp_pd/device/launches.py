@@ -23,9 +23,9 @@ from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
-# So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
+# Up to this many points do not fill a GPU: with FEW_BLOCKS blocks per multiprocessor threads may use more registers.
 FEW_POINTS, FEW_BLOCKS = 2**15, 4
-# Blocks of a larger launch per multiprocessor, which keep few registers for work that is rare.
+# Blocks per multiprocessor of a larger launch whose costly branch is rare, so that it keeps few registers.
 RARE_BLOCKS = 5
 
 
@@ -113,7 +113,8 @@ class Launch:
         source: The kernel, which must have an argument `first`, or a pointwise stage.
         threads: Number of threads; for a pointwise stage, number of points.
         arguments: Value of every argument except `first` and `stop`, by name.
-        touched: Arrays that it accesses. block_dim: Threads per block on CUDA.
+        touched: Arrays that it accesses.
+        block_dim: Threads per block on CUDA.
         begin: Value of `first` for the first thread.
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that accesses its arrays.

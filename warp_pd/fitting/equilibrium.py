@@ -116,7 +116,7 @@ class Equilibrium:
         before, begin = self.displacement, self.factor
         if guess is not None:
             start = np.where(self.free, guess, self.held_at(factor))
-            if self.search.settle(factor, Silent(), start):
+            if self.search.equilibrate(factor, Silent(), start):
                 self.factor = factor
                 return
             assign(self.level.displacement, before)
@@ -124,7 +124,7 @@ class Equilibrium:
         while abs(factor - self.factor) > 1e-12:
             goal = self.factor + step if abs(step) < abs(factor - self.factor) else factor
             last = self.displacement
-            if self.search.settle(goal, Silent()):
+            if self.search.equilibrate(goal, Silent()):
                 self.factor = goal
                 continue
             assign(self.level.displacement, last)

@@ -93,7 +93,7 @@ class BuiltPart(Protocol):
         return None
 
     def before_interval(self, seconds: float) -> None:
-        """Let the other simulation take a step; always of the same number of seconds. The sheet follows."""
+        """Let the other simulation take a step of `seconds`, the same each time, before the sheet does."""
         return None
 
     def after_interval(self) -> None:

@@ -231,7 +231,7 @@ class Context:
         if partition is None or partition.owners is None:
             stage.launch(owner, kernel, self.own_blocks, **own, **given)
             return
-        # Where points are scattered, the processes bring those of their blocks together.
+        # If the points of a block are scattered over processes, they are gathered first.
         there = {name: array for name, array in arrays.items() if array is not None}
         brought = {
             name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=partition.block_points, per="table")
@@ -280,7 +280,7 @@ class Context:
             return np.asarray(whole[partition.faces])
         if per == "point":
             return partition.rows(whole)
-        # Families that are not whole here are empty.
+        # Incomplete families are empty.
         found = np.asarray(whole[:, partition.points])
         found[:, ~partition.near] = 0
         return found

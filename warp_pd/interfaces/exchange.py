@@ -136,7 +136,7 @@ class Exchanges:
                     )
                 depth[k] = _depth_of(self.fields[k])
             for k in sorted(shallow):
-                # Each exchange has its price: the earliest that finds what is needed brings it.
+                # Exchanges are expensive: the earliest one after the last write of the field takes it along.
                 at = next((earlier for earlier, written in written_since.items() if k not in written), place)
                 found.setdefault(at, []).append(self.fields[k])
                 written_since.setdefault(at, set())

@@ -22,7 +22,7 @@ class ExternalForce(BuiltPart):
         constant: Sum of the constant loads [N], shape (N, 3); None if there are none.
         changing: The other loads.
         following: Those of `changing` that depend on the displacement.
-        contacts: What those of `following` are that are contact in static equilibrium.
+        contacts: Contact in static equilibrium, of those of `following` that are contact.
     """
 
     def __init__(self, context: Context, loads: Sequence[BuiltLoad]) -> None:
@@ -34,12 +34,12 @@ class ExternalForce(BuiltPart):
             if force is None:
                 self.changing.append(load)
             else:
-                # From zero, so that no sum keeps the sign of a zero.
+                # Start from zero, so that no sum is a negative zero.
                 self.constant = (0.0 if self.constant is None else self.constant) + force
         self.following = [load for load in self.changing if load.follows_displacement]
         self.contacts = [load.at_rest for load in self.following if load.at_rest is not None]
         self._constant: Array | None = None
-        # All of several processes have the same fields.
+        # All processes must have the same fields.
         if self.changing and self.constant is not None and (self.constant.any() or context.partition is not None):
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
         self._dead: Array | None = None

@@ -66,7 +66,7 @@ def _parts(launch: Launch, partition: Partition) -> list[Launch]:
     first, last = max(begin, partition.inner.start), min(end, partition.inner.stop)
     if first >= last:
         return []
-    # The interior last: what waits for the exchange is on its way before the device is full.
+    # The interior last, so that the border is queued before the device is full.
     ranges = [(begin, first, True), (last, end, True), (first, last, False)]
     return [
         replace(launch.on_points(a, b), side_stream=border, divided=True) for a, b, border in ranges if a < b

@@ -31,7 +31,7 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, MeanForces
 SKIN = 1e-4
 # Search distance for the surface of a mesh [spacings], and largest error of the search, divided by the body size.
 FAR, UNSURE = 4.0, 1e-5
-# Longest motion of a body with edges in a step if triangles touch it [spacings]; at twice that its edges cut in.
+# Maximum motion in a step of a body with edges that triangles touch [spacings]; at twice that its edges cut in.
 EDGE_TRAVEL = 0.05
 # Distance by which a free body may yield in a step before any point may touch it [spacings].
 SLACK = 0.05

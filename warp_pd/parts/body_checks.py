@@ -12,7 +12,7 @@ from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History, Solid
 from ..interfaces.context import Context
 from .contact import MIN_DIAMETER
 
-# Rounding of a point on a side of a triangle.
+# Round-off of a point on a side of a triangle.
 ON_A_SIDE = 1e-9
 # Halvings of the time at which the plane of a triangle crosses the centre of a body.
 BISECTIONS = 40
@@ -49,7 +49,7 @@ class BodyChecks(BuiltPart):
     def _possible(self) -> dict[tuple[str, ...], str]:
         """All possible notes, by subject."""
         texts: dict[tuple[str, ...], str] = {}
-        for one, other in self._strangers():
+        for one, other in self._independent():
             texts[one.label, other.label] = (
                 f"{one.label} and {other.label} overlap: rigid bodies do not interact with each other"
             )
@@ -83,13 +83,13 @@ class BodyChecks(BuiltPart):
         found = zip(self._texts.values(), frames, strict=True)
         return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
 
-    def _strangers(self) -> list[tuple[Solid, Solid]]:
+    def _independent(self) -> list[tuple[Solid, Solid]]:
         """Pairs of bodies that do not feel each other."""
         pairs = itertools.combinations(self.bodies, 2)
         return [(a, b) for a, b in pairs if not (a.meets_others and b.meets_others)]
 
     def _overlaps(self) -> set[tuple[str, ...]]:
-        return {(a.label, b.label) for a, b in self._strangers() if max(self._depth(a, b), self._depth(b, a)) > 0.0}
+        return {(a.label, b.label) for a, b in self._independent() if max(self._depth(a, b), self._depth(b, a)) > 0.0}
 
     def _depth(self, one: Solid, other: Solid) -> float:
         """Largest depth [m] of the vertices of a body in another body; vertices of unbounded bodies are ignored."""

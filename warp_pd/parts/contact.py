@@ -20,8 +20,8 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.contact import ShapeFactory, ball, rigid_contact
 
-# The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed. If bonds
-# can break, it may move half as far: a bond then opens in several steps.
+# Maximum motion of a body in a step, over the spacing or its radius: beyond it the body can pass points unnoticed. If
+# bonds can break it is half of that, so that a bond opens in several steps.
 MAX_TRAVEL = 0.25
 # Smallest diameter in spacings, and the depth over the radius at which a point counts as inside at the start.
 MIN_DIAMETER, TOUCHING = 1.42, 1e-6

@@ -55,7 +55,7 @@ class DamageGhosts:
 
     def add_listing(self, stage: Stage, threads: int, **arrays: Any) -> None:
         """Add the launch that lists ghost points; `threads` are those of a GPU, `arrays` the kernel's arguments."""
-        # Warp's atomics are none between the threads of a CPU.
+        # Warp's atomic operations are not atomic between CPU threads, so one thread does all.
         threads = threads if self.context.device.is_cuda else 1
         stage.launch(
             self.owner, self._list, threads, stride=threads, own_begin=self.own.start, own_end=self.own.stop, **arrays

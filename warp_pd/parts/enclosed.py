@@ -186,7 +186,7 @@ class BuiltEnclosed(BuiltLoad):
         self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
         sheet, types = context.sheet, context.types
         caps = self._caps()
-        # About its middle, volumes are sums of small numbers.
+        # Positions about the middle keep the round-off of the volume small.
         middle = 0.5 * (sheet.positions.min(axis=0) + sheet.positions.max(axis=0))
         positions = sheet.positions - middle
         extent = float(np.ptp(positions, axis=0).max())

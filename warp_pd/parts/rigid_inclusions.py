@@ -19,7 +19,7 @@ from ..kernels.integrate import RIGID
 from ..kernels.rigid import rigid_inclusions
 
 OWNER = "rigid inclusions"
-# How far displacements or velocities of an inclusion may be from those of a rigid body, over the largest.
+# Largest deviation of displacements or velocities of an inclusion from those of a rigid body, over the largest of them.
 RIGID_WITHIN = 1e-6
 
 

@@ -204,7 +204,7 @@ class BuiltSelfContact(BuiltContact):
     def _add_lists(self, stage: Stage, displacement: Array) -> None:
         lists, n, sheet = self._lists, self.context.sheet.size, self.context.sheet
         relative = 1.0 if sheet.spacings is None else float(sheet.spacings.max()) / sheet.spacing
-        # Warp's atomics are none between the threads of a CPU.
+        # Warp's atomic operations are not atomic between CPU threads, so one thread does all.
         threads = n if self.context.device.is_cuda else 1
         cells: dict[str, Any] = {
             "heads": self._heads,

@@ -141,7 +141,7 @@ class SheetSurface(BuiltContact):
             )  # fmt: skip
             stage.launch(OWNER, kernels.watch, faces, a=a, status=self.status)
         needed: dict[str, Any] = {}
-        # Warp's atomics are none between the threads of a CPU.
+        # Warp's atomic operations are not atomic between CPU threads, so one thread does all.
         threads = entities if context.device.is_cuda else 1
         for number in range(ROUNDS):
             self._add_boxes(stage, needed)

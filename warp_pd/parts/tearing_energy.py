@@ -31,15 +31,15 @@ MOST_AT_START, GROWN = 0.98, 1e-3
 SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Steps for which the damage is found once, and sweeps by which: LEAST_SWEEPS + SWEEPS length / spacing. The next steps
-# go on from there; see docs/tearing-energy.md for what more of them change.
+# The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
+# from there; see docs/tearing-energy.md for the effect of more sweeps.
 INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
-# By what half of the sweeps reduce all errors but the smoothest, which take longer.
+# Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0
 # Members that the screen looks at one by one.
 FEW = 4
-# Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
+# Threads that share the list of points: as many as a GPU holds at once, and few on a CPU, where they take turns.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Families whose driving energy a GPU computes at once, each by several threads.
 GPU_FAMILIES = 2**13
@@ -159,7 +159,7 @@ class DamageField(Damaged):
         self._declare_couplings(self._least)
         self._declare_severing(self._least, context.here(ahead))
         finest = whole.spacing if whole.spacings is None else whole.spacings.min()
-        # Without acceleration a length takes as many as its square in spacings.
+        # Without acceleration their number grows with the square of the length.
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = context.array("looked_at", self.owner, wp.int32, looked_at, per="table")
@@ -333,7 +333,7 @@ class DamageField(Damaged):
         broken = (self.memory[0].numpy() != intact).any(axis=0)
         self._least[broken] = now[broken]
         changed = bool(np.abs(now - field)[own].max() > SETTLED or broken[own].any())
-        # Where nothing changed the displacement is in equilibrium with the damage that was.
+        # If nothing changed, the displacement is in equilibrium with the previous damage.
         self.assign(now if self.context.communicator.any(changed) else field)
         return changed
 
@@ -350,7 +350,7 @@ class DamageField(Damaged):
         """Minimise the energy over the damage above its bounds; return the damage, (N,)."""
         if not again:
             self._least = self.field.numpy().copy()
-        # Sweeps write the points of the list alone: others have the damage of now in both arrays.
+        # Sweeps write only listed points; all others need the current damage in both arrays.
         self.field.assign(self._least)
         self._other.assign(self._least)
         now = self._least

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# How far a tear may exceed the tearing energy of its seam until a note says so: as far as tears of even sheets do.
+# Excess of a tear over the tearing energy of its seam above which a note says so: tears of even sheets have as much.
 MIXED = 0.05
 
 

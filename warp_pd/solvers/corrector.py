@@ -79,7 +79,7 @@ class Corrector(StaticSystem):
         state: State of the path.
         failure: Why the last step failed.
         status: Status of the run if the path ends with this step.
-        corrected: Corrector steps of the last point, before contact settled.
+        corrected: Corrector steps of the last point before the first update of the multipliers of contact.
     """
 
     name = "ArcLength"

@@ -20,7 +20,7 @@ from .static_rounds import MIN_LOAD
 # fraction of its start.
 MAX_OVERSHOOT = 0.5
 MAX_TRIALS = 12
-# Nor may the unbalanced force become so many times larger: beyond an energy barrier that work has no sign to trust.
+# Nor may the unbalanced force grow by more than this factor: beyond an energy barrier that sign means nothing.
 MAX_GROWTH = 10.0
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
 SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.03, 1e-3, 100.0, 1e-7
@@ -62,15 +62,15 @@ class Descent:
         target: Displacement of held components [m], shape (N, 3); others are meaningless.
         sizes: Scales of stiffness and load of the sheet.
         tolerance: Relative residual at which the level is in equilibrium.
-        told: Callback (number of steps, residual) for the finest lattice; None on coarser ones.
+        report: Callback (number of steps, residual) for the finest lattice; None on coarser ones.
     """
 
     def __init__(
         self, settings: StaticSolver, level: Level, solver: LinearSolver, linearise: Callable[[float, bool], bool],
-        target: np.ndarray, sizes: Sizes, tolerance: float, told: Callable[[int, float], None] | None,
+        target: np.ndarray, sizes: Sizes, tolerance: float, report: Callable[[int, float], None] | None,
     ) -> None:  # fmt: skip
         self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise
-        self.sizes, self.tolerance, self.told = sizes, tolerance, told
+        self.sizes, self.tolerance, self.report = sizes, tolerance, report
         self.constant = settings.stiffness == "constant"
         held = self.level.held
         self.lift = np.zeros((self.level.points, 3))
@@ -92,14 +92,14 @@ class Descent:
         norm, scale = self.level.evaluate()
         converged = False
         for iteration in range(self.settings.most_iterations + 1):
-            relative = ratio(norm, scale) if self.told is None else self.sizes.relative(norm, scale)
+            relative = ratio(norm, scale) if self.report is None else self.sizes.relative(norm, scale)
             self.residuals.append(relative)
-            if self.told is not None:
-                self.told(len(self.step_lengths), relative)
+            if self.report is not None:
+                self.report(len(self.step_lengths), relative)
             if not math.isfinite(norm):
                 break
             converged = relative <= self.tolerance and not self.lifting
-            if converged and self.told is not None:
+            if converged and self.report is not None:
                 self.sizes.largest = max(self.sizes.largest, scale)
             if converged or iteration == self.settings.most_iterations:
                 break

@@ -100,8 +100,8 @@ class Level:
             for load in self.following:
                 if not load.add_tangent(stage, self.displacement, vector, image):
                     raise InputError(
-                        f"{load.label}: the solver Newton needs the tangent of a load that follows the displacement, "
-                        f"this one has none; take Explicit or Relaxation"
+                        f"{load.label}: Newton's method needs the tangent of a load that depends on the displacement, and "
+                        "this one has none: expected the solver Explicit or Relaxation"
                     )
         stage.launch(OWNER, self.kernels.hold, self.points, held_mask=self.context.state.held_mask, change=image)
 
@@ -135,7 +135,7 @@ class Level:
 def dot(a: Array, b: Array) -> float:
     """Scalar product of two (N,) vec3 arrays."""
     if on_cpu(a):
-        # Not by BLAS, whose threads would go on spinning on the cores that the kernels need.
+        # Not by BLAS: its idle threads would keep spinning on the cores that the kernels need.
         return float(np.einsum("ic,ic->", a.numpy(), b.numpy(), dtype=np.float64))
     return float(np.asarray(wp.utils.array_inner(a, b)))
 

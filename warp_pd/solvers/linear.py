@@ -160,7 +160,7 @@ class LinearSolver:
         M = LinearOperator((n, n), vec3, device, self._device_precondition)
         assign(self._right_side, right_side)
         level.direction.zero_()
-        # Warp's absolute tolerance would else be the relative one, in newtons far above any force here.
+        # By default Warp takes the relative tolerance as the absolute one, in newtons, far above any force here.
         cg(
             A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MAX_ITERATIONS[self.kind], M=M,
             check_every=5, use_cuda_graph=False,

@@ -21,8 +21,8 @@ from .static_rounds import Kept, copies, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
-# A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
-# the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
+# A note reports a load step that moves the sheet JUMP times as far as each of the last COMPARED ones. Towards a maximum
+# of the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
 JUMP, COMPARED = 4.0, 3
 
 
@@ -126,7 +126,7 @@ class BuiltNewton(StaticSystem):
         self._moved, self.jumps = state["moved"], state["jumps"]
         self._resumed = True
 
-    def settle(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
+    def equilibrate(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
         """Find equilibrium at a load factor from a guess [m], shape (N, 3), or from the current state."""
         if guess is None:
             return self._load_step(factor, sink)[0]
@@ -178,7 +178,7 @@ class BuiltNewton(StaticSystem):
 
     def _keep(self, reached: float) -> Kept:
         """Store the state as the last good load step; return that of contact and rupture."""
-        # A run that went on from a load step has that and the one before it already.
+        # A resumed run already has the last two load steps.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
         if self._kept_factor is not None and not known:
@@ -195,7 +195,7 @@ class BuiltNewton(StaticSystem):
         """
         s0, s1 = self._earlier_factor, self._kept_factor
         if s0 is not None and s1 is not None and self.hierarchy is None:
-            # On along the line through the last two load steps; what is held goes where it belongs all the same.
+            # Extrapolate linearly from the last two load steps; prescribed components are set later.
             u0, u1 = (array.numpy().astype(np.float64) for array in (self.earlier, self.good))
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)

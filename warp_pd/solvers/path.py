@@ -79,7 +79,7 @@ class BuiltArcLength(TearSteps):
         while cuts <= self.settings.most_cuts:
             converged, sink.residual = self._load_step(factor, sink)
             if converged and self.rounds.update_multipliers():
-                found = self._settle(factor, sink)
+                found = self._equilibrium(factor, sink)
                 self.report.load_steps[-1]["lattices"].append(found)
                 converged, sink.residual = found["converged"], found["residuals"][-1]
             if not converged:
@@ -87,7 +87,7 @@ class BuiltArcLength(TearSteps):
             elif self.rounds.passed():
                 converged = self.fail("a body passed through the sheet")
             elif self.tear_energy:
-                # As by a cut with the profile of a crack, damage may grow from the smallest load.
+                # As at a cut with the damage of a crack, damage may grow from the smallest load.
                 here = self.position()
                 arrived = self.alternate(here, (here - start) / factor, factor, factor, sink)
                 converged, factor = arrived is not None, arrived or factor
@@ -137,7 +137,7 @@ class BuiltArcLength(TearSteps):
         else:
             factor, found = self.correct(origin, length, sink)
             if found["converged"] and abs(factor) > 1.0:
-                # As where contact stiffens the sheet.
+                # This happens where contact stiffens the sheet.
                 factor, found = self._end(origin, 0.0, length, sink)
         entry |= {"share": factor, "lattices": [found]}
         miss = abs(factor - predicted)
@@ -173,13 +173,13 @@ class BuiltArcLength(TearSteps):
         """
         level, factor = self.levels[0], math.copysign(1.0, origin.factor)
         self.set_loads(factor)
-        found = self._settle(factor, sink)
+        found = self._equilibrium(factor, sink)
         moved = mean_product(origin.direction, level.displacement.numpy() - origin.displacement)
         found["converged"] &= least < moved < most
         return factor, found
 
-    def _settle(self, factor: float, sink: FrameSink) -> dict[str, Any]:
-        """Find equilibrium with settled contact at a load factor; return a report entry."""
+    def _equilibrium(self, factor: float, sink: FrameSink) -> dict[str, Any]:
+        """Find equilibrium at a load factor, with the multipliers of contact; return a report entry."""
         found = self._descend(0, factor, sink, self.tolerance)
         while found["converged"] and self.rounds.update_multipliers():
             further = self._descend(0, factor, sink, self.tolerance, "a round of contact")

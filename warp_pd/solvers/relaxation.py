@@ -169,7 +169,7 @@ class BuiltRelaxation(BuiltSolver):
     def run(self, sink: FrameSink) -> str:
         """Bring every load step to equilibrium and record it as a frame; return the final status."""
         load_steps, duration = self.solver.load_steps, self.solver.duration
-        # A resumed run reports the load steps before it, too, but may take most_steps of its own.
+        # A resumed run also reports the earlier load steps, but counts most_steps anew.
         earlier = sink.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
         begin, self._entries, self._done = perf_counter() - earlier["seconds"], list(earlier["load_steps"]), 0
         self._set_contact_stiffness()

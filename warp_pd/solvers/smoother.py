@@ -14,7 +14,7 @@ from .level import OWNER, Level
 # that they smooth.
 SWEEPS = 2
 SPECTRUM_RATIO = 5.0
-# Steps of the power iteration, and the safety of what they find; a few of them on a large sheet, where a step is dear.
+# Steps of the power iteration and safety factor of its result; fewer steps on a large sheet, where each is expensive.
 POWER_ITERATIONS, SAFETY = 12, 1.1
 FEW_ITERATIONS, FEW_SAFETY = 6, 1.3
 

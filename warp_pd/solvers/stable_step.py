@@ -124,10 +124,10 @@ class StableStep:
         """Restore the result of `host_state`."""
         self._noise.bit_generator.state = state
 
-    def omega(self, iterations: int, settle: float = 2e-3) -> float:
+    def omega(self, iterations: int, accuracy: float = 2e-3) -> float:
         """Estimate omega_max [rad/s] in at least two and at most `iterations` iterations.
 
-        It ends early when five iterations changed the estimate by less than the fraction `settle`. The result is zero
+        It ends early when five iterations changed the estimate by less than the fraction `accuracy`. The result is zero
         without stiffness.
         """
         self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
@@ -140,7 +140,7 @@ class StableStep:
                 squared = float(self._squared.numpy()[1])
                 if not np.isfinite(squared):
                     return float("nan")
-                if abs(squared - before) <= settle * squared:
+                if abs(squared - before) <= accuracy * squared:
                     break
                 before = squared
         return float(np.sqrt(squared))

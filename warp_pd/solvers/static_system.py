@@ -29,7 +29,8 @@ MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
 FINISHED, NOT_CONVERGED = "finished", "not converged"
-# Of a step in time, static solvers take the forces, prescribed motion (by themselves) and rupture in equilibrium.
+# Phases of a time step that static solvers do not have: they take the forces alone, set prescribed components
+# themselves, and break bonds in equilibrium.
 NOT_DONE = (
     Phase.RIGID_DRIFT, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.RIGID_KICK, Phase.SEPARATE,
 )  # fmt: skip
@@ -203,12 +204,12 @@ class StaticSystem(BuiltSolver):
     ) -> dict[str, Any]:
         """Run Newton steps on a lattice at a load factor, and return the report entry."""
 
-        def told(steps: int, residual: float) -> None:
+        def report(steps: int, residual: float) -> None:
             sink.progress(steps, residual, tolerance, round_of)
 
         return Descent(
             self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),
-            self.target(index, factor), self.sizes, tolerance, told if index == 0 else None,
+            self.target(index, factor), self.sizes, tolerance, report if index == 0 else None,
         ).run()  # fmt: skip
 
     def set_loads(self, factor: float, index: int = 0) -> None:

@@ -127,14 +127,14 @@ def test_what_has_no_derivative_is_refused():
 
 def test_a_load_too_large_for_one_step_is_reached_in_several(monkeypatch):
     equilibrium = Equilibrium(cases.ogden_strip(**STRIP), "cpu", 64)
-    settle, goals = equilibrium.search.settle, []
+    settle, goals = equilibrium.search.equilibrate, []
 
     def only_near(goal, *rest):
         goals.append(goal)
         assert len(goals) < 10
         return abs(goal - equilibrium.factor) < 0.3 and settle(goal, *rest)
 
-    monkeypatch.setattr(equilibrium.search, "settle", only_near)
+    monkeypatch.setattr(equilibrium.search, "equilibrate", only_near)
     equilibrium.reach(1.0)
     assert goals == [1.0, 0.5, 0.25, 0.5, 0.75, 1.0]
     expected = cases.ogden_strip(**STRIP).run(device="cpu", precision=64).frame.displacement
