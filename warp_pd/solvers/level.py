@@ -100,7 +100,7 @@ class Level:
             for load in self.following:
                 if not load.add_tangent(stage, self.displacement, vector, image):
                     raise InputError(
-                        f"{load.label}: Newton's method needs the tangent of a load that depends on the displacement, and "
+                        f"{load.label}: Newton needs the tangent of a load that depends on the displacement, and "
                         "this one has none: expected the solver Explicit or Relaxation"
                     )
         stage.launch(OWNER, self.kernels.hold, self.points, held_mask=self.context.state.held_mask, change=image)
