@@ -10,7 +10,7 @@ from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
-from .principal_fields import Wanted, image_of, showing, tensors
+from .principal_fields import WRITTEN, Wanted, field_arrays, image_of, showing, tensors
 
 
 @functools.cache
@@ -45,11 +45,11 @@ def bond_fields(
     Constants = constants_of(stress)
     advance = response(bits) if response is not None else None
     stretch_of, _ = tensors(bits)
-    show, image = showing(bits, wanted, width), image_of(bits)
+    show, image, Fields = showing(bits, wanted, width), image_of(bits), field_arrays(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
     volume_change = volume(bits) if wanted.cauchy and volume is not None else None
 
-    @kernel(gathers=("displacement",))
+    @kernel(gathers=("displacement",), writes=WRITTEN)
     def bond_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -59,15 +59,8 @@ def bond_fields(
         factors: wp.array(dtype=real),
         terms: wp.array(dtype=parameters),
         state: wp.array2d(dtype=parameters),
+        fields: Fields,
         first: int,
-        stretch_1: wp.array(dtype=real),
-        stretch_2: wp.array(dtype=real),
-        first_piola_1: wp.array(dtype=real),
-        first_piola_2: wp.array(dtype=real),
-        cauchy_1: wp.array(dtype=real),
-        cauchy_2: wp.array(dtype=real),
-        wrinkle: wp.array(dtype=wp.int32),
-        direction: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
         undamaged = law.is_undamaged(family, intact, i)
@@ -106,12 +99,9 @@ def bond_fields(
         stiffness = scale
         if wp.static(stiffened):
             stiffness = scale * factors[i]
-        angle = show(
-            i, total > real(0.0), scale * mean, stiffness * biot, stiffness * cauchy, constants, stretch_1, stretch_2,
-            first_piola_1, first_piola_2, cauchy_1, cauchy_2, wrinkle,
-        )  # fmt: skip
+        angle = show(i, total > real(0.0), scale * mean, stiffness * biot, stiffness * cauchy, constants, fields)
         if wp.static(wanted.direction):
-            direction[i] = from_frame(family, i, image(F1, F2, angle))
+            fields.stretch_direction[i] = from_frame(family, i, image(F1, F2, angle))
 
     return bond_fields
 

@@ -10,7 +10,7 @@ from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .principal_fields import Wanted, image_of, showing, tensors
+from .principal_fields import WRITTEN, Wanted, field_arrays, image_of, showing, tensors
 
 
 @functools.cache
@@ -33,27 +33,20 @@ def point_fields(
     stress = material(bits)[0] if material is not None else None
     Constants = types.parameters if stress is None else constants_of(stress)
     stretch_of, _ = tensors(bits)
-    show, image = showing(bits, wanted, width), image_of(bits)
+    show, image, Fields = showing(bits, wanted, width), image_of(bits), field_arrays(bits)
     curved, word_size, with_stress = layout.curved, WORD, material is not None
     with_cauchy = wanted.cauchy and material is not None
     volume_change = volume(bits) if with_cauchy and volume is not None else None
 
-    @kernel(gathers=("displacement",))
+    @kernel(gathers=("displacement",), writes=WRITTEN)
     def point_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
         inverse_horizon: real,
+        fields: Fields,
         first: int,
-        stretch_1: wp.array(dtype=real),
-        stretch_2: wp.array(dtype=real),
-        first_piola_1: wp.array(dtype=real),
-        first_piola_2: wp.array(dtype=real),
-        cauchy_1: wp.array(dtype=real),
-        cauchy_2: wp.array(dtype=real),
-        wrinkle: wp.array(dtype=wp.int32),
-        direction: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
         shape = vec3()
@@ -101,12 +94,9 @@ def point_fields(
                 if wp.static(with_cauchy):
                     J = wp.sqrt(real(1.0) + volume_change(G, constants))
                     cauchy = (stretch * S * stretch) / J
-        angle = show(
-            i, known, G, biot, cauchy, constants, stretch_1, stretch_2, first_piola_1, first_piola_2, cauchy_1,
-            cauchy_2, wrinkle,
-        )  # fmt: skip
+        angle = show(i, known, G, biot, cauchy, constants, fields)
         if wp.static(wanted.direction):
-            direction[i] = f.from_frame(
+            fields.stretch_direction[i] = f.from_frame(
                 family, i, wp.where(known, image(F1, F2, angle), vec3(real(wp.nan), real(wp.nan), real(wp.nan)))
             )
 

@@ -42,6 +42,30 @@ class Wanted:
 
 
 @functools.cache
+def field_arrays(bits: int) -> Any:
+    """Warp struct with the array of each field; those that are not wanted stay without an array."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.struct
+    class Fields:
+        stretch_1: wp.array(dtype=real)
+        stretch_2: wp.array(dtype=real)
+        stretch_direction: wp.array(dtype=vec3)
+        first_piola_1: wp.array(dtype=real)
+        first_piola_2: wp.array(dtype=real)
+        cauchy_1: wp.array(dtype=real)
+        cauchy_2: wp.array(dtype=real)
+        wrinkle_state: wp.array(dtype=wp.int32)
+
+    return Fields
+
+
+# What a kernel of fields writes, in its argument `fields`.
+WRITTEN = tuple(f"fields.{name}" for name in field_arrays(64).vars)
+
+
+@functools.cache
 def tensors(bits: int) -> tuple[wp.Function, wp.Function]:
     """Functions G = C - I -> U, and symmetric tensor -> larger and smaller principal value, angle of the larger."""
     types = numeric(bits)
@@ -104,43 +128,32 @@ def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
 
 @functools.cache
 def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Function:
-    """Function that turns means into the fields of point i and writes the wanted ones."""
+    """Function that writes the wanted fields of point i but the direction from means; returns that of the stretch.
+
+    Arguments: (i, whether there is a gradient, C - I, T, sigma, constants, fields).
+    """
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
     _, principal = tensors(bits)
-    state_of = wrinkle_state(width, bits)
+    state_of, Fields = wrinkle_state(width, bits), field_arrays(bits)
     slack = SLACK
 
     @wp.func
-    def show(
-        i: int,
-        known: bool,
-        G: mat22,
-        T: mat22,
-        sigma: mat22,
-        constants: Any,
-        stretch_1: wp.array(dtype=real),
-        stretch_2: wp.array(dtype=real),
-        first_piola_1: wp.array(dtype=real),
-        first_piola_2: wp.array(dtype=real),
-        cauchy_1: wp.array(dtype=real),
-        cauchy_2: wp.array(dtype=real),
-        wrinkle: wp.array(dtype=wp.int32),
-    ):
+    def show(i: int, known: bool, G: mat22, T: mat22, sigma: mat22, constants: Any, fields: Fields):
         g1, g2, angle = principal(G)
         if wp.static(wanted.stretch):
-            stretch_1[i] = wp.where(known, wp.sqrt(wp.max(real(1.0) + g1, real(0.0))), real(wp.nan))
-            stretch_2[i] = wp.where(known, wp.sqrt(wp.max(real(1.0) + g2, real(0.0))), real(wp.nan))
+            fields.stretch_1[i] = wp.where(known, wp.sqrt(wp.max(real(1.0) + g1, real(0.0))), real(wp.nan))
+            fields.stretch_2[i] = wp.where(known, wp.sqrt(wp.max(real(1.0) + g2, real(0.0))), real(wp.nan))
         p1, p2, _turn = principal(T)
         if wp.static(wanted.piola):
-            first_piola_1[i] = p1
-            first_piola_2[i] = p2
+            fields.first_piola_1[i] = p1
+            fields.first_piola_2[i] = p2
         if wp.static(wanted.cauchy):
             s1, s2, _turned = principal(sigma)
-            cauchy_1[i] = s1
-            cauchy_2[i] = s2
+            fields.cauchy_1[i] = s1
+            fields.cauchy_2[i] = s2
         if wp.static(wanted.state):
-            wrinkle[i] = wp.where(known, state_of(G, p1, p2, constants), wp.int32(slack))
+            fields.wrinkle_state[i] = wp.where(known, state_of(G, p1, p2, constants), wp.int32(slack))
         return angle
 
     return show

@@ -9,14 +9,14 @@ import warp as wp
 
 from ..device.checks import InputError, one_of
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.family_fields import point_fields
-from ..kernels.principal_fields import Wanted
+from ..kernels.principal_fields import Wanted, field_arrays
 from ..materials import Capabilities, Material, capabilities
 from .variational import Key
 
@@ -99,13 +99,11 @@ class ShownFields:
         """Add the launch of a kernel of principal values if any are wanted."""
         if self.wanted == Wanted():
             return
-        values: dict[str, Any] = {
-            array: self.arrays.get(array) for group in ("stretch", *STRESSES) for array in GROUPS[group]
-        }
+        Fields = field_arrays(self.law.context.bits)
+        fields = with_values(Fields(), {name: self.arrays.get(name) for name in Fields.vars})
         stage.launch(
             OWNER, kernel, self.law.points, **self.law.family_arguments(self.law.context.state.displacement),
-            constants=self.law.constants, **more, **values, wrinkle=self.arrays.get("wrinkle_state"),
-            direction=self.arrays.get("stretch_direction"),
+            constants=self.law.constants, **more, fields=fields,
         )  # fmt: skip
 
     def stresses(self) -> list[Array]:
