@@ -34,7 +34,7 @@ def bond_fields(
         width: For a material of tension field theory, factory of its width in uniaxial tension; otherwise None.
         stiffened: Whether the moduli vary from point to point by a factor.
         wanted: The fields to fill.
-        response: That of a viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
+        response: That of a viscous law, as for `kernels.reference_force.reference_force`; otherwise None.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters

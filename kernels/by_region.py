@@ -36,7 +36,7 @@ def by_region(materials: tuple[MaterialFunctions, ...]) -> MaterialFunctions:
 
     def functions(bits: int) -> tuple[wp.Function, wp.Function]:
         stress, energy = zip(*(material.functions(bits) for material in materials), strict=True)
-        return joined(bits, stress, one_value), joined(bits, energy, one_value)
+        return joined(bits, stress, of_strain), joined(bits, energy, of_strain)
 
     def of(name: str, declare: Declare) -> Callable[[int], wp.Function] | None:
         factories = [getattr(material, name) for material in materials]
@@ -50,9 +50,9 @@ def by_region(materials: tuple[MaterialFunctions, ...]) -> MaterialFunctions:
 
     return MaterialFunctions(
         functions=called(functions, "functions"),
-        near=of("near", near_stress),
-        response=of("response", two_values),
-        volume=of("volume", one_value),
+        near=of("near", with_guess),
+        response=of("response", of_strain),
+        volume=of("volume", of_strain),
     )
 
 
@@ -70,37 +70,21 @@ def own_constants(Constants: Any, Own: Any, begin: int, index: int) -> wp.Functi
     return own
 
 
-def one_value(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
-    """(G, constants) -> one value."""
-    real, mat22, last = numeric(bits).real, numeric(bits).mat22, Constants._length_ - 1
-
-    @wp.func(name=f"{function.func.__name__}_{n}")
-    def value(G: mat22, constants: Constants):
-        if wp.static(others is not None):
-            if constants[last] != real(n):
-                return others(G, constants)
-        return function(G, own(constants))
-
-    return value
-
-
-def two_values(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
-    """(G, constants) -> two values."""
+def of_strain(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
+    """(G, constants) -> the values of `function`."""
     real, mat22, last = numeric(bits).real, numeric(bits).mat22, Constants._length_ - 1
 
     @wp.func(name=f"{function.func.__name__}_{n}")
     def values(G: mat22, constants: Constants):
         if wp.static(others is not None):
             if constants[last] != real(n):
-                S, T = others(G, constants)
-                return S, T
-        S, T = function(G, own(constants))
-        return S, T
+                return others(G, constants)
+        return function(G, own(constants))
 
     return values
 
 
-def near_stress(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
+def with_guess(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
     """(G, constants, guess) -> stress and the next guess."""
     real, mat22, last = numeric(bits).real, numeric(bits).mat22, Constants._length_ - 1
 
@@ -108,9 +92,7 @@ def near_stress(bits: int, Constants: Any, function: wp.Function, own: wp.Functi
     def values(G: mat22, constants: Constants, guess: real):
         if wp.static(others is not None):
             if constants[last] != real(n):
-                S, found = others(G, constants, guess)
-                return S, found
-        S, found = function(G, own(constants), guess)
-        return S, found
+                return others(G, constants, guess)
+        return function(G, own(constants), guess)
 
     return values

@@ -50,7 +50,7 @@ def family_rows(
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
             "viscous", which also advances the viscous state by one step (none if `step` is 0) and adds to
             viscous_work [points], J: the dissipated energy of Maxwell elements, the work of Prony stresses.
-        response: That of the viscous law, as for `kernels.reference_force.viscous_force`; otherwise None.
+        response: That of the viscous law, as for `kernels.reference_force.reference_force`; otherwise None.
     """
     if what != "viscous":
         # The damage of a point then changes nothing here: sheets with and without a damage field share a kernel.

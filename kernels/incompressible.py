@@ -109,14 +109,45 @@ def incompressible_width(bits: int) -> wp.Function:
 
 
 @functools.cache
-def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
-    """Build all functions of a material from the factory of its energy, see above."""
+def incompressible_sheet(
+    parts_of: Callable[[int], tuple[wp.Function, ...]], width: FunctionFactory | None = None
+) -> MaterialFunctions:
+    """All functions of an incompressible material of any kind from a factory of its stress, energy and response.
 
-    def stress_functions(bits):
+    For materials that are not isotropic, or have more than four constants; see kernels/materials.py. An isotropic one
+    has the width `incompressible_width`.
+    """
+    parts = functools.cache(parts_of)
+
+    def near(bits):
+        types, stress = numeric(bits), parts(bits)[0]
+        real, mat22, Constants = types.real, types.mat22, constants_of(stress)
+
+        @wp.func
+        def stress_near(G: mat22, constants: Constants, guess: real):
+            return stress(G, constants), guess
+
+        return stress_near
+
+    return MaterialFunctions(
+        named(lambda bits: parts(bits)[:2], parts_of, "functions"),
+        named(near, parts_of, "near"),
+        named(lambda bits: parts(bits)[2], parts_of, "response"),
+        no_volume_change,
+        width,
+    )
+
+
+@functools.cache
+def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
+    """All functions of an isotropic material from the factory of its energy, see above."""
+
+    def parts_of(bits):
         types = numeric(bits)
         real, mat22, parameters = types.real, types.mat22, types.parameters
         _, _, plane_stress = invariants(bits)
         invariant_energy = energy_of(bits)
+        eigenvalues, turned = principal_strains(bits), principal_tangent(bits)
 
         @wp.func
         def changes(G: mat22):
@@ -144,30 +175,6 @@ def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
             x, y, _d = changes(G)
             return invariant_energy(x, y, constants)[0]
 
-        return stress, energy, changes, invariant_energy
-
-    stress_functions = functools.cache(stress_functions)
-
-    def functions(bits):
-        return stress_functions(bits)[:2]
-
-    def near(bits):
-        types = numeric(bits)
-        real, mat22, parameters = types.real, types.mat22, types.parameters
-        stress = stress_functions(bits)[0]
-
-        @wp.func
-        def stress_near(G: mat22, constants: parameters, guess: real):
-            return stress(G, constants), guess
-
-        return stress_near
-
-    def response(bits):
-        types = numeric(bits)
-        real, mat22, parameters = types.real, types.mat22, types.parameters
-        stress, _, changes, invariant_energy = stress_functions(bits)
-        eigenvalues, turned = principal_strains(bits), principal_tangent(bits)
-
         @wp.func
         def stress_and_moduli(G: mat22, constants: parameters):
             x, y, _d = changes(G)
@@ -192,41 +199,9 @@ def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
             h = psi[1] * r * r + psi[2] * ((a + b) * r * r - one)
             return stress(G, constants), turned(G, two * N11, two * N12, two * N22, two * h)
 
-        return stress_and_moduli
+        return stress, energy, stress_and_moduli
 
-    return MaterialFunctions(
-        named(functions, energy_of, "functions"),
-        named(near, energy_of, "near"),
-        named(response, energy_of, "response"),
-        no_volume_change,
-        incompressible_width,
-    )
-
-
-@functools.cache
-def incompressible_sheet(parts_of: Callable[[int], tuple[wp.Function, ...]]) -> MaterialFunctions:
-    """All functions of an incompressible material of any kind from a factory of its stress, energy and response.
-
-    For materials that are not isotropic, or have more than four constants; see kernels/materials.py.
-    """
-    parts = functools.cache(parts_of)
-
-    def near(bits):
-        types, stress = numeric(bits), parts(bits)[0]
-        real, mat22, Constants = types.real, types.mat22, constants_of(stress)
-
-        @wp.func
-        def stress_near(G: mat22, constants: Constants, guess: real):
-            return stress(G, constants), guess
-
-        return stress_near
-
-    return MaterialFunctions(
-        named(lambda bits: parts(bits)[:2], parts_of, "functions"),
-        named(near, parts_of, "near"),
-        named(lambda bits: parts(bits)[2], parts_of, "response"),
-        no_volume_change,
-    )
+    return incompressible_sheet(named(parts_of, energy_of, "parts"), incompressible_width)
 
 
 @functools.cache

@@ -36,7 +36,7 @@ from .effects import Kernel, kernel
 from .factories import PairFactory
 from .families import Layout, family_functions
 from .neural_functions import closed_form, neural_functions
-from .neural_network import Layers, fused_force
+from .neural_network import Layers, network_function
 from .pointwise import Pointwise
 
 
@@ -66,7 +66,7 @@ def neural(
     layout: Layout,
     membrane: PairFactory,
     corrected: bool,
-    evaluation: str,
+    torch: bool,
     layers: Layers | None,
     counted: bool,
 ) -> NeuralKernels:
@@ -76,21 +76,25 @@ def neural(
         layout: Layout of the families.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
-        evaluation: "torch", "fused" or "closed_form".
-        layers: Weights and biases of the network for "fused", see `network_function`; otherwise None.
+        torch: Whether Torch evaluates the network.
+        layers: Weights and biases of the network that the kernel evaluates, see `network_function`; None for Torch and
+            for the closed form.
         counted: Whether to count the bonds outside a range of stretches.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, vec4, mat32, parameters = (
-        types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.parameters,
-    )  # fmt: skip
+    real, vec2, vec3, mat32, parameters = types.real, types.vec2, types.vec3, types.mat32, types.parameters
     f = family_functions(layout)
     law = neural_functions(layout, membrane, corrected)
     Family = law.struct
-    exact = closed_form(bits, membrane)
+    exact, fused = closed_form(bits, membrane), layers is not None
+    network = network_function(bits, layers) if layers is not None else None
 
-    @kernel(gathers=("displacement",))
-    def closed_form_force(
+    @kernel(
+        gathers=("displacement",),
+        name="fused_force" if fused else "closed_form_force",
+        fast_math=fused and bits == 32,
+    )
+    def direct(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
@@ -106,9 +110,16 @@ def neural(
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, direction = law.bond_motion(x, u, H, D, V)
-                T = exact(excess, sine, versine, area, z, constants)
+                if wp.static(fused):
+                    x, u, weight, direction, row = law.bond_seen(
+                        family, displacement, inverse_horizon, H, D, V, area, z, i, k
+                    )
+                    o = network(law.logarithms(row))
+                    T = vec2(o[0], row[1] * o[1])
+                else:
+                    x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+                    excess, sine, versine, direction = law.bond_motion(x, u, H, D, V)
+                    T = exact(excess, sine, versine, area, z, constants)
                 force = scale * weight * law.pull(x, u, direction, R, T)
             bond_force[k, i] = force
 
@@ -121,14 +132,14 @@ def neural(
         inverse_horizon: real,
         points: int,
         first: int,
-        features: wp.array(dtype=vec4),
+        features: wp.array(dtype=parameters),
         frame: wp.array(dtype=mat32),
     ):
         i = wp.tid() + first
         H, R, D, V, area, z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
         frame[i] = R
         for k in range(family.members):
-            row = vec4(real(1.0), real(0.0), real(1.0), real(1.0))
+            row = parameters(real(1.0), real(0.0), real(1.0), real(1.0))
             if law.is_intact(family, intact, i, k) and V[0, 0] != real(0.0):
                 _x, _u, _weight, _direction, row = law.bond_seen(
                     family, displacement, inverse_horizon, H, D, V, area, z, i, k
@@ -201,14 +212,8 @@ def neural(
                     found += 1
         out[i] = found
 
-    torch = evaluation == "torch"
-    direct: Kernel | None = closed_form_force
-    if torch:
-        direct = None
-    elif evaluation == "fused":
-        direct = fused_force(bits, layers, law)
     return NeuralKernels(
-        direct=direct,
+        direct=None if torch else direct,
         features=features if torch else None,
         spread=spread if torch else None,
         gather=gather_pairs(layout),

@@ -1,4 +1,4 @@
-"""Functions common to all evaluations of the neural law: bond stretch and rotation, closed form, forces in space.
+"""Warp functions of the neural law: deformation of a family, stretch and rotation of a bond, closed form of its force.
 
 The equations are in kernels/neural.py.
 """
@@ -22,18 +22,24 @@ NO_LENGTH = 1e-6
 
 @dataclass(frozen=True)
 class NeuralFunctions:
-    """Warp functions common to all evaluations; i is a point, k a member of its family.
+    """Warp functions that every way to evaluate the neural law uses; i is a point, k a member of its family.
 
     Attributes:
         struct: Warp struct of the families.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
-        family_frame: (family, intact, displacement, constants, inverse_horizon, i) -> H, R, U - I, U^-1, det F - 1, z.
-        bond_motion: (x, u, H, D, V) -> stretch and rotation of a bond.
-        bond_vectors: (family, displacement, inverse_horizon, i, k) -> direction, relative displacement, weight.
-        bond_seen: Results of `bond_vectors`, direction in the tangent plane, and the input of the network for the bond.
-        family_scale: (family, V, unit_force, i) -> factor from T times weight to force.
-        logarithms: Inputs of the layers from the input of the network.
-        pull: (x, u, direction, R, T) -> vector in space of the pair T (along and across the bond).
+        family_frame: (family, intact, displacement, constants, inverse_horizon, i) -> deformation of the family of i:
+            displacement gradient H, rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact
+            bonds determine no gradient.
+        bond_motion: (x, u, H, U - I, U^-1) -> excess stretch of the bond, sine and 1 - cosine of its rotation, its
+            direction in the tangent plane, vec2.
+        bond_vectors: (family, displacement, inverse_horizon, i, k) -> unit vector x of the undeformed bond, vec2;
+            relative displacement u of its ends divided by its length, vec3; its weight.
+        bond_seen: (family, displacement, inverse_horizon, H, U - I, U^-1, det F - 1, z, i, k) -> results of
+            `bond_vectors`, direction in the tangent plane, input of a network: (lambda, theta, C33, det F).
+        family_scale: (family, U^-1, unit_force, i) -> force of a bond divided by its weight and T; zero if the family
+            determines no gradient.
+        logarithms: Input of a network -> inputs of its first layer.
+        pull: (x, u, direction, R, T) -> T, which is along and across the bond, as a vector in space.
     """
 
     struct: Any
@@ -68,7 +74,6 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         inverse_horizon: real,
         i: int,
     ):
-        """Displacement gradient H, R (zero if degenerate), U - I, U^-1, det F - 1, z = J^2 - 1."""
         G1, G2, inverse, _size = point.gradient(family, intact, displacement, displacement, real(0.0), i)
         H = mat32()
         R = mat32()
@@ -101,11 +106,10 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
 
     @wp.func
     def bond_motion(x: vec2, u: vec3, H: mat32, D: mat22, V: mat22):
-        """Excess stretch lambda - 1, sine and 1 - cosine of the rotation, direction in the tangent plane.
+        """Stretch and rotation without the loss of digits of small strains.
 
-        x: Unit vector of the bond. u: Relative displacement of its ends divided by its length. With Y the bond's image
-        and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u - (U - I) x ] is of the order of
-        the strain; so is each of its terms, as long as the sheet has not rotated.
+        With Y the bond's image and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u -
+        (U - I) x ] is of the order of the strain; so is each of its terms, as long as the sheet has not rotated.
         """
         x3 = vec3(x[0], x[1], real(0.0))
         e = V * (wp.transpose(H) * (x3 + u) + vec2(u[0], u[1]) - D * x)
@@ -176,7 +180,7 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, i: int, k: int):
-        """Unit vector of the bond, relative displacement divided by its length, c_k |X| / horizon or 2 W / |X|."""
+        """The weight is 2 W_ik / |X|, with published weights c_k |X|; lengths are divided by the horizon."""
         xi = f.bond(family, i, k)
         length = wp.length(xi)
         m = f.neighbour(family, i, k)
@@ -188,7 +192,6 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def pull(x: vec2, u: vec3, direction: vec2, R: mat32, T: vec2):
-        """Vector in space of the pair T: along the bond, and across it in the tangent plane."""
         Y = vec3(x[0] + u[0], x[1] + u[1], u[2])
         return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
 
@@ -197,7 +200,6 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
         area: real, z: real, i: int, k: int,
     ):  # fmt: skip
-        """Results of `bond_vectors`, direction in the tangent plane, and network input (lambda, theta, C33, det F)."""
         x, u, weight = bond_vectors(family, displacement, inverse_horizon, i, k)
         excess, sine, versine, direction = bond_motion(x, u, H, D, V)
         det = real(1.0) + area
@@ -213,7 +215,6 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def family_scale(family: Family, V: mat22, unit_force: real, i: int):
-        """Factor from T times the weight of `bond_vectors` to force; zero for a family that determines no frame."""
         if V[0, 0] == real(0.0):
             return real(0.0)
         if wp.static(corrected):

@@ -1,4 +1,4 @@
-"""The network of the neural law inside a kernel."""
+"""The network of the neural law as a Warp function, see kernels/neural.py."""
 
 import functools
 from collections.abc import Sequence
@@ -6,8 +6,6 @@ from typing import TypeAlias
 
 import warp as wp
 
-from .effects import Kernel, kernel
-from .neural_functions import NeuralFunctions
 from .numeric import numeric
 
 Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
@@ -58,37 +56,3 @@ def network_function(bits: int, layers: Layers) -> wp.Function:
     for depth, (*columns, bias) in enumerate(layers):
         found = layer_on(bent(found, len(columns)) if depth else found, columns, bias)
     return found
-
-
-def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
-    """Kernel of the neural law that evaluates the network of `network_function` bond by bond."""
-    types = numeric(bits)
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    evaluate = network_function(bits, layers)
-    Family = law.struct
-
-    @kernel(gathers=("displacement",), fast_math=bits == 32)
-    def fused_force(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        H, R, D, V, area, z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
-        scale = law.family_scale(family, V, unit_force, i)
-        for k in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, weight, direction, row = law.bond_seen(
-                    family, displacement, inverse_horizon, H, D, V, area, z, i, k
-                )
-                o = evaluate(law.logarithms(row))
-                force = scale * weight * law.pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
-            bond_force[k, i] = force
-
-    return fused_force

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .incompressible import incompressible_width, no_volume_change, principal_tangent
+from .incompressible import incompressible_sheet, incompressible_width, principal_tangent
 from .materials import MaterialFunctions
 from .numeric import numeric
 
@@ -107,11 +107,11 @@ def ogden(terms: int) -> MaterialFunctions:
     Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
     """
 
-    @functools.cache
-    def functions(bits):
+    def parts_of(bits):
         types = numeric(bits)
         real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
         strains, exp_minus_one, principal_stress, shear = ogden_parts(terms, bits)
+        turned = principal_tangent(bits)
 
         @wp.func
         def stress(G: mat22, constants: Constants):
@@ -138,28 +138,6 @@ def ogden(terms: int) -> MaterialFunctions:
                     )
             return total
 
-        return stress, energy
-
-    @functools.cache
-    def near(bits):
-        types = numeric(bits)
-        real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
-        stress, _ = functions(bits)
-
-        @wp.func
-        def stress_near(G: mat22, constants: Constants, guess: real):
-            return stress(G, constants), guess
-
-        return stress_near
-
-    @functools.cache
-    def response(bits):
-        types = numeric(bits)
-        real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
-        stress, _ = functions(bits)
-        strains, _, _, shear = ogden_parts(terms, bits)
-        turned = principal_tangent(bits)
-
         @wp.func
         def own(strain: real, middle: real, c: Constants):
             """Derivative of a principal stress by its own principal value of C."""
@@ -184,6 +162,6 @@ def ogden(terms: int) -> MaterialFunctions:
                 shear(middle, half, constants),
             )  # fmt: skip
 
-        return stress_and_moduli
+        return stress, energy, stress_and_moduli
 
-    return MaterialFunctions(functions, near, response, no_volume_change, incompressible_width)
+    return incompressible_sheet(parts_of, incompressible_width)

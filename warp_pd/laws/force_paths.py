@@ -10,7 +10,7 @@ them would take most of the memory.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -20,11 +20,12 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Span, Stage
 from ..interfaces.context import Context
+from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
-from ..kernels.reference_force import reference_force
+from ..kernels.reference_force import published_force, reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
 from ..kernels.undamaged_lattice import undamaged_lattice_force
@@ -107,13 +108,21 @@ def has_shared_memory(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
+# What only viscous laws give to the kernels that fill the pairs.
+NOT_VISCOUS: dict[str, Any] = dict.fromkeys(("step", "terms", "viscous_work", "damage", "state"))
+
+
 class Reference:
-    """The reference path: the sums exactly as written, for any law, sheet and device."""
+    """The reference path: the sums exactly as written, for any law, sheet and device.
+
+    Attributes:
+        response: Response of a viscous law (kernels/reference_force.py), or None.
+    """
 
     name: ClassVar[str] = "reference"
 
-    def __init__(self, law: BondAssociatedLaw) -> None:
-        self.law = law
+    def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
+        self.law, self.response = law, response
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
@@ -122,12 +131,20 @@ class Reference:
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches that fill the pairs and sum them."""
+        self.add_pairs(stage, displacement, NOT_VISCOUS)
+        self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
+
+    def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
+        """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
         law = self.law
+        layout, material, form = law.key
+        kernel, given = reference_force(layout, material, self.response), viscous
+        if form == "published":
+            kernel, given = published_force(layout, material), {}
         stage.launch(
-            law.owner, reference_force(*law.key), law.points, **law.family_arguments(displacement),
-            constants=law.constants, unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.pairs,
+            law.owner, kernel, law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, **given,
         )  # fmt: skip
-        law.add_gather(stage, law.kernels.gather, law.pairs, force)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family."""
@@ -138,26 +155,23 @@ class Reference:
         )  # fmt: skip
 
 
-# What only viscous laws give to the kernel of a CPU.
-NOT_VISCOUS: dict[str, Any] = dict.fromkeys(("step", "terms", "viscous_work", "damage", "state"))
-
-
 class RowSums:
     """The CPU path: sums over the rows of small tables.
 
     Attributes:
-        kernels: Kernels by `what`, see `family_rows`.
+        response: Response of a viscous law (kernels/reference_force.py), or None.
     """
 
     name: ClassVar[str] = "rows"
 
-    def __init__(
-        self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy"), response: FunctionFactory | None = None
-    ) -> None:
-        self.law = law
-        layout, material, _ = law.key
-        near, words = capabilities(law.material).near, -(-law.families.members // WORD)
-        self.kernels = {name: family_rows(layout, material, near, words, name, response) for name in what}
+    def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
+        self.law, self.response = law, response
+
+    def _kernel(self, what: str) -> Kernel:
+        """Kernel of family_rows."""
+        layout, material, _ = self.law.key
+        near, words = capabilities(self.law.material).near, -(-self.law.families.members // WORD)
+        return family_rows(layout, material, near, words, what, self.response)
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
@@ -171,14 +185,14 @@ class RowSums:
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches that fill the pairs and sum them."""
-        self.add_pairs(stage, displacement, "force", NOT_VISCOUS)
+        self.add_pairs(stage, displacement, NOT_VISCOUS)
         self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
 
-    def add_pairs(self, stage: Stage, displacement: Array, what: str, viscous: Mapping[str, Any]) -> None:
-        """Add the launch that fills the forces of each family on its pairs [N]; `what` as for `family_rows`."""
-        law = self.law
+    def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
+        """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
+        law, kernel = self.law, self._kernel("force" if self.response is None else "viscous")
         stage.launch(
-            law.owner, self.kernels[what], law.points, **law.family_arguments(displacement), constants=law.constants,
+            law.owner, kernel, law.points, **law.family_arguments(displacement), constants=law.constants,
             unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **viscous,
         )  # fmt: skip
 
@@ -186,7 +200,7 @@ class RowSums:
         """Add the launch of the energy of each family."""
         law = self.law
         stage.launch(
-            law.owner, self.kernels["energy"], law.points, **law.family_arguments(displacement),
+            law.owner, self._kernel("energy"), law.points, **law.family_arguments(displacement),
             constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NOT_VISCOUS,
         )  # fmt: skip
 
@@ -281,7 +295,7 @@ class Selected:
     count: Array | None = None
 
 
-class FamilyBlocks:
+class FamilyBlocks(Reference):
     """The GPU path with several families per thread block.
 
     Attributes:
@@ -291,7 +305,8 @@ class FamilyBlocks:
     name: ClassVar[str] = "blocks"
 
     def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, forces: BondForces) -> None:
-        self.law, self.near, self.forces = law, near, forces
+        super().__init__(law)
+        self.near, self.forces = near, forces
         context = law.context
         self.moments: Array | None = None
         if not law.layout.compact:
@@ -352,12 +367,8 @@ class FamilyBlocks:
             bond_force=self.forces.array, force=force, span=None if listed else Span(together, TUNING.blocks),
         )  # fmt: skip
 
-    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the reference path."""
-        Reference(self.law).add_energy(stage, displacement, energies)
 
-
-class UndamagedLattice:
+class UndamagedLattice(Reference):
     """The GPU path with a separate kernel for undamaged families inside a lattice or grid; others in thread blocks.
 
     Attributes:
@@ -368,7 +379,8 @@ class UndamagedLattice:
     name: ClassVar[str] = "undamaged lattice"
 
     def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, stencil: Stencil, inner: int) -> None:
-        self.law, self.stencil, self.inner = law, stencil, inner
+        super().__init__(law)
+        self.stencil, self.inner = stencil, inner
         context, breakable = law.context, law.layout.breakable
         self.forces = BondForces(law, TUNING.ring)
         self.blocks = FamilyBlocks(law, near, self.forces)
@@ -425,10 +437,6 @@ class UndamagedLattice:
             return
         self.blocks.add_families(stage, Selected(0, law.points, self.others, self.count), displacement, force)
         self.forces.add_gather(stage, strip, force, self.count)
-
-    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the reference path."""
-        Reference(self.law).add_energy(stage, displacement, energies)
 
 
 # In the order in which they are tried.

@@ -18,7 +18,6 @@ from ..interfaces.phases import Phase
 from ..kernels.bond_state import energy_of_families
 from ..kernels.factories import FunctionFactory
 from ..kernels.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
-from ..kernels.reference_force import viscous_force
 from ..kernels.visco import prony_response, visco_energy
 from ..materials import Maxwell, Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
@@ -108,17 +107,16 @@ class ViscousForce(ElasticVisco):
     """A viscous law on one sheet and device (base class).
 
     Attributes:
-        rows: The fast kernels of a CPU, or None.
+        path: Path of the kernel that fills `pairs` and advances the state.
         terms: Constants of its terms or branches.
         state: Internal variables, (rows * members, N).
         viscous_work: What `response` sums [J], (N,) float64.
         viscous: Energy that each family has dissipated [J], (N,) float64.
     """
 
-    # Those of elastic laws know of no state.
-    paths: ClassVar[Sequence[type[ForcePath]]] = (Reference,)
     depends_on_time = True
     takes_regions = False
+    path: RowSums | Reference
     terms: Array
     state: Array
     viscous: Array
@@ -126,7 +124,7 @@ class ViscousForce(ElasticVisco):
     def __init__(self, law: Visco, context: Context, terms: Array, response: FunctionFactory, rows: int) -> None:
         super().__init__(law, context)
         self.terms, self.response = terms, response
-        self.rows = RowSums(self, ("viscous",), response) if law.fast and RowSums.applies(self) else None
+        self.path = RowSums(self, response) if law.fast and RowSums.applies(self) else Reference(self, response)
         self._advanced: Stage | None = None
         shape, vec4 = (rows * self.families.members, self.points), context.types.parameters
         self.state = context.array("viscous_state", self.owner, vec4, shape=shape, per="bond", restart=True)
@@ -146,15 +144,7 @@ class ViscousForce(ElasticVisco):
         given: dict[str, Any] = {
             "step": step, "terms": terms, "damage": self.damage, "state": self.state, "viscous_work": self.viscous_work
         }  # fmt: skip
-        if self.rows is not None:
-            self.rows.add_pairs(stage, displacement, "viscous", given)
-            return
-        assert self.response is not None
-        stage.launch(
-            self.owner, viscous_force(self.layout, self.law.material.functions, self.response), self.points,
-            **self.family_arguments(displacement), constants=self.constants,
-            unit=self.unit_volume * self.inverse_horizon, bond_force=self.pairs, **given,
-        )  # fmt: skip
+        self.path.add_pairs(stage, displacement, given)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
@@ -165,11 +155,6 @@ class ViscousForce(ElasticVisco):
     def lost_energy(self) -> Mapping[str, Array]:
         """Viscous losses."""
         return {"viscous": self.viscous}
-
-    @property
-    def force_path(self) -> str:
-        """Name of its force path."""
-        return Reference.name if self.rows is None else RowSums.name
 
 
 class ViscoForce(ViscousForce):

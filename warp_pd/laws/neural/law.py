@@ -147,7 +147,7 @@ class NeuralForce(PointLaw):
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
         self.kernels = neural(
-            context.layout, known.membrane, self.weights == "corrected", law.evaluation, layers,
+            context.layout, known.membrane, self.weights == "corrected", law.evaluation == "torch", layers,
             law.loaded is not None,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
