@@ -1,6 +1,7 @@
 """Reference kernels of the bond-associated laws for any family: the sums exactly as in kernels/bond_associated.py."""
 
 import functools
+from dataclasses import replace
 
 import warp as wp
 
@@ -25,6 +26,9 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
             or loss [J/m^3], see kernels/visco.py and kernels/maxwell.py. The kernel then advances the state by a step
             and adds to viscous_work [points], J; with a step of zero the state does not change.
     """
+    if response is None:
+        # The damage of a point then changes nothing here: sheets with and without a damage field share a kernel.
+        layout = replace(layout, softened=False)
     types, bits = layout.types, layout.bits
     real, vec3, vec4 = types.real, types.vec3, types.parameters
     f = family_functions(layout)
