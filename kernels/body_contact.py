@@ -26,7 +26,7 @@ import warp as wp
 
 from .body_motion import vec6d, wrench
 from .body_search import BodySearch, body_search
-from .integrate import half_step
+from .integrate import StepOptions, half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -66,42 +66,32 @@ TAKEN = ("displacement", "changes", *STRUCK)
 
 @functools.cache
 def point_contact(
-    bits: int,
+    options: StepOptions,
     distance: wp.Function,
     moves_freely: bool,
     rubs: bool,
     curved: bool,
-    held: bool,
-    loaded: bool,
-    damped: bool,
-    tracked: bool,
-    half_steps: bool,
     searched: bool,
     marked: bool,
 ) -> PointContact:
     """Contact of single points with a body.
 
     Args:
-        bits: 32 or 64.
+        options: Options of the step; points with a held component ignore the body.
         distance: Its signed distance, see kernels/distances.py.
         moves_freely: Whether the sheet moves the body; impulses are then returned, otherwise summed per point.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-        tracked: Whether work and losses are summed.
-        half_steps: Whether energies use half-step velocities.
         searched: Whether the distance needs a search (meshes); points then cache its result.
         marked: Whether the stages act only on marked points.
     """
-    types = numeric(bits)
-    real = types.real
-    search = body_search(bits, distance, curved, held, searched, marked)
+    real = numeric(options.bits).real
+    loaded, damped, tracked, half_steps = options.loaded, options.damped, options.tracked, options.half_steps
+    search = body_search(options.bits, distance, curved, options.held, searched, marked)
     BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
     push_out = search.push_out
-    half_kick, half_loss = half_step(bits, loaded, damped)
+    half_kick, half_loss = half_step(options)
 
     @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):

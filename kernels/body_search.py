@@ -79,16 +79,7 @@ def wide_places(bits: int, curved: bool) -> tuple[wp.Function, wp.Function]:
 
 @functools.cache
 def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool) -> BodySearch:
-    """Struct and functions of a body.
-
-    Args:
-        bits: 32 or 64.
-        distance: Its signed distance, see kernels/distances.py.
-        curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
-        searched: Whether the distance needs a search (meshes); points then cache its result.
-        marked: Whether only marked points may touch.
-    """
+    """Struct and functions of a body; arguments as for `point_contact` (kernels/body_contact.py)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     out = ways_out(distance)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .integrate import half_step
+from .integrate import StepOptions, half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -76,31 +76,16 @@ class ContactKernels:
 
 
 @functools.cache
-def rigid_contact(
-    bits: int,
-    shape: ShapeFactory,
-    curved: bool,
-    held: bool,
-    loaded: bool,
-    damped: bool,
-    tracked: bool,
-    half_steps: bool,
-) -> ContactKernels:
-    """Stages of contact with a body.
+def rigid_contact(options: StepOptions, shape: ShapeFactory, curved: bool) -> ContactKernels:
+    """Stages of contact with a body, which points with a held component ignore.
 
-    Args:
-        bits: 32 or 64.
-        shape: Factory of the shape, called with `bits`.
-        curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-        tracked: Whether the work of the body is summed per point.
-        half_steps: Whether energies use half-step velocities.
+    `shape` is the factory of its shape, called with the precision; `curved`: the reference positions have a z.
     """
+    bits, held, loaded, damped = options.bits, options.held, options.loaded, options.damped
+    tracked, half_steps = options.tracked, options.half_steps
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    half_kick, half_loss = half_step(bits, loaded, damped)
+    half_kick, half_loss = half_step(options)
     project_out, touch = shape(bits).project, shape(bits).touch
 
     @wp.struct

@@ -22,6 +22,7 @@ from .block_lists import entry_of, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, STRUCK, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
+from .integrate import StepOptions
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Sums over points: the upper triangle of the matrix, and the right-hand side.
@@ -130,8 +131,9 @@ class FreeContact:
 
 
 @functools.cache
-def free_contact(of: PointContact, damped: bool, tracked: bool, rubs: bool, at_end: bool) -> FreeContact:
-    """Kernels of a free body, after the drift or `at_end` of a step; `damped`, `tracked` and `rubs` as for `of`."""
+def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: bool) -> FreeContact:
+    """Kernels of a free body, after the drift or `at_end` of a step; `options` and `rubs` as for `of`."""
+    damped, tracked = options.damped, options.tracked
     BodyContact, yields_far = of.search.struct, of.search.yields_far
     find_point = of.find_touching if at_end else of.find_inside
     act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)

@@ -28,6 +28,27 @@ RIGID = 8
 
 
 @dataclass(frozen=True)
+class StepOptions:
+    """What the integrator, and contacts that change velocities, compile of a step.
+
+    Attributes:
+        bits: Precision, 32 or 64.
+        held: Whether any component is held.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        tracked: Whether work and losses are summed per point.
+        half_steps: Whether energies use half-step velocities.
+    """
+
+    bits: int
+    held: bool
+    loaded: bool
+    damped: bool
+    tracked: bool
+    half_steps: bool
+
+
+@dataclass(frozen=True)
 class IntegrationKernels:
     """Kernels of one configuration.
 
@@ -57,21 +78,18 @@ def free_components(bits: int) -> wp.Function:
 
 
 @functools.cache
-def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, contact: bool) -> IntegrationKernels:
+def integration(options: StepOptions, contact: bool) -> IntegrationKernels:
     """Kernels of the explicit integrator.
 
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-        tracked: Whether external work and dissipation are summed per point.
-        contact: Whether a contact changes velocities and uses only full-step velocities; losses then use them too.
+    `contact`: a contact may change velocities. If energies do not use half-step velocities, losses then use those at
+    full steps, too.
     """
-    types = numeric(bits)
+    types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
+    held, loaded, damped, tracked = options.held, options.loaded, options.damped, options.tracked
+    full_steps = contact and not options.half_steps
     rigid = RIGID
-    without_held = free_components(bits)
+    without_held = free_components(options.bits)
 
     @wp.func
     def power(held_bits: wp.uint8, internal: vec3, external: vec3, velocity: vec3):
@@ -122,7 +140,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
             else:
                 if wp.static(tracked and loaded):
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
-            if wp.static(tracked and damped and not contact):
+            if wp.static(tracked and damped and not full_steps):
                 moving = half
                 if wp.static(held):
                     moving = without_held(a.held_mask[i], 0, half)
@@ -144,7 +162,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
             if wp.static(damped):
                 v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
             moving = half
-            if wp.static(contact):
+            if wp.static(full_steps):
                 moving = v
             if wp.static(held):
                 bits_here = a.held_mask[i]
@@ -160,7 +178,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
             if wp.static(tracked and damped):
                 loss = real(0.5) * dt * a.damping[0] * a.mass[i] * wp.dot(v, moving)
-                if wp.static(contact):
+                if wp.static(full_steps):
                     loss *= real(2.0)
                 a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
             a.velocity[i] = v
@@ -169,7 +187,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
 
 
 @functools.cache
-def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Function]:
+def half_step(options: StepOptions) -> tuple[wp.Function, wp.Function]:
     """Velocity changes of a half step, for contacts that change velocities in the same half step.
 
     With a = c dt/2, half kicks k and k', and changes of the velocity p after the first half kick and s at the end,
@@ -178,16 +196,12 @@ def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Fu
         m p.(v + p/2) + m q.(v' - q/2)   and   -a m (v + v').u,
     exactly. Drift and kick sum up a m v.(u - p) and a m (v' - s).u of the loss; contacts add a m p.v and a m s.u.
 
-    Args:
-        bits: 32 or 64.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-
     Returns:
         (i, step, mass, force, external) -> change of velocity due to the forces; (step, damping) -> c dt / 2.
     """
-    types = numeric(bits)
+    types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
+    loaded, damped = options.loaded, options.damped
 
     @wp.func
     def half_kick(
@@ -213,15 +227,16 @@ def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Fu
 
 
 @functools.cache
-def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool) -> Kernel:
+def kinetic_energy(options: StepOptions) -> Kernel:
     """Kernel of the kinetic energy of each point [J]; held components do not count.
 
-    With `half_steps` it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
+    If energies use half-step velocities, it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
     """
-    types = numeric(bits)
+    types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
+    held, loaded, damped, half_steps = options.held, options.loaded, options.damped, options.half_steps
     rigid = RIGID
-    without_held = free_components(bits)
+    without_held = free_components(options.bits)
 
     @kernel()
     def kinetic_energy(

@@ -10,13 +10,14 @@ import functools
 import warp as wp
 
 from .effects import Kernel, kernel
+from .integrate import StepOptions
 from .numeric import numeric
 
 
 @functools.cache
-def rigid_inclusions(bits: int, loaded: bool, damped: bool) -> tuple[Kernel, Kernel]:
+def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
     """Kernels `move_bodies` (before the drift) and `kick_bodies` (after the force)."""
-    types = numeric(bits)
+    types, loaded, damped = numeric(options.bits), options.loaded, options.damped
     real, vec3 = types.real, types.vec3
 
     @wp.func

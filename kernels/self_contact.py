@@ -14,7 +14,7 @@ not touch add nothing, so forces do not depend on when the list was built.
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import warp as wp
 
@@ -22,7 +22,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
-from .integrate import RIGID, half_step
+from .integrate import RIGID, StepOptions, half_step
 from .near_pairs import TOUCHED, pair_functions
 from .pointwise import Pointwise, pointwise
 
@@ -45,20 +45,8 @@ class RepulsionKernels:
 
 
 @functools.cache
-def repulsion(
-    layout: Layout, pieces: bool, rubbing: bool, held: bool, loaded: bool, damped: bool, tracked: bool
-) -> RepulsionKernels:
-    """Kernels of contact.
-
-    Args:
-        layout: Layout of the families.
-        pieces: Whether the sheet has several pieces.
-        rubbing: Whether there is friction.
-        held: Whether any component is held.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping and energies use half-step velocities.
-        tracked: Whether work and losses are summed.
-    """
+def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool) -> RepulsionKernels:
+    """Kernels of contact; `pieces`: the sheet has several pieces; `rubbing`: there is friction."""
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
@@ -67,7 +55,8 @@ def repulsion(
     pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
-    half_kick, half_loss = half_step(bits, loaded, damped)
+    held, tracked, damped = options.held, options.tracked, options.damped and options.half_steps
+    half_kick, half_loss = half_step(replace(options, damped=damped))
 
     @wp.func
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):

@@ -20,13 +20,14 @@ keep their velocities, and so momentum and, since the drift that is left out is 
 """
 
 import functools
+from dataclasses import replace
 
 import warp as wp
 
 from .body_search import wide_places
 from .effects import Kernel, kernel
 from .face_tree import next_face
-from .integrate import half_step
+from .integrate import StepOptions, half_step
 from .narrow_phase import crosses
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -379,21 +380,13 @@ def clear(start: int, end: int, first: int, status: wp.array(dtype=wp.int32)):
 
 
 @functools.cache
-def take_impulses(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, rubs: bool) -> Pointwise:
-    """Pointwise stage that applies the impulses and sums the losses.
-
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held; it does not yield.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping and energies use half-step velocities.
-        tracked: Whether work and losses are summed.
-        rubs: Whether there is friction.
-    """
-    types = numeric(bits)
+def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
+    """Pointwise stage that applies the impulses and sums the losses; `rubs`: there is friction."""
+    types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
-    wide, _ = wide_places(bits, True)
-    half_kick, half_loss = half_step(bits, loaded, damped)
+    wide, _ = wide_places(options.bits, True)
+    held, loaded, tracked, damped = options.held, options.loaded, options.tracked, options.damped and options.half_steps
+    half_kick, half_loss = half_step(replace(options, damped=damped))
 
     @wp.struct
     class Taken:

@@ -30,6 +30,7 @@ from .body_motion import change_motion, spin_of, vec6d, wrench
 from .body_search import wide_places
 from .distances import TINY, BodyShape
 from .effects import Kernel, kernel
+from .integrate import StepOptions
 from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 from .numeric import numeric
 
@@ -73,21 +74,13 @@ class SurfaceContact:
 
 @functools.cache
 def surface_contact(
-    bits: int, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, held: bool,
-    damped: bool, torn: bool,
-) -> SurfaceContact:  # fmt: skip
-    """Kernels of contact by triangles.
+    options: StepOptions, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, torn: bool
+) -> SurfaceContact:
+    """Kernels of contact by triangles; arguments as for `point_contact` (kernels/body_contact.py).
 
-    Args:
-        bits: 32 or 64.
-        distance: Signed distance of the body, see kernels/distances.py.
-        moves_freely: Whether the sheet moves the body.
-        rubs: Whether there is friction.
-        curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
-        damped: Whether there is mass damping.
-        torn: Whether bonds can break; triangles cut by a crack have no contact.
+    `torn`: bonds can break; triangles cut by a crack have no contact.
     """
+    bits, held, damped = options.bits, options.held, options.damped
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     wide, placed = wide_places(bits, curved)

@@ -22,6 +22,7 @@ from ..geometry.sheet import Sheet
 from ..geometry.triangulation import CoarseLattice
 from ..kernels.effects import Kernel
 from ..kernels.families import Layout
+from ..kernels.integrate import StepOptions
 from ..kernels.numeric import Numeric
 from .communicator import Communicator
 
@@ -175,6 +176,12 @@ class Context:
             self.by_point, self.remembers,
         )  # fmt: skip
 
+    @property
+    def step_options(self) -> StepOptions:
+        """What the kernels of an explicit step compile."""
+        f = self.features
+        return StepOptions(self.bits, f.held, f.loaded, f.damped, f.tracked, f.half_steps)
+
     def array(
         self,
         name: str,
@@ -294,7 +301,7 @@ class Context:
         return point if self.partition is None else int(self.partition.points[point])
 
     def stage(self, name: str, when: str) -> Stage:
-        """Create a stage with a new name; `when` says in `plan` how often it runs."""
+        """Create an empty stage under a new name; `when` says in words how often it runs, for `warp-pd plan`."""
         name = self.prefix + name
         if name in self.stages:
             raise ValueError(f"stage {name!r} already exists: expected a new name")

@@ -179,10 +179,10 @@ class BuiltBody(BuiltContact):
         self.motion.add(phase, stage)
         if phase not in (Phase.PROJECT, Phase.SEPARATE):
             return
-        context, part, f, motion = self.context, self.part, self.context.features, self.motion
+        context, part, motion = self.context, self.part, self.motion
         of = point_contact(
-            context.bits, part.shape.distance, part.motion.free, self._rubs, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, f.half_steps, self._seen is not None, motion.marks is not None,
+            context.step_options, part.shape.distance, part.motion.free, self._rubs, self._curved,
+            self._seen is not None, motion.marks is not None,
         )  # fmt: skip
         at_end, values = phase is Phase.SEPARATE, self._arguments()
         if self._surface is not None:

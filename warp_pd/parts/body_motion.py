@@ -375,8 +375,8 @@ class InFlight(BuiltMotion):
         self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], pushed: Mapping[str, Any] | None
     ) -> None:
         """Add the launches that find the response of the body to the touching points, and those of contact."""
-        f, near = self.context.features, self._near
-        kernels = free_contact(of, f.damped, f.tracked, "slips" in self._found, at_end)
+        near = self._near
+        kernels = free_contact(of, self.context.step_options, "slips" in self._found, at_end)
         both = {"a": with_values(kernels.struct(), values), "body": self._of}
         if pushed is not None:
             near.launch(stage, kernels.take, **both, **pushed)

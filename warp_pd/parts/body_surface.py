@@ -38,7 +38,7 @@ class BodySurface:
         self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, body: Any, motion: BuiltMotion, rubs: bool
     ) -> None:
         self.name, self.context, self._law, self._shape, self._body = name, context, law, shape, body
-        sheet, f = context.sheet, context.features
+        sheet = context.sheet
         self._layer = LAYER * min(sheet.spacing, shape.thinnest())
         self._segments, self._tree = segments_on_device(shape, self._layer, context.device)
         self.edged = self._segments.core == 0.0
@@ -47,7 +47,7 @@ class BodySurface:
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
         free = motion.free_inertia()
         made = self._kernels = kernels.surface_contact(
-            context.bits, shape.distance, free is not None, rubs, sheet.frames is not None, f.held, f.damped,
+            context.step_options, shape.distance, free is not None, rubs, sheet.frames is not None,
             law.intact is not None,
         )  # fmt: skip
 

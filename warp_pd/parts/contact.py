@@ -140,10 +140,7 @@ class RigidContact(BuiltContact):
         if phase not in (Phase.PROJECT, Phase.SEPARATE):
             return
         context, state, clock = self.context, self.context.state, self.context.clock
-        f = context.features
-        kernels = rigid_contact(
-            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, f.half_steps
-        )
+        kernels = rigid_contact(context.step_options, self.shape, self._curved)
         assert self._path is not None
         project = phase is Phase.PROJECT
         stage.pointwise(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -45,9 +46,8 @@ class FrameChecks(BuiltPart):
         """Add the launches of the kinetic energy and the motion checks."""
         if phase is not Phase.FRAME:
             return
-        context, state, f = self.context, self.context.state, self.context.features
-        half_steps = self.half_step_kinetic is not None
-        kinetic = kinetic_energy(context.bits, f.held, f.loaded, f.damped, half_steps)
+        context, state = self.context, self.context.state
+        kinetic = kinetic_energy(replace(context.step_options, half_steps=self.half_step_kinetic is not None))
         stage.launch(
             OWNER, kinetic, context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,

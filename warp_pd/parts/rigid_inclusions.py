@@ -95,8 +95,7 @@ class BuiltInclusions(BuiltPart):
         if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK):
             return
         context, state = self.context, self.context.state
-        features = context.features
-        move, kick = rigid_inclusions(context.bits, features.loaded, features.damped)
+        move, kick = rigid_inclusions(context.step_options)
         shared = {
             **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
             "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,

@@ -113,14 +113,12 @@ class BuiltSelfContact(BuiltContact):
         self._skin = SKIN * sheet.spacing
         least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
         capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
-        pieces, rubbing, f = sheet.pieces is not None, part.friction > 0.0, context.features
+        pieces, rubbing = sheet.pieces is not None, part.friction > 0.0
         self._allocate_points(pieces)
         self._allocate_lists(capacity)
         self._allocate_friction(rubbing)
         self._lists = pair_lists(context.layout, pieces)
-        self._kernels = repulsion(
-            context.layout, pieces, rubbing, f.held, f.loaded, f.damped and f.half_steps, f.tracked
-        )
+        self._kernels = repulsion(context.layout, context.step_options, pieces, rubbing)
 
     def _allocate_points(self, pieces: bool) -> None:
         """Allocate the point data for pairs: reference positions, areas and pieces."""

@@ -91,7 +91,7 @@ class SheetSurface(BuiltContact):
             **({**room(slots, turns=wp.vec3d), **room(points, "point", dragged=wp.vec3d)} if rubs else {}),
             "friction": friction, "unit": UNIT * sheet.spacing**3 * float(np.max(sheet.thickness * sheet.density)),
         })  # fmt: skip
-        self._take = kernels.take_impulses(context.bits, f.held, f.loaded, f.damped and f.half_steps, f.tracked, rubs)
+        self._take = kernels.take_impulses(context.step_options, rubs)
         self.lost = self.rubbed = None
         if f.tracked:
             self.lost = context.array("surface_lost", OWNER, wp.float64, shape=points, restart=True)

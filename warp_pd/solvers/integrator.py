@@ -15,9 +15,8 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     """Add the pointwise stages of drift and kick in their phases; `inertia`: mass or fictitious mass [kg], (N,)."""
     if phase not in (Phase.DRIFT, Phase.KICK):
         return
-    state, f = context.state, context.features
-    full_steps = f.contact and not f.half_steps
-    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, full_steps)
+    state = context.state
+    kernels = integration(context.step_options, context.features.contact)
     stage.pointwise(
         OWNER, kernels.drift if phase is Phase.DRIFT else kernels.kick, context.sheet.size,
         mass=inertia, held_mask=state.held_mask, step=state.step, damping=state.damping, force=state.force,
