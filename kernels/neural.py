@@ -89,12 +89,8 @@ def neural(
     exact, fused = closed_form(bits, membrane), layers is not None
     network = network_function(bits, layers) if layers is not None else None
 
-    @kernel(
-        gathers=("displacement",),
-        name="fused_force" if fused else "closed_form_force",
-        fast_math=fused and bits == 32,
-    )
-    def direct(
+    @kernel(gathers=("displacement",), name="fused_force" if fused else None, fast_math=fused and bits == 32)
+    def closed_form_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
@@ -213,7 +209,7 @@ def neural(
         out[i] = found
 
     return NeuralKernels(
-        direct=None if torch else direct,
+        direct=None if torch else closed_form_force,
         features=features if torch else None,
         spread=spread if torch else None,
         gather=gather_pairs(layout),
