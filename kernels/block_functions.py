@@ -7,9 +7,9 @@ from typing import Any
 import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .entries import entry_of
-from .factories import FunctionFactory, PairFactory, constants_of
+from .factories import FunctionFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 
@@ -133,18 +133,13 @@ class BlockFunctions:
 
 
 @functools.cache
-def block_functions(
-    layout: Layout,
-    material: PairFactory,
-    near: FunctionFactory,
-    members: int,
-) -> BlockFunctions:
+def block_functions(layout: Layout, near: FunctionFactory, members: int) -> BlockFunctions:
     """The functions, for the arguments of `block_force`."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, material, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     intact_members, is_intact = law.intact_members, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level

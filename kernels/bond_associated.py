@@ -82,39 +82,13 @@ class FamilyMechanics:
     finish_forces: wp.Function
 
 
-@dataclass(frozen=True)
-class BondAssociatedKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        gather: Sums bond_force to the internal force [points], N.
-        strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
-            bonds.
-        partial_energy: Warp function of what every n-th member adds to this energy, so that several threads can share
-            a family, and to the sum of weights.
-        mechanics: Warp functions shared with the tangent.
-    """
-
-    gather: Pointwise
-    strain_energy: Kernel
-    earlier_energy: wp.Function
-    partial_energy: wp.Function
-    mechanics: FamilyMechanics
-
-
 @functools.cache
-def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
-    """Kernels of the bond-associated law.
-
-    `material` is a factory of (stress, energy); `form` is "variational" or "published".
-    """
+def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
+    """Warp functions of the law for any material; `form` is "variational" or "published"."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)
     Family = f.struct
-    _, energy = material(bits)
-    Constants = constants_of(energy)
     published = form == "published"
     word_size = WORD
     bonds = bond_state(layout)
@@ -139,19 +113,16 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
     @wp.func
     def gradient(H1: vec3, H2: vec3, tilt: vec2):
         if wp.static(curved):
-            F1, F2 = curved_gradient(H1, H2, tilt)
-            return F1, F2
+            return curved_gradient(H1, H2, tilt)
         else:
             return H1 + vec3(real(1.0), real(0.0), real(0.0)), H2 + vec3(real(0.0), real(1.0), real(0.0))
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
         if wp.static(curved):
-            A1, A2 = curved_stress(H1, H2, S, weight, inverse, tilt)
-            return A1, A2
+            return curved_stress(H1, H2, S, weight, inverse, tilt)
         else:
-            B1, B2 = flat_stress(H1, H2, S, weight, inverse)
-            return B1, B2
+            return flat_stress(H1, H2, S, weight, inverse)
 
     @wp.func
     def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
@@ -206,12 +177,8 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
             if not undamaged:
                 inverse, size = damaged_inverse(shape, inverse, size)
                 if wp.static(curved):
-                    slope = vec2(
-                        inverse[0] * moment[0] + inverse[1] * moment[1], inverse[1] * moment[0] + inverse[2] * moment[1]
-                    )
-                    tilt = tilt_of(slope)
-            G1 = first * inverse[0] + second * inverse[1]
-            G2 = first * inverse[1] + second * inverse[2]
+                    tilt = tilt_of(motion.times(inverse, moment))
+            G1, G2 = motion.columns(first, second, inverse)
             if wp.static(curved):
                 G1, G2 = level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
             return G1, G2, inverse, size, tilt
@@ -314,10 +281,53 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         j: int,
         undamaged: bool,
     ):
-        there, H1, H2, inverse, weight, tilt = visit_now(
-            family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged
-        )
-        return there, H1, H2, inverse, weight, tilt
+        return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
+
+    return FamilyMechanics(
+        intact_members,
+        is_undamaged,
+        is_intact,
+        visit,
+        visit_earlier,
+        green,
+        gradient,
+        stress_on_members,
+        area_weight,
+        family_scale,
+        damaged_inverse,
+        add_to_members,
+        finish_forces,
+    )
+
+
+@dataclass(frozen=True)
+class BondAssociatedKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        gather: Sums bond_force to the internal force [points], N.
+        strain_energy: Energy of each family [points], J.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
+            bonds.
+        partial_energy: Warp function of what every n-th member adds to this energy, so that several threads can share
+            a family, and to the sum of weights.
+    """
+
+    gather: Pointwise
+    strain_energy: Kernel
+    earlier_energy: wp.Function
+    partial_energy: wp.Function
+
+
+@functools.cache
+def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
+    """Kernels of the law that do not depend on its force path; `material` is a factory of (stress, energy)."""
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    f, law = family_functions(layout), family_mechanics(layout, form)
+    Family = f.struct
+    _, energy = material(layout.bits)
+    Constants = constants_of(energy)
 
     @wp.func
     def partial_energy(
@@ -333,15 +343,15 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         lanes: int,
     ):
         """Sums of W_ij w_ij and W_ij over the members j = lane, lane + lanes, ..., at a time `back` before now."""
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, intact, i)
         stored = real(0.0)
         total = real(0.0)
         for j in range(lane, family.members, lanes):
-            there, H1, H2, _inverse, weight, tilt = visit_earlier(
+            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
                 family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
             )
             if there:
-                stored += weight * energy(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
         return stored, total
 
@@ -360,26 +370,11 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         stored, total = partial_energy(
             family, intact, displacement, velocity, back, constants, inverse_horizon, i, wp.int32(0), wp.int32(1)
         )
-        return stored * family_scale(family, i, is_undamaged(family, intact, i), total)
+        return stored * law.family_scale(family, i, law.is_undamaged(family, intact, i), total)
 
     return BondAssociatedKernels(
         gather=gather_pairs(layout),
         strain_energy=energy_of_families(layout, earlier_energy),
         earlier_energy=earlier_energy,
         partial_energy=partial_energy,
-        mechanics=FamilyMechanics(
-            intact_members,
-            is_undamaged,
-            is_intact,
-            visit,
-            visit_earlier,
-            green,
-            gradient,
-            stress_on_members,
-            area_weight,
-            family_scale,
-            damaged_inverse,
-            add_to_members,
-            finish_forces,
-        ),
     )

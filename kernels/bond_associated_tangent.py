@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory, constants_of
+from .factories import FunctionFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
@@ -103,22 +103,18 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def bond_associated_tangent(
-    layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
-) -> TangentKernels:
-    """Kernels of the tangent; arguments as for `bond_associated`.
-
-    `response` is a factory of the function that returns stress and moduli.
-    """
+def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: bool) -> TangentKernels:
+    """Kernels of the tangent from the factory of a material's stress and moduli; `held`: any component is held."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33
     f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, material, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
     green, family_scale, add_to_members = law.green, law.family_scale, law.add_to_members
-    gradient_of, level, curved = law.gradient, kinematics(bits).level, layout.curved
+    motion, gradient_of, curved = kinematics(bits), law.gradient, layout.curved
+    level, times, columns = motion.level, motion.times, motion.columns
     response_of = response(bits)
     Constants = constants_of(response_of)
     word_size = WORD
@@ -199,8 +195,7 @@ def bond_associated_tangent(
                 P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
                 if wp.static(curved):
                     P1, P2 = level(P1, P2, tilt)
-                A1 = P1 * inverse[0] + P2 * inverse[1]
-                A2 = P1 * inverse[1] + P2 * inverse[2]
+                A1, A2 = columns(P1, P2, inverse)
                 add_to_members(family, intact, i, j, A1, A2, bond_force)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
@@ -266,10 +261,8 @@ def bond_associated_tangent(
                         members = without_lowest_bit(members)
                         c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                         sum_of += c * f.bond(family, i, k)
-                g = vec2(
-                    inverse[0] * sum_of[0] + inverse[1] * sum_of[1], inverse[1] * sum_of[0] + inverse[2] * sum_of[1]
-                )
-                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], levelled(g, tilt))
+                g = levelled(times(inverse, sum_of), tilt)
+                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
@@ -283,10 +276,8 @@ def bond_associated_tangent(
                     if (f.common(family, m, j, word) & bit) != wp.uint32(0):
                         inverse, tilt = shape_of(family, intact, displacement, m, j, undamaged_there)
                         if inverse[0] > real(0.0):
-                            g = c * vec2(
-                                inverse[0] * xi[0] + inverse[1] * xi[1], inverse[1] * xi[0] + inverse[2] * xi[1]
-                            )
-                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], levelled(g, tilt))
+                            g = levelled(c * times(inverse, xi), tilt)
+                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], g)
         mask = wp.uint8(0)
         if wp.static(held):
             mask = held_mask[i]

@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from .bits import without_lowest_bit
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
@@ -40,7 +40,7 @@ def bond_fields(
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     Family = family_functions(layout).struct
     from_frame, of_bond = family_functions(layout).from_frame, family_functions(layout).of_bond
-    law = bond_associated(layout, material, form).mechanics
+    law = family_mechanics(layout, form)
     stress, _ = material(bits)
     Constants = constants_of(stress)
     advance = response(bits) if response is not None else None

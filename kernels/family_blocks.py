@@ -20,7 +20,7 @@ import warp as wp
 
 from .block_functions import block_functions, opaque, putting, synchronize
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory, constants_of
+from .factories import FunctionFactory, constants_of
 from .families import WORD, Layout, family_functions
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
@@ -42,13 +42,7 @@ def families_together(members: int) -> int:
 
 
 @functools.cache
-def block_force(
-    layout: Layout,
-    material: PairFactory,
-    near: FunctionFactory,
-    members: int,
-    listed: bool,
-) -> Kernel:
+def block_force(layout: Layout, near: FunctionFactory, members: int, listed: bool) -> Kernel:
     """Kernel that fills bond_force [members, ring] and adds the own half of the force to force [points].
 
     A launch has `blocks` blocks of threads_of_family(members) x families_together(members) threads; each block loops
@@ -57,7 +51,6 @@ def block_force(
 
     Args:
         layout: Layout of the families.
-        material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
         members: Maximum number of members of a family.
         listed: Whether `start` to `stop` - 1 are entries of the list `others` (of length `other_count`) instead of
@@ -73,7 +66,7 @@ def block_force(
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, material, near, members)
+    functions = block_functions(layout, near, members)
     Constants = constants_of(near(layout.bits))
     by_missing, missing_shapes = functions.by_missing, functions.missing_shapes
     arrive, answer = functions.arrive, functions.answer

@@ -70,15 +70,12 @@ def point_fields(
                 H2 += cxi[1] * U
         inverse = motion.inverse_shape(shape)
         known = inverse[0] > real(0.0)
-        A1 = H1 * inverse[0] + H2 * inverse[1]
-        A2 = H1 * inverse[1] + H2 * inverse[2]
+        A1, A2 = motion.columns(H1, H2, inverse)
         G = mat22()
         F1 = A1 + vec3(real(1.0), real(0.0), real(0.0))
         F2 = A2 + vec3(real(0.0), real(1.0), real(0.0))
         if wp.static(curved):
-            tilt = motion.tilt_of(
-                vec2(inverse[0] * moment[0] + inverse[1] * moment[1], inverse[1] * moment[0] + inverse[2] * moment[1])
-            )
+            tilt = motion.tilt_of(motion.times(inverse, moment))
             A1, A2 = motion.level(A1, A2, tilt)
             G = motion.curved_green(A1, A2, tilt)
             F1, F2 = motion.curved_gradient(A1, A2, tilt)

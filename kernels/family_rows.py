@@ -21,7 +21,7 @@ from dataclasses import replace
 import warp as wp
 
 from .bits import lowest_bit, number_of_bits, without_lowest_bit
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
@@ -59,11 +59,11 @@ def family_rows(
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, material, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     is_undamaged, intact_members = law.is_undamaged, law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
     area_weight, stress_on_members = law.area_weight, law.stress_on_members
-    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
+    motion = kinematics(bits)
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
     Constants = constants_of(stress)
@@ -197,20 +197,13 @@ def family_rows(
                             shape = all_shapes - shape
                         inverse, size = damaged_inverse(vec3(shape[0], shape[1], shape[2]), inverse, shape[3])
                         if wp.static(curved):
-                            slope = vec2(shape[4], shape[5])
-                            tilt = tilt_of(
-                                vec2(
-                                    inverse[0] * slope[0] + inverse[1] * slope[1],
-                                    inverse[1] * slope[0] + inverse[2] * slope[1],
-                                )
-                            )
+                            tilt = motion.tilt_of(motion.times(inverse, vec2(shape[4], shape[5])))
                 if inverse[0] > real(0.0):
                     G1 = inverse_horizon * vec3(G[0], G[1], G[2])
                     G2 = inverse_horizon * vec3(G[3], G[4], G[5])
-                    H1 = G1 * inverse[0] + G2 * inverse[1]
-                    H2 = G1 * inverse[1] + G2 * inverse[2]
+                    H1, H2 = motion.columns(G1, G2, inverse)
                     if wp.static(curved):
-                        H1, H2 = level(H1, H2, tilt)
+                        H1, H2 = motion.level(H1, H2, tilt)
                     strain_now = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     if wp.static(energetic):

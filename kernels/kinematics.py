@@ -35,6 +35,8 @@ class Kinematics:
         remaining_inverse: (K, undamaged K^-1) -> inverse of the shape tensor of a damaged intersection, or zero if too
             few members remain to sample the deformation.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
+        times: (K, v) -> K v of a symmetric tensor K (11, 12, 22) and a vector, vec2.
+        columns: (A1, A2, K) -> columns of A K, where A has the columns A1 and A2.
         tilt_of: Slope -> tilt.
         level: (H1, H2, tilt) -> columns of H R^-1.
         curved_green: (H1, H2, tilt) -> C - I on a curved sheet.
@@ -47,6 +49,8 @@ class Kinematics:
     inverse_shape: wp.Function
     remaining_inverse: wp.Function
     stress_on_members: wp.Function
+    times: wp.Function
+    columns: wp.Function
     tilt_of: wp.Function
     level: wp.Function
     curved_green: wp.Function
@@ -90,6 +94,14 @@ def kinematics(bits: int) -> Kinematics:
             return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
         else:
             return vec3(real(0.0), real(0.0), real(0.0))
+
+    @wp.func
+    def times(K: vec3, v: vec2):
+        return vec2(K[0] * v[0] + K[1] * v[1], K[1] * v[0] + K[2] * v[1])
+
+    @wp.func
+    def columns(A1: vec3, A2: vec3, K: vec3):
+        return A1 * K[0] + A2 * K[1], A1 * K[1] + A2 * K[2]
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
@@ -152,6 +164,8 @@ def kinematics(bits: int) -> Kinematics:
         inverse_shape,
         remaining_inverse,
         stress_on_members,
+        times,
+        columns,
         tilt_of,
         level,
         curved_green,

@@ -39,7 +39,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
 from .incompressible import named
@@ -313,7 +313,7 @@ def branched_energy(layout: Layout, network: ElasticNetwork, drives: bool) -> wp
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family, Branched = f.struct, branched_constants(network, bits)
-    law = bond_associated(layout, network.functions, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     _, energy = network.functions(bits)
     functions = maxwell(network, bits)
     respond, stored_in = functions.respond, functions.stored

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
@@ -18,7 +18,7 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
-    f, law = family_functions(layout), bond_associated(layout, material, "variational").mechanics
+    f, law = family_functions(layout), family_mechanics(layout, "variational")
     Family, Constants, value = f.struct, constants_of(material(layout.bits)[0]), value_of(layout.bits)
 
     @kernel(gathers=("displacement",))

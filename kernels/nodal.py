@@ -70,7 +70,7 @@ def point_family(layout: Layout) -> PointFamily:
     Family = f.struct
     word_size = WORD
     bonds = bond_state(layout)
-    green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
+    motion = kinematics(bits)
 
     @wp.func
     def gradient(
@@ -106,10 +106,11 @@ def point_family(layout: Layout) -> PointFamily:
         if bonds.is_undamaged(family, intact, i):
             size = f.family_area(family, i)
         else:
-            inverse = inverse_shape(shape)
-        return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+            inverse = motion.inverse_shape(shape)
+        G1, G2 = motion.columns(first, second, inverse)
+        return G1, G2, inverse, size
 
-    return PointFamily(bonds.is_intact, gradient, green)
+    return PointFamily(bonds.is_intact, gradient, motion.green)
 
 
 @functools.cache

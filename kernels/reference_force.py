@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import warp as wp
 
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
@@ -35,7 +35,7 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
     Family = f.struct
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    law = bond_associated(layout, material, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     viscous = response is not None
     advance, left = response(bits) if response is not None else None, stiffness_left(bits)
 
@@ -95,7 +95,7 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
     Family = f.struct
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    law = bond_associated(layout, material, "published").mechanics
+    law = family_mechanics(layout, "published")
     is_undamaged, is_intact = law.is_undamaged, law.is_intact
 
     @wp.func

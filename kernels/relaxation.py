@@ -12,39 +12,39 @@ import functools
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory, constants_of
+from .factories import FunctionFactory, constants_of
 from .families import WORD, Layout, family_functions
+from .kinematics import kinematics
 from .stiffness_left import stiffness_left
 
 
 @functools.cache
-def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, form: str) -> tuple[Kernel, Kernel]:
-    """Kernels `family_rows` and `sum_rows`; arguments as for `bond_associated_tangent`.
+def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kernel, Kernel]:
+    """Kernels `family_rows` and `sum_rows`; `response` as for `bond_associated_tangent`, `form` as for the force.
 
     family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
     and own [points] with its contribution to the row of the point itself; sum_rows sums both ends of the bonds to the
     density [N/m].
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3 = types.real, types.vec2, types.vec3
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, material, form).mechanics
+    law = family_mechanics(layout, form)
     intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
     green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
     Constants = constants_of(response_of)
     word_size = WORD
-    left = stiffness_left(bits)
+    left, times = stiffness_left(bits), kinematics(bits).times
 
     @wp.func
     def arm(family: Family, i: int, k: int, inverse: vec3):
         """g_k."""
         c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-        xi = f.bond(family, i, k)
-        return vec2(c * (inverse[0] * xi[0] + inverse[1] * xi[1]), c * (inverse[1] * xi[0] + inverse[2] * xi[1]))
+        return c * times(inverse, f.bond(family, i, k))
 
     @kernel(gathers=("displacement",))
     def family_rows(

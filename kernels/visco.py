@@ -21,7 +21,7 @@ import functools
 
 import warp as wp
 
-from .bond_associated import bond_associated
+from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
@@ -153,7 +153,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     f = family_functions(layout)
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, material, "variational").mechanics
+    law = family_mechanics(layout, "variational")
     is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
     term_constants, tensor = conversions(bits)
     conjugate, energies = prony_energy(), material(64)[1]

@@ -81,11 +81,7 @@ class BondAssociated:
         return "published" if self.weights == "published" else "variational"
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
-
-        Raises:
-            InputError: if the sheet or the weights do not allow the horizon.
-        """
+        """Build the law. Raises InputError if the sheet or the weights do not allow the horizon."""
         return BondAssociatedForce(self, context)
 
 
@@ -210,11 +206,8 @@ class BondAssociatedForce(FamilyLaw):
         """Add the launches of a phase, and those of what the material remembers."""
         super().add(phase, stage)
         if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
-            stage.launch(
-                self.owner, remembered(self.key[0], self.material.functions, self.remembered), self.points,
-                **self.family_arguments(self.context.state.displacement), constants=self.constants,
-                largest=self.struct.remembered,
-            )  # fmt: skip
+            kernel = remembered(self.layout, self.material.functions, self.remembered)
+            self.add_launch(stage, kernel, self.context.state.displacement, largest=self.struct.remembered)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the point fields shown in frames: means over each point's bonds."""
@@ -247,14 +240,13 @@ class BondAssociatedForce(FamilyLaw):
         response = capabilities(material).response
         if response is None:
             return None
-        layout, functions, form = self.key
-        rows, total = row_sums(layout, functions, response, form)
+        rows, total = row_sums(self.layout, response, self.law.form)
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         stage.launch(
             "Relaxation", rows, self.points,
             **self.family_arguments(context.state.displacement), constants=self.constants,
-            unit_stiffness=self.unit_volume * self.inverse_horizon**2, damage=self.damage, row=self.pairs, own=own,
+            unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
         )  # fmt: skip
         stage.launch(
             "Relaxation", total, self.points, family=self.struct, intact=self.intact, row=self.pairs, own=own,

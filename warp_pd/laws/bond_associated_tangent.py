@@ -58,10 +58,8 @@ class BondAssociatedTangent:
                 f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
                 f"or use the solver Relaxation"
             )
-        layout, functions, _ = force.key
-        held = context.features.held
-        self.kernels = bond_associated_tangent(layout, functions, response, held)
-        self.gather = gather_pairs(layout, softens=False)
+        self.kernels = bond_associated_tangent(force.layout, response, context.features.held)
+        self.gather = gather_pairs(force.layout, softens=False)
         self.matrix: TangentMatrix | None = None
         self._assembly: tuple[Stage, Array] | None = None
 
@@ -83,7 +81,7 @@ class BondAssociatedTangent:
         stage.launch(
             OWNER, self.kernels.inverse_blocks, n,
             family=force.struct, intact=force.intact, displacement=displacement, **state, held_mask=held_mask,
-            unit_stiffness=force.unit_volume * force.inverse_horizon**2, out=self.inverse_blocks,
+            unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
         )  # fmt: skip
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
@@ -96,8 +94,8 @@ class BondAssociatedTangent:
         stage.launch(
             OWNER, self.kernels.product, n,
             family=force.struct, intact=force.intact, direction=direction, gradient=self.gradient, stress=self.stress,
-            moduli=self.moduli, inverse_horizon=force.inverse_horizon,
-            unit_force=force.unit_volume * force.inverse_horizon, bond_force=force.pairs,
+            moduli=self.moduli, inverse_horizon=force.inverse_horizon, unit_force=force.unit_force,
+            bond_force=force.pairs,
         )  # fmt: skip
         force.add_gather(stage, self.gather, force.pairs, change)
 
@@ -153,7 +151,7 @@ class TangentMatrix:
             OWNER, tangent.kernels.assemble, force.points,
             family=force.struct, intact=force.intact, displacement=displacement, gradient=tangent.gradient,
             stress=tangent.stress, moduli=tangent.moduli, starts=self.starts, columns=self.columns,
-            unit_stiffness=force.unit_volume * force.inverse_horizon**2, matrix=self.blocks,
+            unit_stiffness=force.unit_stiffness, matrix=self.blocks,
         )  # fmt: skip
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:

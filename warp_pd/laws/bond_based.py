@@ -71,11 +71,7 @@ class BondBased:
         check_material(self.material, "pairwise")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
-
-        Raises:
-            InputError: if `state` does not fit the sheet, or the sheet does not allow the horizon.
-        """
+        """Build the law. Raises InputError if the sheet does not fit `state` or does not allow the horizon."""
         return BondBasedForce(self, context)
 
 
@@ -134,14 +130,10 @@ class BondBasedForce(FamilyLaw):
                 stage.launch(self.owner, self.once.forces_ahead, self.points, **self._forces_once(displacement))
             stage.launch(
                 self.owner, self.once.sum_both_halves, self.points, **self._tables(), intact=self.intact,
-                ahead=self._ahead, unit_force=self.unit_volume * self.inverse_horizon, force=out,
+                ahead=self._ahead, unit_force=self.unit_force, force=out,
             )  # fmt: skip
             return
-        stage.launch(
-            self.owner, self.kernels.pair_force, self.points,
-            **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, force=out,
-        )  # fmt: skip
+        self.add_launch(stage, self.kernels.pair_force, displacement, unit_force=self.unit_force, force=out)
 
     @functools.cached_property
     def _ahead(self) -> Array:
@@ -189,15 +181,8 @@ class BondBasedForce(FamilyLaw):
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
-        context = self.context
-        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
-        scale = max(self.law.material.constants) * self.thickness
-        stage.launch(
-            self.owner, self.kernels.row_sums, self.points,
-            **self.family_arguments(context.state.displacement), constants=self.constants,
-            unit_stiffness=self.unit_volume * self.inverse_horizon**2, least=1e-3 * scale, density=density,
-        )  # fmt: skip
-        return density
+        least = 1e-3 * (max(self.law.material.constants) * self.thickness)
+        return self.add_row_sums(stage, self.kernels.row_sums, least)
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """Create the tangent for Newton's method."""

@@ -54,7 +54,7 @@ class BondBasedTangent:
         stage.launch(
             OWNER, self.kernels.linearise, force.points,
             **force.family_arguments(displacement), constants=force.constants,
-            unit_stiffness=force.unit_volume * force.inverse_horizon**2, tension=tension, blocks=self.blocks,
+            unit_stiffness=force.unit_stiffness, tension=tension, blocks=self.blocks,
         )  # fmt: skip
         stage.launch(
             OWNER, self.kernels.inverse_blocks, force.points,

@@ -60,6 +60,9 @@ class FamilyLaw(BuiltLaw):
         context: Context with the arrays and stages.
         depends_on_time: Whether the force depends on more than the current displacement.
         thickness: Mean thickness of the sheet [m]; a varying thickness is included in the weights.
+        unit_volume: Thickness times the reference area [m^3], the unit of energies divided by a stress.
+        unit_force: The same over the horizon [m^2], that of forces.
+        unit_stiffness: The same over the squared horizon [m], that of stiffnesses.
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
         shown_stress: Material for the stress fields of frames, or None if the law has none.
         shown: Point fields requested for frames, or None.
@@ -135,6 +138,8 @@ class FamilyLaw(BuiltLaw):
         self.constants = context.types.constants(len(constants))(*constants)
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
+        self.unit_force = self.unit_volume * self.inverse_horizon
+        self.unit_stiffness = self.unit_volume * self.inverse_horizon**2
 
     @property
     def energy_constants(self) -> Any:
@@ -191,6 +196,11 @@ class FamilyLaw(BuiltLaw):
             "inverse_horizon": self.inverse_horizon,
         }
 
+    def add_launch(self, stage: Stage, kernel: Kernel, displacement: Array, **more: Any) -> None:
+        """Add a launch on all points, with the arguments common to all kernels of the law."""
+        given = {"constants": self.constants, **self.family_arguments(displacement), **more}
+        stage.launch(self.owner, kernel, self.points, **given)
+
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
         """Add the pointwise stage that sums the pairs of each point [N], (members, N), to its force [N]."""
         stage.pointwise(
@@ -215,10 +225,7 @@ class FamilyLaw(BuiltLaw):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        stage.launch(
-            self.owner, self.energy_kernel(), self.points,
-            **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume, out=out,
-        )  # fmt: skip
+        self.add_launch(stage, self.energy_kernel(), displacement, unit_volume=self.unit_volume, out=out)
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family, for laws with an energy."""
@@ -244,6 +251,16 @@ class FamilyLaw(BuiltLaw):
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add launches for the fictitious mass; None if the law has none, the default."""
         return None
+
+    def add_row_sums(self, stage: Stage, kernel: Kernel, least: float, **more: Any) -> Array:
+        """Add the launch that fills an array (N,) with the row sums of the stiffness, at least `least` [N/m]."""
+        context = self.context
+        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
+        self.add_launch(
+            stage, kernel, context.state.displacement, unit_stiffness=self.unit_stiffness,
+            least=least, density=density, **more,
+        )  # fmt: skip
+        return density
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """Create the tangent for Newton's method. Raises InputError if the law has none."""

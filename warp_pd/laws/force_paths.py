@@ -141,18 +141,12 @@ class Reference:
         kernel, given = reference_force(layout, material, self.response), viscous
         if form == "published":
             kernel, given = published_force(layout, material), {}
-        stage.launch(
-            law.owner, kernel, law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, **given,
-        )  # fmt: skip
+        law.add_launch(stage, kernel, displacement, unit=law.unit_force, bond_force=law.pairs, **given)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family."""
         law = self.law
-        stage.launch(
-            law.owner, law.kernels.strain_energy, law.points, **law.family_arguments(displacement),
-            constants=law.constants, unit_volume=law.unit_volume, out=energies,
-        )  # fmt: skip
+        law.add_launch(stage, law.kernels.strain_energy, displacement, unit_volume=law.unit_volume, out=energies)
 
 
 class RowSums:
@@ -191,17 +185,14 @@ class RowSums:
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
         law, kernel = self.law, self._kernel("force" if self.response is None else "viscous")
-        stage.launch(
-            law.owner, kernel, law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **viscous,
-        )  # fmt: skip
+        law.add_launch(stage, kernel, displacement, unit=law.unit_force, bond_force=law.pairs, energies=None, **viscous)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family."""
         law = self.law
-        stage.launch(
-            law.owner, self._kernel("energy"), law.points, **law.family_arguments(displacement),
-            constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NOT_VISCOUS,
+        law.add_launch(
+            stage, self._kernel("energy"), displacement, unit=law.unit_volume, bond_force=None, energies=energies,
+            **NOT_VISCOUS,
         )  # fmt: skip
 
 
@@ -351,19 +342,18 @@ class FamilyBlocks(Reference):
     def add_families(self, stage: Stage, chosen: Selected, displacement: Array, force: Array) -> None:
         """Add the launch for the selected families."""
         law = self.law
-        layout, material, _ = law.key
         members, count = law.families.members, chosen.stop - chosen.start
         listed = chosen.points is not None
         if not count:
             return
         together, threads = families_together(members), threads_of_family(members)
         blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
-        kernel = block_force(layout, material, self.near, members, listed)
+        kernel = block_force(law.layout, self.near, members, listed)
         stage.launch(
             law.owner, kernel, blocks * together * threads, block_dim=together * threads, family=law.struct,
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
-            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
+            inverse_horizon=law.inverse_horizon, unit_force=law.unit_force, blocks=blocks,
             bond_force=self.forces.array, force=force, span=None if listed else Span(together, TUNING.blocks),
         )  # fmt: skip
 
@@ -421,7 +411,7 @@ class UndamagedLattice(Reference):
                 places=self.places,
                 # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
                 turns=self.stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
-                unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[self.inner],
+                unit_force=law.unit_force * law.families.areas[self.inner],
                 bond_force=self.forces.array, force=force, others=listed[0], other_count=listed[1],
             )  # fmt: skip
             self._add_others(stage, strip, displacement, force)

@@ -60,11 +60,7 @@ class HyperelasticBonds:
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
-
-        Raises:
-            InputError: if the sheet does not allow the horizon, or has only one row of points.
-        """
+        """Build the law. Raises InputError if the sheet does not allow the horizon, or has only one row of points."""
         return HyperelasticBondsForce(self, context)
 
 
@@ -93,23 +89,15 @@ class HyperelasticBondsForce(FamilyLaw):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        stage.launch(
-            self.owner, self.kernels.pair_force, self.points,
-            **self.family_arguments(displacement), constants=self.bond_constants,
-            unit_force=self.unit_volume * self.inverse_horizon, force=out,
+        self.add_launch(
+            stage, self.kernels.pair_force, displacement, constants=self.bond_constants, unit_force=self.unit_force,
+            force=out,
         )  # fmt: skip
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
-        context = self.context
-        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
-        stage.launch(
-            self.owner, self.kernels.row_sums, self.points,
-            **self.family_arguments(context.state.displacement), constants=self.bond_constants,
-            unit_stiffness=self.unit_volume * self.inverse_horizon**2,
-            least=1e-3 * self.law.material.mu * self.thickness, density=density,
-        )  # fmt: skip
-        return density
+        least = 1e-3 * self.law.material.mu * self.thickness
+        return self.add_row_sums(stage, self.kernels.row_sums, least, constants=self.bond_constants)
 
 
 def _bond_weights(families: Families) -> np.ndarray:

@@ -48,7 +48,7 @@ class Nodal:
         check_material(self.material, "functions")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device. Raises InputError if the sheet does not allow the horizon."""
+        """Build the law. Raises InputError if the sheet does not allow the horizon."""
         return NodalForce(self, context)
 
 
@@ -86,11 +86,8 @@ class NodalForce(PointLaw):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        stage.launch(
-            self.owner, self.kernels.family_force, self.points,
-            **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
-        )  # fmt: skip
+        kernel = self.kernels.family_force
+        self.add_launch(stage, kernel, displacement, unit_force=self.unit_force, bond_force=self.pairs)
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def soften(self, damage: Array) -> None:

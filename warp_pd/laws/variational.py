@@ -10,6 +10,7 @@ from ..device.launches import Stage
 from ..families import Families
 from ..interfaces.context import Context
 from ..kernels.bond_associated import BondAssociatedKernels
+from ..kernels.effects import Kernel
 from ..kernels.factories import PairFactory
 from ..kernels.families import Layout
 from ..kernels.pointwise import Pointwise
@@ -37,6 +38,8 @@ class BondAssociatedLaw(Protocol):
     lattice_columns: int
     inverse_horizon: float
     unit_volume: float
+    unit_force: float
+    unit_stiffness: float
     damage: Array | None
 
     @property
@@ -61,6 +64,10 @@ class BondAssociatedLaw(Protocol):
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
         """Arguments common to all launches of the law."""
+        ...
+
+    def add_launch(self, stage: Stage, kernel: Kernel, displacement: Array, **more: Any) -> None:
+        """Add a launch on all points, with the arguments common to all kernels of the law."""
         ...
 
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:

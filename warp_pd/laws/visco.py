@@ -75,11 +75,7 @@ class Visco(BondAssociated):
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device; without Prony terms those of BondAssociated.
-
-        Raises:
-            InputError: if the sheet or the weights do not allow the horizon.
-        """
+        """Build the law. Raises InputError if the sheet or the weights do not allow the horizon."""
         if self.branches:
             return BranchedForce(self, context)
         return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
@@ -95,11 +91,7 @@ class ElasticVisco(BondAssociatedForce):
         return self.pairs
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Raise, because the law has no tangent.
-
-        Raises:
-            InputError: always.
-        """
+        """Raise InputError: the law has no tangent."""
         return FamilyLaw.tangent(self, context, geometric)
 
 
@@ -183,18 +175,13 @@ class ViscoForce(ViscousForce):
         work.assign(to_host(work) - to_host(self.viscous))
 
     def soften(self, damage: Array) -> None:
-        """Raise, because Prony terms do not support a damage field.
-
-        Raises:
-            InputError: always.
-        """
+        """Raise InputError: Prony terms do not support a damage field."""
         raise InputError("damage = TearingEnergy: expected Visco with branches, not prony, or another criterion")
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        stage.launch(
-            self.owner, visco_energy(self.layout, self.law.material.functions), self.points,
-            **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
+        self.add_launch(
+            stage, visco_energy(self.layout, self.law.material.functions), displacement, unit_volume=self.unit_volume,
             prony=self.terms, state=self.state, viscous_work=self.viscous_work, out=out, dissipated=self.viscous,
         )  # fmt: skip
 
@@ -226,11 +213,8 @@ class BranchedForce(ViscousForce):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        stage.launch(
-            self.owner, energy_of_families(self.layout, self.earlier_energy), self.points,
-            **self.family_arguments(displacement), constants=self.energy_constants, unit_volume=self.unit_volume,
-            out=out,
-        )  # fmt: skip
+        kernel, constants = energy_of_families(self.layout, self.earlier_energy), self.energy_constants
+        self.add_launch(stage, kernel, displacement, constants=constants, unit_volume=self.unit_volume, out=out)
 
     def field_names(self) -> tuple[str, ...]:
         """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""

@@ -56,11 +56,7 @@ class ViscoBondBased:
         return not self.prony
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
-
-        Raises:
-            InputError: if the sheet does not allow the horizon.
-        """
+        """Build the law. Raises InputError if the sheet does not allow the horizon."""
         return ViscoBondBasedForce(self, context)
 
 
@@ -118,10 +114,8 @@ class ViscoBondBasedForce(FamilyLaw):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        stage.launch(
-            self.owner, self.kernels.half_forces, self.points,
-            **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony,
+        self.add_launch(
+            stage, self.kernels.half_forces, displacement, unit_force=self.unit_force, prony=self.prony,
             strain=self.internal.get("strain"), viscous_stretch=self.internal.get("viscous_stretch"),
             bond_force=self.pairs,
         )  # fmt: skip

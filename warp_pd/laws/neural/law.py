@@ -117,7 +117,7 @@ class Neural:
         return "published" if breakable or self.horizon > MAX_CORRECTED else "corrected"
 
     def build(self, context: Context) -> BuiltLaw:
-        """Build the families and tables on the device.
+        """Build the law.
 
         Raises:
             InputError: if the sheet does not allow the horizon, the callable has the wrong signature, or Torch is
@@ -163,24 +163,18 @@ class NeuralForce(PointLaw):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        kernels, shared = self.kernels, self.family_arguments(displacement)
-        unit_force = self._scale * (self.unit_volume * self.inverse_horizon)
+        kernels, unit_force = self.kernels, self._scale * self.unit_force
         if kernels.direct is not None:
-            stage.launch(
-                self.owner, kernels.direct, self.points,
-                **shared, constants=self.constants, unit_force=unit_force, bond_force=self.pairs,
-            )  # fmt: skip
+            self.add_launch(stage, kernels.direct, displacement, unit_force=unit_force, bond_force=self.pairs)
         else:
             assert kernels.features is not None and kernels.spread is not None
-            stage.launch(
-                self.owner, kernels.features, self.points,
-                **shared, constants=self.constants, points=self.points, features=self._features, frame=self._frame,
-            )  # fmt: skip
+            self.add_launch(
+                stage, kernels.features, displacement, points=self.points, features=self._features, frame=self._frame
+            )
             stage.call(self._network)
             stage.launch(
-                self.owner, kernels.spread, self.points,
-                **shared, frame=self._frame, pairs=self._results, unit_force=unit_force, points=self.points,
-                bond_force=self.pairs,
+                self.owner, kernels.spread, self.points, **self.family_arguments(displacement), frame=self._frame,
+                pairs=self._results, unit_force=unit_force, points=self.points, bond_force=self.pairs,
             )  # fmt: skip
         self.add_gather(stage, kernels.gather, self.pairs, out)
 
@@ -190,11 +184,8 @@ class NeuralForce(PointLaw):
         if phase is Phase.FRAME and self.outside is not None:
             assert self.law.loaded is not None and self.kernels.outside is not None
             least, most = self.law.loaded.stretches
-            stage.launch(
-                self.owner, self.kernels.outside, self.points,
-                **self.family_arguments(self.context.state.displacement), constants=self.constants, least=least,
-                most=most, out=self.outside,
-            )  # fmt: skip
+            displacement = self.context.state.displacement
+            self.add_launch(stage, self.kernels.outside, displacement, least=least, most=most, out=self.outside)
 
     def fingerprint(self) -> str:
         """A hash of the output of the network for some bonds."""
