@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, cast
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,7 +12,7 @@ from ..device.checks import InputError, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import pack
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BuiltLaw, History, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import ROWS, BendingKernels, bending
@@ -60,7 +60,7 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
     if context.regions or context.by_point or context.remembers:
         raise InputError(f"bending = {given}: expected one material, the same at all points")
-    return cast(BuiltLaw, BendingForce(law, context, given))
+    return BendingForce(law, context, given)
 
 
 def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
@@ -81,13 +81,13 @@ def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
     return float(modulus) / 12.0, float(mixed / modulus)
 
 
-class BendingForce:
-    """A force law with bending beside it. What it does not define itself is the law's.
+class BendingForce(BuiltLaw):
+    """A force law with bending beside it.
 
     The law stays a law of families, which parts ask for their own purposes; bending has its own tables.
 
     Attributes:
-        law: The law.
+        law: The law; attributes of `BuiltLaw` that are not listed here are its own.
         context: Its context.
         kernels: Kernels of bending.
         plate: Their tables.
@@ -100,6 +100,14 @@ class BendingForce:
 
     def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
         self.law, self.context = law, context
+        self.label, self.weights, self.has_energy = law.label, law.weights, law.has_energy
+        self.families, self.struct, self.intact = law.families, law.struct, law.intact
+        self.constants, self.energy_constants, self.point_values = law.constants, law.energy_constants, law.point_values
+        self.horizon_ratio, self.inverse_horizon = law.horizon_ratio, law.inverse_horizon
+        self.unit_volume, self.correction = law.unit_volume, law.correction
+        self.earlier_energy, self.driving_energy = law.earlier_energy, law.driving_energy
+        self.partial_energy = law.partial_energy
+        self.goes_slack, self.slack_frequency = law.goes_slack, law.slack_frequency
         f = context.features
         self.kernels: BendingKernels = bending(
             context.bits, context.sheet.frames is not None, f.breakable, f.softened, f.breakable and f.tracked
@@ -117,9 +125,6 @@ class BendingForce:
         if self.kernels.share_lost is not None:
             self.lost = context.array("bending_lost", OWNER, wp.float64, shape=n)
             self._lost = context.array("bending_lost_faces", OWNER, wp.float64, shape=faces, per="face", restart=True)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.law, name)
 
     def slope_array(self, name: str) -> Array:
         """An array of 3 x 2 matrices at the points, (6, N)."""
@@ -332,6 +337,74 @@ class BendingForce:
             InputError: if the law has none.
         """
         return BendingTangent(self, self.law.tangent(context, geometric))
+
+    # What it does as without bending -------------------------------------------------------------------
+
+    @property
+    def strain_energy(self) -> Array | None:
+        """Energy of each family at the last frame, without bending [J]."""
+        return self.law.strain_energy
+
+    @property
+    def force_path(self) -> str:
+        """Name of the force path of the law."""
+        return self.law.force_path
+
+    def begin(self) -> None:
+        """Do the host work of the law at the start of a run."""
+        self.law.begin()
+
+    def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
+        """Add the law's launch that computes its force and flags blocks of points whose bonds may break."""
+        return self.law.screen_with_force(stage, squared_stretch, exceeding)
+
+    def bond_force(self) -> Array:
+        """Force of each family on its pairs [N]."""
+        return self.law.bond_force()
+
+    def represented_areas(self) -> np.ndarray:
+        """Area represented by the bonds of each point [m^2]."""
+        return self.law.represented_areas()
+
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density of stretch [J/m^3]."""
+        return self.law.energy_density(stretch, across)
+
+    def fictitious_mass(self, stage: Stage) -> Array | None:
+        """Add the launches of the law's fictitious mass."""
+        return self.law.fictitious_mass(stage)
+
+    def request_fields(self, names: Sequence[str]) -> None:
+        """Add fields of the law to the frames."""
+        self.law.request_fields(names)
+
+    def field_names(self) -> Sequence[str]:
+        """Names of the fields of the law."""
+        return self.law.field_names()
+
+    def sums(self) -> Mapping[str, Array]:
+        """Point arrays of the law to sum."""
+        return self.law.sums()
+
+    def column_names(self) -> Sequence[str]:
+        """Names of the law's columns."""
+        return self.law.column_names()
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Values of the law's columns."""
+        return self.law.columns(totals, elapsed)
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Notes of the law."""
+        return self.law.notes(history, load_duration)
+
+    def fingerprint(self) -> str:
+        """Hash of the law's user functions."""
+        return self.law.fingerprint()
+
+    def likely_cause(self, safety: float) -> str:
+        """The law's likely cause if a run diverged."""
+        return self.law.likely_cause(safety)
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -55,8 +55,8 @@ class Bending(Protocol):
         ...
 
 
-class BendingTangent:
-    """The tangent of a law and of bending. What it does not define itself is that of the law's.
+class BendingTangent(Tangent):
+    """The tangent of a law and of bending.
 
     Attributes:
         force: The law with bending.
@@ -66,7 +66,7 @@ class BendingTangent:
     direct_points = DIRECT_POINTS
 
     def __init__(self, force: Bending, law: Tangent) -> None:
-        self.force, self.law = force, law
+        self.force, self.law, self.inverse_blocks = force, law, law.inverse_blocks
         self._stage: str | None = None
         context, t = force.context, force.context.types
         self._here, self._along, self._out = (
@@ -76,12 +76,17 @@ class BendingTangent:
         self._slope, self._slope_change = (force.slope_array(f"tangent_{name}") for name in ("slope", "change"))
         self._changes = force.triangle_array("changes")
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.law, name)
-
     def is_slack(self) -> bool:
         """False: a sheet without stress resists bending."""
         return False
+
+    def modulus(self) -> float:
+        """Modulus of the sheet without bending [Pa]."""
+        return self.law.modulus()
+
+    def min_tension(self, relative: float) -> float:
+        """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
+        return self.law.min_tension(relative)
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
         """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
