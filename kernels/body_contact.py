@@ -85,10 +85,11 @@ def point_contact(
         searched: Whether the distance needs a search (meshes); points then cache its result.
         marked: Whether the stages act only on marked points.
     """
-    real = numeric(options.bits).real
+    types = numeric(options.bits)
+    real, vec3 = types.real, types.vec3
     loaded, damped, tracked, half_steps = options.loaded, options.damped, options.tracked, options.half_steps
     search = body_search(options.bits, distance, curved, options.held, searched, marked)
-    BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
+    BodyContact, position = search.struct, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
     push_out = search.push_out
     half_kick, half_loss = half_step(options)
@@ -119,9 +120,9 @@ def point_contact(
         is the part `arrested` of the change.
         """
         before = a.velocity[i]
-        after = before + narrow(change)
+        after = before + vec3(change)
         a.velocity[i] = after
-        got = wide(after) - wide(before)
+        got = wp.vec3d(after) - wp.vec3d(before)
         momentum = wp.float64(weight * a.mass[i]) * got
         gained = wp.float64(0.0)
         rub = wp.float64(weight * a.mass[i]) * arrested
@@ -146,8 +147,8 @@ def point_contact(
             given[6] = gained
             given[13] = warmed
         else:
-            a.impulse[i] = a.impulse[i] + narrow(momentum)
-            a.turn[i] = a.turn[i] + narrow(wp.cross(arm, momentum))
+            a.impulse[i] = a.impulse[i] + vec3(momentum)
+            a.turn[i] = a.turn[i] + vec3(wp.cross(arm, momentum))
             if wp.static(tracked):
                 passing = surface_velocity(arm, a)
                 a.loss[i] = a.loss[i] + wp.dot(momentum, passing) - gained
@@ -159,23 +160,23 @@ def point_contact(
     def strike_in_step(i: int, shift: wp.vec3d, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
         """`strike` after the drift; it also moves the point by `shift`, dt times the velocity change."""
         kick = half_kick(i, a.step, a.mass, a.force, a.external)
-        start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
-        a.displacement[i] = a.displacement[i] + narrow(shift)
+        start = wp.vec3d((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+        a.displacement[i] = a.displacement[i] + vec3(shift)
         given = strike(i, change, arrested, start, start, real(1.0), arm, a)
         if wp.static(tracked and loaded):
             # The work of the load in the drift included the distance by which the point is now moved back.
-            a.work[i] = a.work[i] + wp.float64(0.5) * wp.float64(a.step[0]) * wp.dot(wide(a.external[i]), change)
+            a.work[i] = a.work[i] + wp.float64(0.5) * wp.float64(a.step[0]) * wp.dot(wp.vec3d(a.external[i]), change)
         return given
 
     @wp.func
     def end_strike(i: int, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
         """`strike` after the second half kick; the impulse is taken before damping divides it by 1 + c dt / 2."""
-        start = wide(a.velocity[i])
+        start = wp.vec3d(a.velocity[i])
         slowed = start
         weight = real(1.0)
         if wp.static(damped):
             weight += half_loss(a.step, a.damping)
-            slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
+            slowed = wp.vec3d(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
             start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
         return strike(i, change, arrested, start, slowed, weight, arm, a)
 
@@ -200,7 +201,7 @@ def point_contact(
             a.rows[i] = wrench(n, arm)
             if wp.static(rubs):
                 a.arms[i] = arm
-                a.slips[i] = slipping(wide(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
+                a.slips[i] = slipping(wp.vec3d(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
         a.need[i] = needed
         return needed
 
@@ -213,7 +214,7 @@ def point_contact(
         row = vec6d()
         if touches:
             arm = x - a.place[0]
-            relative = slipping(wide(a.velocity[i]), arm, arm, a)
+            relative = slipping(wp.vec3d(a.velocity[i]), arm, arm, a)
             approach = -wp.dot(relative, n)
             if approach > wp.float64(0.0):
                 needed = approach
@@ -234,7 +235,7 @@ def point_contact(
             lost = wp.vec3d()
             if wp.static(rubs):
                 x = position(i, a) + shift
-                relative = slipping(wide(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
+                relative = slipping(wp.vec3d(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
                 lost = arrest(relative, pressed / dt, n, a.friction)
                 reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
                 shift += dt * lost + push_out(x + dt * lost, n, reach, a)
@@ -258,7 +259,7 @@ def point_contact(
         touches, n = touching(i, x, a)
         if touches:
             arm = x - a.place[0]
-            relative = slipping(wide(a.velocity[i]), arm, arm, a)
+            relative = slipping(wp.vec3d(a.velocity[i]), arm, arm, a)
             approach = -wp.dot(relative, n)
             if approach > wp.float64(0.0):
                 change = approach * n
@@ -277,7 +278,7 @@ def point_contact(
             # It belongs to one half step.
             a.changes[i] = wp.vec3d()
             dt = wp.float64(a.step[0])
-            arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
+            arm = position(i, a) - dt * wp.vec3d(a.velocity[i]) - a.place[1]
             given = strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
         return given
 

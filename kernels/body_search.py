@@ -26,8 +26,6 @@ class BodySearch:
 
     Attributes:
         struct: Arrays and numbers of a body.
-        wide: vec3 -> vec3d.
-        narrow: vec3d -> vec3.
         position: (i, a) -> position of a point [m].
         surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
         plane: a -> normal (components 1 to 3, in the coordinates of the sheet) and height (4) of a half space; zero for
@@ -43,8 +41,6 @@ class BodySearch:
     """
 
     struct: Any
-    wide: wp.Function
-    narrow: wp.Function
     position: wp.Function
     surface_velocity: wp.Function
     plane: wp.Function
@@ -58,23 +54,19 @@ class BodySearch:
 
 
 @functools.cache
-def wide_places(bits: int, curved: bool) -> tuple[wp.Function, wp.Function]:
-    """Functions v -> v in float64, and (reference position, displacement) -> position in float64 [m]."""
+def placed_at(bits: int, curved: bool) -> wp.Function:
+    """Function (reference position, displacement) -> position in float64 [m]; `curved`: the first has a z."""
     types = numeric(bits)
     vec3, reference = types.vec3, types.vec3 if curved else types.vec2
 
     @wp.func
-    def wide(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-    @wp.func
     def placed(X: reference, u: vec3):
         if wp.static(curved):
-            return wide(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
+            return wp.vec3d(u) + wp.vec3d(X)
         else:
-            return wide(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+            return wp.vec3d(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
 
-    return wide, placed
+    return placed
 
 
 @functools.cache
@@ -85,7 +77,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
     out = ways_out(distance)
     way_out, pushed_out = out.way_out, out.pushed_out
     flat = distance is plane_distance
-    wide, placed = wide_places(bits, curved)
+    placed = placed_at(bits, curved)
 
     @wp.struct
     class BodyContact:
@@ -125,10 +117,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         rubbing: wp.array(dtype=wp.vec3d)
 
     @wp.func
-    def narrow(v: wp.vec3d):
-        return vec3(real(v[0]), real(v[1]), real(v[2]))
-
-    @wp.func
     def position(i: int, a: BodyContact):
         return placed(a.reference[i], a.displacement[i])
 
@@ -147,7 +135,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
     def way(i: int, a: BodyContact):
         """Positions of a point after and before the drift, in the frame of the body."""
         x = position(i, a)
-        moved = wp.float64(a.step[0]) * wide(a.velocity[i])
+        moved = wp.float64(a.step[0]) * wp.vec3d(a.velocity[i])
         a1 = wp.quat_rotate_inv(a.rotation[0], x - a.place[0])
         return a1, wp.quat_rotate_inv(a.rotation[1], x - moved - a.place[1])
 
@@ -160,8 +148,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def remember(i: int, arm: wp.vec3d, a: BodyContact):
-        at = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
-        rounded = wp.length(arm - wp.vec3d(wp.float64(at[0]), wp.float64(at[1]), wp.float64(at[2])))
+        at = wp.vec3(arm)
+        rounded = wp.length(arm - wp.vec3d(at))
         found = distance(arm, a.far, a.body)
         free = wp.min(wp.abs(found[3]), a.far) - rounded - a.unsure
         a.seen[i] = wp.vec4(at[0], at[1], at[2], wp.float32(wp.float64(1.0 - 1e-6) * free))
@@ -185,14 +173,14 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         if wp.static(flat):
             # A plane has no end: points far above it are told by their height, without roots.
             above = height(i, a, plane) - wp.length(a.place[0] - a.place[1]) - wp.float64(2.0) * a.skin
-            v = wide(a.velocity[i])
+            v = wp.vec3d(a.velocity[i])
             moved = wp.float64(a.step[0]) * wp.float64(a.step[0]) * wp.dot(v, v)
             still = wp.dot(a.motion[1], a.motion[1]) == wp.float64(0.0)
             if still and above > wp.float64(0.0) and above * above > moved:
                 near = False
         elif near:
             dt = wp.float64(a.step[0])
-            reach = dt * wp.length(wide(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin
+            reach = dt * wp.length(wp.vec3d(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin
             reach += a.slack
             reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
             near = wp.length(position(i, a) - a.place[0]) < reach
@@ -279,6 +267,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         return wp.float64(2.0) * moved > a.slack
 
     return BodySearch(
-        BodyContact, wide, narrow, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
+        BodyContact, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
         push_out, touch_now, mark, yields_far,
     )  # fmt: skip

@@ -71,7 +71,7 @@ def frame_checks(bits: int) -> FrameChecks:
         total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
             v = values[i]
-            total += wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+            total += wp.vec3d(v)
         for c in range(3):
             sums[row + c, b] = total[c]
 

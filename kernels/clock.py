@@ -18,8 +18,7 @@ from .pointwise import Pointwise, pointwise
 @functools.cache
 def clock(bits: int) -> Kernel:
     """Kernel `tick`, which advances the time and evaluates the schedules."""
-    types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    vec3 = numeric(bits).vec3
 
     @wp.func
     def evaluate(
@@ -58,9 +57,9 @@ def clock(bits: int) -> Kernel:
         count = begins.shape[0] - 1
         for s in range(count):
             value = evaluate(now, begins, knots, values, s)
-            scheduled[s] = vec3(real(value[0]), real(value[1]), real(value[2]))
+            scheduled[s] = vec3(value)
             value = evaluate(soon, begins, knots, values, s)
-            scheduled[count + s] = vec3(real(value[0]), real(value[1]), real(value[2]))
+            scheduled[count + s] = vec3(value)
 
     return tick
 

@@ -160,7 +160,7 @@ def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
 @wp.func
 def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     """Signed distance to a triangle mesh; size: largest distance of a vertex from the origin."""
-    point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
+    point = wp.vec3(arm)
     # The margin covers the rounding of the float32 search.
     further = reach + wp.float64(1e-5) * body.size[0]
     hit = wp.mesh_query_point_no_sign(body.mesh, point, wp.float32(further))

@@ -63,10 +63,6 @@ def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
     vec3 = numeric(bits).vec3
     block = BLOCK
 
-    @wp.func
-    def double(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
     @kernel(per="block")
     def sum_triangles(
         triangles: wp.array(dtype=wp.vec3i),
@@ -81,12 +77,12 @@ def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
         change = wp.float64(0.0)
         for t in range(block_index * block, wp.min((block_index + 1) * block, triangles.shape[0])):
             a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
-            xa = positions[a] + double(displacement[a])
-            xb = positions[b] + double(displacement[b])
-            xc = positions[c] + double(displacement[c])
+            xa = positions[a] + wp.vec3d(displacement[a])
+            xb = positions[b] + wp.vec3d(displacement[b])
+            xc = positions[c] + wp.vec3d(displacement[c])
             volume += wp.dot(xa, wp.cross(xb, xc))
             if wp.static(rate):
-                moved = double(direction[a]) + double(direction[b]) + double(direction[c])
+                moved = wp.vec3d(direction[a]) + wp.vec3d(direction[b]) + wp.vec3d(direction[c])
                 change += wp.dot(moved, wp.cross(xb - xa, xc - xa))
         sums[0, block_index] = volume
         sums[1, block_index] = change
@@ -117,10 +113,6 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
     real, vec3 = types.real, types.vec3
     block = BLOCK
 
-    @wp.func
-    def double(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
     @kernel(per="block")
     def sum_open(
         triangles: wp.array(dtype=wp.vec3i),
@@ -135,9 +127,9 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
         for t in range(block_index * block, wp.min((block_index + 1) * block, triangles.shape[0])):
             if intact_faces[t] == wp.uint8(0):
                 a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
-                xa = positions[a] + double(displacement[a])
-                side = positions[b] + double(displacement[b]) - xa
-                other = positions[c] + double(displacement[c]) - xa
+                xa = positions[a] + wp.vec3d(displacement[a])
+                side = positions[b] + wp.vec3d(displacement[b]) - xa
+                other = positions[c] + wp.vec3d(displacement[c]) - xa
                 area += wp.float64(0.5) * wp.length(wp.cross(side, other))
         sums[0, block_index] = area
         sums[1, block_index] = wp.float64(0.0)
@@ -233,10 +225,6 @@ def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func
-    def single(v: wp.vec3d):
-        return vec3(real(v[0]), real(v[1]), real(v[2]))
-
     @wp.struct
     class EnclosedForce:
         begins: wp.array(dtype=wp.int32)
@@ -261,8 +249,8 @@ def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
                     presses = a.intact_faces[a.faces[entry]] != wp.uint8(0)
                 if presses:
                     b, c = a.corners[entry][0], a.corners[entry][1]
-                    side = single(a.positions[b] - X) + (a.displacement[b] - u)
-                    other = single(a.positions[c] - X) + (a.displacement[c] - u)
+                    side = vec3(a.positions[b] - X) + (a.displacement[b] - u)
+                    other = vec3(a.positions[c] - X) + (a.displacement[c] - u)
                     total += wp.cross(side, other)
             a.external[i] = a.external[i] + real(a.coefficient * a.enclosed[0]) * total
 
@@ -284,8 +272,8 @@ def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
         X = positions[i]
         for entry in range(begins[i], begins[i + 1]):
             b, c = corners[entry][0], corners[entry][1]
-            side = single(positions[b] - X) + (displacement[b] - displacement[i])
-            other = single(positions[c] - X) + (displacement[c] - displacement[i])
+            side = vec3(positions[b] - X) + (displacement[b] - displacement[i])
+            other = vec3(positions[c] - X) + (displacement[c] - displacement[i])
             area += wp.cross(side, other)
             turn += wp.cross(direction[b] - direction[i], other) + wp.cross(side, direction[c] - direction[i])
         change[i] = change[i] + real(coefficient * enclosed[2]) * area + real(coefficient * enclosed[0]) * turn

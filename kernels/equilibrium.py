@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from .effects import Kernel, kernel
+from .integrate import free_components
 from .numeric import numeric
 
 
@@ -35,19 +36,16 @@ class EquilibriumKernels:
 
 
 @functools.cache
-def free_components(bits: int, held: bool) -> wp.Function:
+def free_parts(bits: int, held: bool) -> wp.Function:
     """Warp function (held_mask, i, value) -> the vector with its held components zero."""
-    types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    vec3, without_held = numeric(bits).vec3, free_components(bits)
 
     @wp.func
     def free_part(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
-        result = value
         if wp.static(held):
-            for c in range(3):
-                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
-                    result[c] = real(0.0)
-        return result
+            return without_held(held_mask[i], 0, value)
+        else:
+            return value
 
     return free_part
 
@@ -58,7 +56,7 @@ def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
 
-    free_part = free_components(bits, held)
+    free_part = free_parts(bits, held)
 
     @kernel()
     def advance(
@@ -133,7 +131,7 @@ def lattice_transfer(bits: int, held: bool) -> tuple[Kernel, Kernel, Kernel]:
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    free_part = free_components(bits, held)
+    free_part = free_parts(bits, held)
 
     @kernel(gathers=("source",))
     def interpolate(

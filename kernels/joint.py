@@ -76,7 +76,7 @@ def joint(bits: int, breaks: bool) -> JointKernels:
     @wp.func
     def place(pairs: Pairs, displacement: wp.array(dtype=vec3), i: int):
         u = displacement[i]
-        return pairs.reference[i] + wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+        return pairs.reference[i] + wp.vec3d(u)
 
     @wp.func
     def sides(pairs: Pairs, displacement: wp.array(dtype=vec3), corners: wp.vec3i):
@@ -187,7 +187,7 @@ def joint(bits: int, breaks: bool) -> JointKernels:
                 else:
                     total += turn_second[p]
         i = joined[t]
-        force[i] = force[i] + vec3(real(total[0]), real(total[1]), real(total[2]))
+        force[i] = force[i] + vec3(total)
 
     @kernel(per="list")
     def joint_energy(

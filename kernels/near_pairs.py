@@ -55,10 +55,6 @@ def pair_functions(bits: int, pieces: bool) -> PairFunctions:
         stiffness: real
 
     @wp.func
-    def double(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-    @wp.func
     def distance_kept(points: Points, i: int, j: int):
         kept = points.distance
         apart = bool(True)
@@ -71,8 +67,8 @@ def pair_functions(bits: int, pieces: bool) -> PairFunctions:
     @wp.func
     def between(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
         # Far parts of a sheet touch, so both differences are large and nearly cancel.
-        d = (points.reference[j] - points.reference[i]) + (double(displacement[j]) - double(displacement[i]))
-        return vec3(real(d[0]), real(d[1]), real(d[2]))
+        d = (points.reference[j] - points.reference[i]) + (wp.vec3d(displacement[j]) - wp.vec3d(displacement[i]))
+        return vec3(d)
 
     return PairFunctions(Points, distance_kept, between)
 
@@ -168,9 +164,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
         if status[stale] != 0:
             for i in range(begin, displacement.shape[0], stride):
                 u = displacement[i]
-                x = inverse_cell * (
-                    points.reference[i] + wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
-                )
+                x = inverse_cell * (points.reference[i] + wp.vec3d(u))
                 cell = wp.vec3i(wp.int32(wp.floor(x[0])), wp.int32(wp.floor(x[1])), wp.int32(wp.floor(x[2])))
                 cells[i] = cell
                 listed_at[i] = u

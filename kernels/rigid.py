@@ -37,9 +37,8 @@ def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
             f = force[members[p]]
             if wp.static(loaded):
                 f += external[members[p]]
-            wide = wp.vec3d(wp.float64(f[0]), wp.float64(f[1]), wp.float64(f[2]))
-            push += wide
-            turn += wp.cross(rotation * arms[p], wide)
+            push += wp.vec3d(f)
+            turn += wp.cross(rotation * arms[p], wp.vec3d(f))
         return push, turn
 
     @wp.func
@@ -96,9 +95,9 @@ def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
         for q in range(begins[b], begins[b + 1]):
             i = members[q]
             u = displacement[i]
-            shift = d + R * arms[q] - arms[q] - wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+            shift = d + R * arms[q] - arms[q] - wp.vec3d(u)
             v = shift / dt
-            velocity[i] = vec3(real(v[0]), real(v[1]), real(v[2]))
+            velocity[i] = vec3(v)
 
     @kernel(per="body")
     def kick_bodies(
@@ -132,6 +131,6 @@ def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
         omega = spin(R, inverse_inertia[b], L)
         for q in range(begins[b], begins[b + 1]):
             v = p / masses[b] + wp.cross(omega, R * arms[q])
-            velocity[members[q]] = vec3(real(v[0]), real(v[1]), real(v[2]))
+            velocity[members[q]] = vec3(v)
 
     return move_bodies, kick_bodies

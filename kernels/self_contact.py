@@ -75,6 +75,39 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
 
+    @wp.func
+    def pressed(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        i: int,
+    ):
+        """Force of contact on a point [N], number of its contacts, and the sum of k_ij (d_ij - r)^2 over them [J]."""
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        touching = wp.int32(0)
+        stored = real(0.0)
+        for c in range(counts[i]):
+            depth, direction, stiffness = push(points, displacement, i, near[c, i])
+            if depth > real(0.0):
+                total -= (stiffness * depth) * direction
+                touching = touching + 1
+                stored += stiffness * depth * depth
+        if wp.static(layout.breakable):
+            for word in range(family.words):
+                members = broken_members(family, intact, i, word)
+                while members != wp.uint32(0):
+                    j = f.neighbour(family, i, word * word_size + lowest_bit(members))
+                    members = without_lowest_bit(members)
+                    depth, direction, stiffness = push(points, displacement, i, j)
+                    if depth > real(0.0):
+                        total -= (stiffness * depth) * direction
+                        touching = touching + 1
+                        stored += stiffness * depth * depth
+        return total, touching, stored
+
     @kernel(gathers=("displacement", "points.reference", "points.area"))
     def add_contact_force(
         family: Family,
@@ -90,23 +123,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
         status: wp.array(dtype=wp.int32),
     ):
         i = wp.tid() + first
-        total = vec3(real(0.0), real(0.0), real(0.0))
-        touching = wp.int32(0)
-        for c in range(counts[i]):
-            depth, direction, stiffness = push(points, displacement, i, near[c, i])
-            if depth > real(0.0):
-                total -= (stiffness * depth) * direction
-                touching = touching + 1
-        if wp.static(layout.breakable):
-            for word in range(family.words):
-                members = broken_members(family, intact, i, word)
-                while members != wp.uint32(0):
-                    j = f.neighbour(family, i, word * word_size + lowest_bit(members))
-                    members = without_lowest_bit(members)
-                    depth, direction, stiffness = push(points, displacement, i, j)
-                    if depth > real(0.0):
-                        total -= (stiffness * depth) * direction
-                        touching = touching + 1
+        total, touching, _stored = pressed(family, intact, points, displacement, counts, near, i)
         if wp.static(rubbing):
             contacts[i] = touching
             contact_force[i] = total
@@ -127,19 +144,8 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
         energy: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        total = real(0.0)
-        for c in range(counts[i]):
-            depth, _, stiffness = push(points, displacement, i, near[c, i])
-            total += stiffness * depth * depth
-        if wp.static(layout.breakable):
-            for word in range(family.words):
-                members = broken_members(family, intact, i, word)
-                while members != wp.uint32(0):
-                    j = f.neighbour(family, i, word * word_size + lowest_bit(members))
-                    members = without_lowest_bit(members)
-                    depth, _, stiffness = push(points, displacement, i, j)
-                    total += stiffness * depth * depth
-        energy[i] = wp.float64(real(0.25) * total)
+        _total, _touching, stored = pressed(family, intact, points, displacement, counts, near, i)
+        energy[i] = wp.float64(real(0.25) * stored)
 
     @wp.func
     def drag(

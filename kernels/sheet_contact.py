@@ -24,7 +24,6 @@ from dataclasses import replace
 
 import warp as wp
 
-from .body_search import wide_places
 from .effects import Kernel, kernel
 from .face_tree import next_face
 from .integrate import StepOptions, half_step
@@ -95,7 +94,6 @@ def enter(bits: int, held: bool) -> Kernel:
     """Kernel that enters the way of each point in the step, after the drift, and marks boxes that it has left."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    wide, _ = wide_places(bits, True)
 
     @kernel(per="list", writes=("a.begin", "a.drift", "a.ease"))
     def enter_ways(
@@ -104,8 +102,8 @@ def enter(bits: int, held: bool) -> Kernel:
         status: wp.array(dtype=wp.int32),
     ):  # fmt: skip
         i = wp.tid() + first
-        drift = wp.float64(step[0]) * wide(velocity[i])
-        begin = a.reference[i] + wide(displacement[i]) - drift
+        drift = wp.float64(step[0]) * wp.vec3d(velocity[i])
+        begin = a.reference[i] + wp.vec3d(displacement[i]) - drift
         ease = wp.vec3d(wp.float64(1.0) / wp.float64(mass[i]))
         if wp.static(held):
             for c in range(3):
@@ -384,7 +382,6 @@ def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
     """Pointwise stage that applies the impulses and sums the losses; `rubs`: there is friction."""
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
-    wide, _ = wide_places(options.bits, True)
     held, loaded, tracked, damped = options.held, options.loaded, options.tracked, options.damped and options.half_steps
     half_kick, half_loss = half_step(replace(options, damped=damped))
 
@@ -417,12 +414,12 @@ def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
     def take(begin: int, end: int, a: Taken):
         for i in range(begin, end):
             slowed = a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external)
-            begun = wide(slowed / (real(1.0) - half_loss(a.step, a.damping)))
-            before = wide(a.velocity[i])
+            begun = wp.vec3d(slowed / (real(1.0) - half_loss(a.step, a.damping)))
+            before = wp.vec3d(a.velocity[i])
             dt = wp.float64(a.step[0])
             new = before + a.given[i] / dt
-            after = vec3(real(new[0]), real(new[1]), real(new[2]))
-            change = wide(after) - before
+            after = vec3(new)
+            change = wp.vec3d(after) - before
             impulse = a.impulse[i] / dt
             shift = dt * change
             if a.stays[i] != wp.uint8(0):
@@ -432,7 +429,7 @@ def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
                         if (wp.int32(a.held_mask[i]) >> c) & 1 == 1:
                             shift[c] = wp.float64(0.0)
             a.velocity[i] = after
-            a.displacement[i] = a.displacement[i] + vec3(real(shift[0]), real(shift[1]), real(shift[2]))
+            a.displacement[i] = a.displacement[i] + vec3(shift)
             if wp.static(tracked):
                 mean = begun + wp.float64(0.5) * change
                 if wp.static(held):
@@ -443,7 +440,7 @@ def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
                             a.work[i] = a.work[i] - impulse[c] * before[c]
                 if wp.static(loaded):
                     # The work of the load in the drift took the way without contact.
-                    a.work[i] = a.work[i] + wp.float64(0.5) * wp.dot(wide(a.external[i]), shift)
+                    a.work[i] = a.work[i] + wp.float64(0.5) * wp.dot(wp.vec3d(a.external[i]), shift)
                 if wp.static(damped):
                     loss = wp.float64(half_loss(a.step, a.damping) * a.mass[i])
                     a.dissipated[i] = a.dissipated[i] + loss * wp.dot(change, begun)

@@ -40,6 +40,21 @@ class PowerIteration:
     renew: Kernel
 
 
+@wp.func
+def add_blocks(sums: wp.array2d(dtype=wp.float64), begin: int, end: int):
+    """The results of `respond` over some blocks, in order."""
+    norm = wp.float64(0.0)
+    product = wp.float64(0.0)
+    image = wp.float64(0.0)
+    largest = wp.float64(0.0)
+    for b in range(begin, end):
+        norm += sums[0, b]
+        product += sums[1, b]
+        image += sums[2, b]
+        largest = wp.max(largest, sums[3, b])
+    return norm, product, image, largest
+
+
 @functools.cache
 def power_iteration(bits: int) -> PowerIteration:
     """Kernels of a precision."""
@@ -103,15 +118,7 @@ def power_iteration(bits: int) -> PowerIteration:
         momentum: wp.array(dtype=real),
         squared_frequency: wp.array(dtype=wp.float64),
     ):
-        norm = wp.float64(0.0)
-        product = wp.float64(0.0)
-        image = wp.float64(0.0)
-        largest = wp.float64(0.0)
-        for b in range(sums.shape[1]):
-            norm += sums[0, b]
-            product += sums[1, b]
-            image += sums[2, b]
-            largest = wp.max(largest, sums[3, b])
+        norm, product, image, largest = add_blocks(sums, 0, sums.shape[1])
         scale[0] = real(0.0)
         if largest > wp.float64(0.0):
             scale[0] = real(wp.float64(1.0) / largest)
@@ -147,15 +154,7 @@ def sums_of_groups() -> Kernel:
     @kernel(per="once")
     def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
         g = wp.tid() + first
-        norm = wp.float64(0.0)
-        product = wp.float64(0.0)
-        image = wp.float64(0.0)
-        largest = wp.float64(0.0)
-        for b in range(g * group, wp.min((g + 1) * group, sums.shape[1])):
-            norm += sums[0, b]
-            product += sums[1, b]
-            image += sums[2, b]
-            largest = wp.max(largest, sums[3, b])
+        norm, product, image, largest = add_blocks(sums, g * group, wp.min((g + 1) * group, sums.shape[1]))
         shorter[0, g] = norm
         shorter[1, g] = product
         shorter[2, g] = image

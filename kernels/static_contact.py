@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .body_search import wide_places
+from .body_search import placed_at
 from .distances import BodyShape
 from .effects import Kernel, kernel
 from .numeric import numeric
@@ -54,7 +54,7 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
     """
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
-    _wide, placed = wide_places(bits, curved)
+    placed = placed_at(bits, curved)
 
     @wp.struct
     class StaticContact:
@@ -87,15 +87,11 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
                 p = wp.float64(0.0)
         return x, n, p
 
-    @wp.func
-    def narrow(v: wp.vec3d):
-        return vec3(real(v[0]), real(v[1]), real(v[2]))
-
     @kernel()
     def press_out(displacement: wp.array(dtype=vec3), a: StaticContact, first: int, out: wp.array(dtype=vec3)):
         i = wp.tid() + first
         _x, n, p = pressed(i, displacement[i], a)
-        out[i] = out[i] + narrow(wp.float64(a.areas[i]) * p * n)
+        out[i] = out[i] + vec3(wp.float64(a.areas[i]) * p * n)
 
     @kernel()
     def show_pressure(
@@ -108,8 +104,8 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         i = wp.tid() + first
         x, n, p = pressed(i, displacement[i], a)
         push = wp.float64(a.areas[i]) * p * n
-        force[i] = narrow(push)
-        turn[i] = narrow(wp.cross(x - a.place[0], push))
+        force[i] = vec3(push)
+        turn[i] = vec3(wp.cross(x - a.place[0], push))
 
     @kernel()
     def linearise_contact(

@@ -27,7 +27,7 @@ import warp as wp
 
 from .block_lists import place_in_block, sum_of_blocks
 from .body_motion import change_motion, spin_of, vec6d, wrench
-from .body_search import wide_places
+from .body_search import placed_at
 from .distances import TINY, BodyShape
 from .effects import Kernel, kernel
 from .integrate import StepOptions
@@ -83,7 +83,7 @@ def surface_contact(
     bits, held, damped = options.bits, options.held, options.damped
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    wide, placed = wide_places(bits, curved)
+    placed = placed_at(bits, curved)
     sum_reaction = sum_of_blocks(Reaction)
 
     @wp.struct
@@ -131,7 +131,7 @@ def surface_contact(
     @wp.func
     def began(i: int, back: wp.float64, a: Surface):
         """Position of a point at the beginning of the half step [m]."""
-        return position(i, a) - back * wide(a.velocity[i])
+        return position(i, a) - back * wp.vec3d(a.velocity[i])
 
     @wp.func
     def mobility(i: int, a: Surface):
@@ -157,7 +157,7 @@ def surface_contact(
         for k in range(3):
             x[k] = wp.quat_rotate_inv(q, began(corners[k], back, a) - centre)
             most = wp.max(most, wp.length(x[k] - x[0]))
-            fast = wp.max(fast, wp.length(wide(a.velocity[corners[k]]) - a.motion[0]))
+            fast = wp.max(fast, wp.length(wp.vec3d(a.velocity[corners[k]]) - a.motion[0]))
         turning = wp.length(a.motion[1]) * (a.segments.size + a.segments.radius)
         reach = a.segments.radius + a.skin + back * (fast + turning)
         return wp.length(x[0]) < reach + a.segments.size + most, x, q, reach
@@ -267,7 +267,7 @@ def surface_contact(
                     pushed, dragged, count = given_to(i, c, pushes, pressed)
                     change = mobility(i, a) * (pushed + dragged)
                     x[k] = position(i, a) - a.place[0] + drift * change
-                    v[k] = wide(a.velocity[i]) + change
+                    v[k] = wp.vec3d(a.velocity[i]) + change
                     counts[k] = count
                 for slot in range(wp.int32(c.near[f])):
                     s = wp.static(SLOTS) * f + slot

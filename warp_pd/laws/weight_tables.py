@@ -57,22 +57,14 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
     Raises:
         InputError: if weights cannot be corrected for this horizon or so large a cloud.
     """
-    if weights == "corrected":
-        _require_correctable(sheet, horizon, "plain")
-    families = build_families(sheet, horizon, influence, int(weights == "corrected" and sheet.layout == "grid"))
-    if weights == "corrected" and sheet.lattice is not None:
-        rectangle = _rectangle(families, sheet)
-        families = build_families(sheet, horizon, influence, rectangle.depth)
+    families, rectangle = _families(sheet, horizon, influence, weights == "corrected")
     inverse, size = families.inverse_shapes()
     if weights == "published":
         return families, inverse, size, None
     plain = plain_weights(families, size)
     if weights == "plain":
         return families, inverse, plain, None
-    if sheet.lattice is None:
-        at_rows, solved = _correction(families, sheet, plain)
-        return families, inverse, at_rows / families.reference_area, _report(solved, sheet)
-    return families, inverse, _of_rectangle(families, sheet, rectangle, plain), _report(rectangle.solved, sheet)
+    return families, inverse, *_corrected(families, sheet, rectangle, plain)
 
 
 def plain_weights(families: Families, size: np.ndarray) -> np.ndarray:
@@ -81,9 +73,7 @@ def plain_weights(families: Families, size: np.ndarray) -> np.ndarray:
     return np.asarray((families.areas / np.where(total > 0.0, total, 1.0))[:, None] * size)
 
 
-def point_tables(
-    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool
-) -> tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]:
+def point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool) -> Tables:
     """Families without intersections and their tables.
 
     Args:
@@ -99,27 +89,39 @@ def point_tables(
     Raises:
         InputError: if weights cannot be corrected for this horizon or so large a cloud.
     """
-    if corrected:
-        _require_correctable(sheet, horizon, "published")
-    apart = int(corrected and sheet.layout == "grid")
-    families = build_families(sheet, horizon, influence, apart, intersections=False)
+    families, rectangle = _families(sheet, horizon, influence, corrected, intersections=False)
     require_diagonals(sheet, horizon)
-    if not corrected:
-        shape = _shapes(families)
-        return families, inverse_shape(shape)[0][:, None], (2.0 / _trace(shape))[:, None], None
-    rectangle = None
-    if sheet.lattice is not None:
-        rectangle = _rectangle(families, sheet, intersections=False)
-        families = build_families(sheet, horizon, influence, rectangle.depth, intersections=False)
     shape = _shapes(families)
+    inverse = inverse_shape(shape)[0][:, None]
+    if not corrected:
+        return families, inverse, (2.0 / _trace(shape))[:, None], None
     # The published force, as the part of the point's area that each bond stands for.
     published = (families.areas / _trace(shape))[:, None] * families.member_coefficients * families.lengths**2
-    if rectangle is None:
-        at_rows, solved = _correction(families, sheet, published, intersections=False)
-        weights = at_rows / families.reference_area
-    else:
-        weights, solved = _of_rectangle(families, sheet, rectangle, published), rectangle.solved
-    return families, inverse_shape(shape)[0][:, None], weights, _report(solved, sheet)
+    return families, inverse, *_corrected(families, sheet, rectangle, published, intersections=False)
+
+
+def _families(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool, intersections: bool = True
+) -> tuple[Families, RectangleWeights | None]:
+    """Families with a separate row for each point whose weights are corrected, and those weights on a rectangle."""
+    if corrected:
+        _require_correctable(sheet, horizon, "plain" if intersections else "published")
+    apart = int(corrected and sheet.layout == "grid")
+    families = build_families(sheet, horizon, influence, apart, intersections=intersections)
+    if not corrected or sheet.lattice is None:
+        return families, None
+    rectangle = _rectangle(families, sheet, intersections)
+    return build_families(sheet, horizon, influence, rectangle.depth, intersections=intersections), rectangle
+
+
+def _corrected(
+    families: Families, sheet: Sheet, rectangle: RectangleWeights | None, start: np.ndarray, intersections: bool = True
+) -> tuple[np.ndarray, dict[str, float]]:
+    """Corrected weights over the reference area, shape (R, n), from those to correct, and the report."""
+    if rectangle is not None:
+        return _of_rectangle(families, sheet, rectangle, start), _report(rectangle.solved, sheet)
+    at_rows, solved = _correction(families, sheet, start, intersections)
+    return at_rows / families.reference_area, _report(solved, sheet)
 
 
 def _shapes(families: Families) -> np.ndarray:
@@ -151,7 +153,7 @@ def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights,
     return np.where(families.severed[:, None], plain, corrected)
 
 
-def _rectangle(families: Families, sheet: Sheet, intersections: bool = True) -> RectangleWeights:
+def _rectangle(families: Families, sheet: Sheet, intersections: bool) -> RectangleWeights:
     from ..families.weights import rectangle_corrected
 
     assert sheet.lattice is not None and families.steps is not None
@@ -167,7 +169,7 @@ def _rectangle(families: Families, sheet: Sheet, intersections: bool = True) -> 
 
 
 def _correction(
-    families: Families, sheet: Sheet, plain: np.ndarray, intersections: bool = True
+    families: Families, sheet: Sheet, plain: np.ndarray, intersections: bool
 ) -> tuple[np.ndarray, CorrectedWeights]:
     """Corrected weights by row [m^2], shape (R, n), of a cloud or grid.
 
