@@ -6,6 +6,8 @@ takes them to their new positions, so the drift stage of the sheet moves them.
 """
 
 import functools
+from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -14,31 +16,57 @@ from .integrate import StepOptions
 from .numeric import numeric
 
 
+@dataclass(frozen=True)
+class RigidInclusions:
+    """Kernels of one configuration.
+
+    Attributes:
+        struct: Arrays of the bodies and of the sheet.
+        move: First half kick and drift, before the drift of the sheet.
+        kick: Second half kick, after the force.
+    """
+
+    struct: Any
+    move: Kernel
+    kick: Kernel
+
+
 @functools.cache
-def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
-    """Kernels `move_bodies` (before the drift) and `kick_bodies` (after the force)."""
+def rigid_inclusions(options: StepOptions) -> RigidInclusions:
+    """Kernels of rigid inclusions."""
     types, loaded, damped = numeric(options.bits), options.loaded, options.damped
     real, vec3 = types.real, types.vec3
 
+    @wp.struct
+    class Bodies:
+        # The points of body b are the entries begins[b] to begins[b + 1] - 1 of `members`.
+        begins: wp.array(dtype=wp.int32)
+        members: wp.array(dtype=wp.int32)
+        arms: wp.array(dtype=wp.vec3d)
+        masses: wp.array(dtype=wp.float64)
+        inverse_inertia: wp.array(dtype=wp.mat33d)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        place: wp.array(dtype=wp.vec3d)
+        linear: wp.array(dtype=wp.vec3d)
+        angular: wp.array(dtype=wp.vec3d)
+        rotation: wp.array(dtype=wp.mat33d)
+        velocity: wp.array(dtype=vec3)
+
     @wp.func
-    def total_force(
-        begin: int,
-        end: int,
-        members: wp.array(dtype=wp.int32),
-        arms: wp.array(dtype=wp.vec3d),
-        rotation: wp.mat33d,
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-    ):
+    def total_force(b: int, a: Bodies):
         """Sum of forces [N] and of torques about the centre of mass [N m]."""
         push = wp.vec3d()
         turn = wp.vec3d()
-        for p in range(begin, end):
-            f = force[members[p]]
+        for p in range(a.begins[b], a.begins[b + 1]):
+            f = a.force[a.members[p]]
             if wp.static(loaded):
-                f += external[members[p]]
+                f += a.external[a.members[p]]
             push += wp.vec3d(f)
-            turn += wp.cross(rotation * arms[p], wp.vec3d(f))
+            turn += wp.cross(a.rotation[b] * a.arms[p], wp.vec3d(f))
         return push, turn
 
     @wp.func
@@ -58,79 +86,43 @@ def rigid_inclusions(options: StepOptions) -> tuple[Kernel, Kernel]:
         w = wp.skew(dt * omega)
         return rotation + a * (w * rotation) + b * (w * (w * rotation))
 
-    @kernel(per="body")
-    def move_bodies(
-        begins: wp.array(dtype=wp.int32),
-        members: wp.array(dtype=wp.int32),
-        arms: wp.array(dtype=wp.vec3d),
-        masses: wp.array(dtype=wp.float64),
-        inverse_inertia: wp.array(dtype=wp.mat33d),
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        displacement: wp.array(dtype=vec3),
-        first: int,
-        place: wp.array(dtype=wp.vec3d),
-        linear: wp.array(dtype=wp.vec3d),
-        angular: wp.array(dtype=wp.vec3d),
-        rotation: wp.array(dtype=wp.mat33d),
-        velocity: wp.array(dtype=vec3),
-    ):
+    @kernel(per="body", writes=("a.place", "a.linear", "a.angular", "a.rotation", "a.velocity"))
+    def move_bodies(a: Bodies, first: int):
         b = wp.tid() + first
-        dt = wp.float64(step[0])
-        R = rotation[b]
-        push, turn = total_force(begins[b], begins[b + 1], members, arms, R, force, external)
+        dt = wp.float64(a.step[0])
+        push, turn = total_force(b, a)
         keep = wp.float64(1.0)
         if wp.static(damped):
-            keep = wp.float64(1.0) - wp.float64(0.5) * dt * wp.float64(damping[0])
-        p = keep * linear[b] + wp.float64(0.5) * dt * push
-        L = keep * angular[b] + wp.float64(0.5) * dt * turn
-        d = place[b] + (dt / masses[b]) * p
-        R = turned(R, spin(R, inverse_inertia[b], L), dt)
-        linear[b] = p
-        angular[b] = L
-        place[b] = d
-        rotation[b] = R
-        for q in range(begins[b], begins[b + 1]):
-            i = members[q]
-            u = displacement[i]
-            shift = d + R * arms[q] - arms[q] - wp.vec3d(u)
-            v = shift / dt
-            velocity[i] = vec3(v)
+            keep = wp.float64(1.0) - wp.float64(0.5) * dt * wp.float64(a.damping[0])
+        p = keep * a.linear[b] + wp.float64(0.5) * dt * push
+        L = keep * a.angular[b] + wp.float64(0.5) * dt * turn
+        d = a.place[b] + (dt / a.masses[b]) * p
+        R = turned(a.rotation[b], spin(a.rotation[b], a.inverse_inertia[b], L), dt)
+        a.linear[b] = p
+        a.angular[b] = L
+        a.place[b] = d
+        a.rotation[b] = R
+        for q in range(a.begins[b], a.begins[b + 1]):
+            i = a.members[q]
+            shift = d + R * a.arms[q] - a.arms[q] - wp.vec3d(a.displacement[i])
+            a.velocity[i] = vec3(shift / dt)
 
-    @kernel(per="body")
-    def kick_bodies(
-        begins: wp.array(dtype=wp.int32),
-        members: wp.array(dtype=wp.int32),
-        arms: wp.array(dtype=wp.vec3d),
-        masses: wp.array(dtype=wp.float64),
-        inverse_inertia: wp.array(dtype=wp.mat33d),
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        rotation: wp.array(dtype=wp.mat33d),
-        first: int,
-        linear: wp.array(dtype=wp.vec3d),
-        angular: wp.array(dtype=wp.vec3d),
-        velocity: wp.array(dtype=vec3),
-    ):
+    @kernel(per="body", writes=("a.linear", "a.angular", "a.velocity"))
+    def kick_bodies(a: Bodies, first: int):
         b = wp.tid() + first
-        dt = wp.float64(step[0])
-        R = rotation[b]
-        push, turn = total_force(begins[b], begins[b + 1], members, arms, R, force, external)
-        p = linear[b] + wp.float64(0.5) * dt * push
-        L = angular[b] + wp.float64(0.5) * dt * turn
+        dt = wp.float64(a.step[0])
+        push, turn = total_force(b, a)
+        p = a.linear[b] + wp.float64(0.5) * dt * push
+        L = a.angular[b] + wp.float64(0.5) * dt * turn
         if wp.static(damped):
-            slower = wp.float64(1.0) + wp.float64(0.5) * dt * wp.float64(damping[0])
+            slower = wp.float64(1.0) + wp.float64(0.5) * dt * wp.float64(a.damping[0])
             p = p / slower
             L = L / slower
-        linear[b] = p
-        angular[b] = L
-        omega = spin(R, inverse_inertia[b], L)
-        for q in range(begins[b], begins[b + 1]):
-            v = p / masses[b] + wp.cross(omega, R * arms[q])
-            velocity[members[q]] = vec3(v)
+        a.linear[b] = p
+        a.angular[b] = L
+        R = a.rotation[b]
+        omega = spin(R, a.inverse_inertia[b], L)
+        for q in range(a.begins[b], a.begins[b + 1]):
+            a.velocity[a.members[q]] = vec3(p / a.masses[b] + wp.cross(omega, R * a.arms[q]))
 
-    return move_bodies, kick_bodies
+    return RigidInclusions(Bodies, move_bodies, kick_bodies)

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..interfaces.context import Context
@@ -95,16 +95,13 @@ class BuiltInclusions(BuiltPart):
         if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK):
             return
         context, state = self.context, self.context.state
-        move, kick = rigid_inclusions(context.step_options)
-        shared = {
+        kernels = rigid_inclusions(context.step_options)
+        bodies = with_values(kernels.struct(), {
             **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
             "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,
-            "velocity": state.velocity,
-        }  # fmt: skip
-        if phase is Phase.RIGID_DRIFT:
-            stage.launch(OWNER, move, self.count, **shared, displacement=state.displacement, place=self.place)
-        else:
-            stage.launch(OWNER, kick, self.count, **shared)
+            "velocity": state.velocity, "displacement": state.displacement, "place": self.place,
+        })  # fmt: skip
+        stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
 
 
 def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.ndarray:
