@@ -29,7 +29,7 @@ from .effects import Kernel, kernel
 from .entries import entry_of, put_entry
 from .numeric import numeric
 
-# Of a row of points it makes the energy that of the second difference over three adjacent points.
+# With this factor the energy of a single row of points is that of the second difference over three adjacent points.
 STIFFENING = 4.0
 # Rows of what triangles store: the normal, the couples of three corners, what pulls at corners 1 and 2.
 NORMAL, COUPLES, PULLS, ROWS = 0, 3, 9, 15
@@ -97,7 +97,7 @@ def bending(
         fitted_weights: wp.array2d(dtype=vec2)
         around: wp.array2d(dtype=wp.int32)  # 3 x triangle + corner, less 3 x the first triangle of the point
         first_triangle: wp.array(dtype=wp.int32)
-        # So are triangles.
+        # Triangles are of few kinds, too.
         face_kind: wp.array(dtype=wp.int32)
         first_corner: wp.array(dtype=wp.int32)
         corners: wp.array(dtype=wp.vec3i)  # steps from the first corner
@@ -106,7 +106,7 @@ def bending(
         rest_sides: wp.array2d(dtype=vec3)  # only of curved sheets, (2, F)
         rest: wp.array2d(dtype=vec3)  # g and r of the stress-free sheet, (6, F)
         poisson: real
-        # Only where bonds can break.
+        # Only if bonds can break.
         via: wp.array2d(dtype=wp.int32)  # steps to points whose bonds a fit spans, the first is the point itself
         spans: wp.array2d(dtype=wp.uint32)  # bits of these bonds, (steps x words, kinds)
         left: wp.array(dtype=real)  # of the stiffness of a triangle

@@ -53,13 +53,13 @@ from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
 
 NEAR = 0.55
-# What is severed where a tear has passed: see above.
+# Limits above which a point is severed that a tear has passed, see above.
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
-# Points of a thread of a CPU that lists them.
+# Points that a CPU thread looks at to list them.
 TOGETHER = 256
 # Threads that share a family on a GPU: a warp, or half of one if the family has no more members.
 WARP = 32
-# What `driving` is at points that are not listed, for processes that have them as ghost points.
+# Value of `driving` at points that are not listed, for processes that have them as ghost points.
 UNLISTED = -2.0
 
 

@@ -216,7 +216,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     gridded, curved, by_point, remembers = layout.kind == "grid", layout.curved, layout.by_point, layout.remembers
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    # What a layout does not need stays without an array.
+    # Members that a layout does not need have no array.
     @wp.struct
     class Family:
         members: wp.int32
@@ -356,7 +356,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
     short, byte, word_of, number = (entry_of(kind, 2) for kind in (wp.int16, wp.uint8, wp.uint32, real))
     mask_of, place = entry_of(wp.uint32, 3), entry_of(wp.vec2d, 1)
 
-    # What a sheet does not need stays without an array. With `far`, indices have a second half, and so have members of
+    # Members that a sheet does not need have no array. With `far`, indices have a second half, and so have members of
     # reverse bonds with `large`.
     @wp.struct
     class CompactFamily:

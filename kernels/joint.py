@@ -8,7 +8,7 @@ triangle, where p lies at the start. Its separation and its energy are
 with the stiffness K [N/m^3], the area A of p and the damage d. The forces are minus the gradient of E, including that
 of n, so every pair conserves momentum and angular momentum.
 
-d follows the bilinear law for mixed modes of Camanho and Davila (NASA/TM-2002-211737, 2002). With the share B of
+d follows the bilinear law for mixed modes of Camanho and Davila (NASA/TM-2002-211737, 2002). With the fraction B of
 shear in |s|^2, that across the mean of the normals of both sheets (a joint that is pressed together opens by 0), damage
 begins at s0 and is complete at sf:
 

@@ -48,7 +48,7 @@ from .numeric import numeric
 from .tension_field import taut_strain
 from .visco import relaxation_factors
 
-# Steps of the search for C*, and the relative change at which it ends.
+# Maximum number of steps of the search for C*, and the relative change at which it ends.
 STEPS = 24
 ENOUGH = {32: 1e-6, 64: 1e-12}
 # Below it u - ln(1 + u) is a quotient of polynomials, accurate to u^5 / 4000.

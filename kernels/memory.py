@@ -14,7 +14,7 @@ from .families import Layout, family_functions
 def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory) -> Kernel:
     """Kernel that raises `largest` [member, point] to `value_of`, (G, constants) -> a number, of each intersection.
 
-    An intersection that remembers the mean of its family changes its energy as the mean grows, without work of a force.
+    If it remembered the mean of its family instead, its energy would change as the mean grows, without work of a force.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3

@@ -20,7 +20,7 @@ from .families import WORD, Layout, family_functions
 
 # Points of a block that is screened together.
 SCREENED = 128
-# Bonds that come that near the squared stretch at which they break are looked at, whatever the rounding.
+# Bonds above this fraction of the squared critical stretch are checked one by one, whatever the rounding.
 NEARLY = 0.9999
 
 

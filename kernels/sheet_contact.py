@@ -47,7 +47,7 @@ from .sheet_pairs import (
 )
 from .surface_contact import MENDED
 
-# Pairs of a point or side.
+# Maximum number of pairs of a point or side; the earliest are kept.
 SLOTS = 12
 # Entries of the status: whether boxes are stale, any triangles are close, or pairs were left that would pass through
 # each other; then one entry per round of solution, and one per round of the fail-safe.
@@ -66,7 +66,7 @@ class Pairs:
     comes near. pushes: impulse of friction (three components) and that along the normal, with its momentum; earlier:
     the latter without. turns: J^-1 (g n x f). pressed: whether it presses. sums: of points, of all impulses and those
     of friction, in `unit`, and of the |w| of pairs that press, in `WEIGHT`. impulse, dragged, pressing: the same sums
-    of the last iteration. halts: whether a point is to stay.
+    of the last iteration. halts: whether the fail-safe stops a point.
     """
 
     count: wp.array(dtype=wp.int32)
@@ -91,7 +91,7 @@ class Pairs:
 
 @functools.cache
 def enter(bits: int, held: bool) -> Kernel:
-    """Kernel that enters the way of each point in the step, after the drift, and marks boxes that it has left."""
+    """Kernel that stores the path of each point in the step, after the drift, and marks boxes that a point has left."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -147,7 +147,10 @@ def bound(a: Surface, first: int):
 
 @kernel(per="list", writes=("a.near",))
 def mark(a: Surface, first: int, status: wp.array(dtype=wp.int32)):
-    """Find entities whose pairs may come near before the boxes are made anew."""
+    """Mark the points and sides that may come near a triangle or side before the boxes are rebuilt.
+
+    A step looks only at the pairs of these; without any, `status` skips its other launches.
+    """
     g = wp.tid() + first
     found = bool(False)
     sides = g >= a.begin.shape[0]
@@ -233,7 +236,7 @@ def find(a: Surface, c: Pairs, number: int, first: int, status: wp.array(dtype=w
 
 @wp.func
 def from_centre(points: wp.vec4i, a: Surface):
-    """Positions of the points of a pair from its centre, and J^-1."""
+    """Positions of the points of a pair relative to its centre, and J^-1."""
     x, _motion = path(points, a)
     centre = wp.float64(0.25) * (x[0] + x[1] + x[2] + x[3])
     J = wp.mat33d()
@@ -245,7 +248,7 @@ def from_centre(points: wp.vec4i, a: Surface):
 
 @kernel(per="list", writes=("c.pushes", "c.earlier", "c.turns", "c.pressed"))
 def press(a: Surface, c: Pairs, momentum: wp.float64, first: int):
-    """Compute one iteration of the impulses."""
+    """Compute the impulses of the next iteration."""
     g = wp.tid() + first
     for slot in range(c.count[g]):
         s = wp.static(SLOTS) * g + slot
@@ -288,7 +291,7 @@ def press(a: Surface, c: Pairs, momentum: wp.float64, first: int):
 
 @wp.func
 def add_up(impulses: mat43d, column: int, s: int, c: Pairs):
-    """Add impulses on the points of a pair to the sums; what rounding leaves goes to the last."""
+    """Add impulses on the points of a pair to the sums; the last point takes the rounding errors of the others."""
     for r in range(3):
         left = wp.int64(0)
         for k in range(4):

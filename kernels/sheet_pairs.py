@@ -22,7 +22,7 @@ ZERO = wp.constant(wp.float64(1e-3))
 REACHED = wp.constant(wp.float64(0.75))
 # Within a piece pairs keep at most this fraction of their reference distance.
 OF_REFERENCE = wp.constant(wp.float64(0.5))
-# Advances on the way of a pair.
+# Maximum number of advances along the path of a pair.
 ADVANCES = 64
 
 mat43d: Any = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
@@ -94,7 +94,7 @@ def largest_approach(sides: bool, motion: mat43d):
 
 @wp.func
 def comes_near(sides: bool, x: mat43d, motion: mat43d, limit: wp.float64):
-    """Fraction of its way at which the distance of a pair falls to `limit`, else 2; after many advances, assumed."""
+    """Fraction of the step at which the distance of a pair falls to `limit`, or 2; assumed after ADVANCES advances."""
     most = largest_approach(sides, motion)
     t = wp.float64(0.0)
     found = wp.float64(2.0)
@@ -124,7 +124,7 @@ def way(i: int, a: Surface):
 
 @wp.func
 def path(points: wp.vec4i, a: Surface):
-    """Positions of points at the beginning of the step, and their ways in it."""
+    """Positions of points at the beginning of the step, and their displacements in it."""
     x = mat43d()
     motion = mat43d()
     for k in range(4):
@@ -155,7 +155,7 @@ def share_corner(f: int, g: int, a: Surface):
 
 @wp.func
 def box_of(corners: wp.vec3i, apart: wp.float64, a: Surface):
-    """Box in float32 around the ways of three points, enlarged by half of `apart`."""
+    """Box in float32 around the paths of three points, enlarged by half of `apart`."""
     low = a.begin[corners[0]]
     high = low
     for k in range(3):

@@ -17,8 +17,8 @@ from .effects import Kernel, kernel
 from .integrate import RIGID
 from .numeric import numeric
 
-# Eigenvalues up to this fraction of the largest found so far are damped alike. A larger one would come nearer to
-# lambda, and more slowly.
+# Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to
+# lambda, but more slowly.
 DAMPED = 0.99
 
 

@@ -32,7 +32,7 @@ from .incompressible import named, principal_strains, principal_tangent
 from .materials import MaterialFunctions
 from .numeric import numeric
 
-# Steps of the search for the width, and the change of g2 at which it ends, divided by 1 + g1.
+# Maximum number of steps of the search for the width, and the change of g2 over g1 at which it ends.
 SEARCH = 60
 TOLERANCE = {32: 2e-7, 64: 1e-14}
 TAUT, WRINKLED, SLACK = 0, 1, 2

@@ -29,7 +29,7 @@ from .incompressible import incompressible, named, yeoh
 from .materials import invariants
 from .numeric import numeric
 
-# Steps of the search for C_q, and its tolerance; the search is convex and takes a few steps.
+# Maximum number of steps of the search for C_q, which is convex and takes a few, and its tolerance.
 SEARCH, ENOUGH = 60, 1e-11
 
 

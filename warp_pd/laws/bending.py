@@ -25,7 +25,7 @@ OWNER = "bending"
 HELD, RIGID = 7, 8
 # Strain of the differences that give the modulus of a law.
 STRAIN = 1e-3
-# Difference of two numbers of tables that count as the same: round-off of a lattice.
+# Numbers of tables that differ by less count as the same: the round-off of a lattice.
 SAME = 1e-10
 
 
@@ -408,7 +408,7 @@ class BendingForce(BuiltLaw):
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Kind of each row of whole steps and of numbers of order 1, which are alike to SAME, and a row of each kind."""
+    """Kinds of rows with the same whole steps and numbers (of order 1, within SAME): of each row; a row of each kind."""
     parts = np.column_stack([steps, np.rint(numbers / SAME)]).astype(np.int64)
     factors = np.random.default_rng(0).integers(1, 2**62, parts.shape[1])
     _, one, kind = np.unique(parts @ factors, return_index=True, return_inverse=True)
@@ -416,7 +416,7 @@ def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _columns(owner: np.ndarray, size: int) -> tuple[tuple[np.ndarray, np.ndarray, int, int], np.ndarray]:
-    """Places in a table with a column for each owner, for entries in the order that is returned, too."""
+    """Places of sorted entries in a table with a column for each owner, and the order that sorts them."""
     order = np.argsort(owner, kind="stable")
     counts = np.bincount(owner, minlength=size)
     column = owner[order]
@@ -425,7 +425,7 @@ def _columns(owner: np.ndarray, size: int) -> tuple[tuple[np.ndarray, np.ndarray
 
 
 def _filled(places: tuple[np.ndarray, np.ndarray, int, int], values: np.ndarray, empty: float) -> np.ndarray:
-    """The table of these values."""
+    """The table with these values at their places, and `empty` elsewhere."""
     row, column, most, size = places
     table = np.full((most, size, *values.shape[1:]), empty, values.dtype)
     table[row, column] = values

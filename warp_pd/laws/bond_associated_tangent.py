@@ -170,7 +170,7 @@ class TangentMatrix:
         )  # fmt: skip
 
     def whole(self) -> bsr_matrix:
-        """K of all components [N/m], shape (3 N, 3 N); held ones have no part in it but their own stiffness."""
+        """K of all components [N/m], shape (3 N, 3 N); a held one is coupled to no other, with its own stiffness."""
         from scipy import sparse
 
         starts, columns = self.starts.numpy(), self.columns.numpy()

@@ -226,9 +226,8 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
     lattice = sheet.lattice
     if lattice is None or sheet.cuts or sheet.factors is not None or min(lattice.rows, lattice.columns) < 4:
         raise InputError(
-            "micromoduli = 'corrected': expected an uncut rectangle of uniform material and thickness, of at least 4 x "
-            "4 "
-            "points"
+            "micromoduli = 'corrected': expected an uncut rectangle of uniform material and thickness with at least "
+            "4 x 4 points"
         )
     assert families.steps is not None and families.family_class is not None
     shape = (lattice.rows, lattice.columns)

@@ -306,5 +306,5 @@ class FamilyLaw(BuiltLaw):
             return f"{stiffened}; try {smaller}"
         if self.takes_tension_field and not self.goes_slack:
             # Torn edges collapse in plane where a real sheet wrinkles: within steps, their stiffness rises many times.
-            return f"{stiffened}, as torn edges do that are compressed; try a TensionField material or {smaller}"
+            return f"{stiffened}, as compressed torn edges do; try a TensionField material or {smaller}"
         return f"{stiffened}, as torn edges do; try {smaller}"

@@ -108,7 +108,7 @@ def has_shared_memory(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
-# What only viscous laws give to the kernels that fill the pairs.
+# Arguments that only viscous laws give to the kernels that fill the pairs.
 NOT_VISCOUS: dict[str, Any] = dict.fromkeys(("step", "terms", "viscous_work", "damage", "state"))
 
 

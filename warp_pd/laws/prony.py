@@ -21,7 +21,7 @@ def store_terms(law: Any, name: str, kind: type[Prony | Maxwell]) -> None:
     """Store the sequence of Prony terms or Maxwell elements in the attribute `name` of a frozen law as a tuple.
 
     Raises:
-        InputError: if it is none.
+        InputError: if the attribute is anything else.
     """
     terms = getattr(law, name)
     if not isinstance(terms, Sequence) or not all(isinstance(term, kind) for term in terms):

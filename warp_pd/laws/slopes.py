@@ -9,9 +9,10 @@ import numpy as np
 
 from ..geometry.sheet import Sheet
 
-# Nearest points to which a quadratic with five coefficients is fitted, and as many again at the same distance.
+# Number of nearest points to which a quadratic with five coefficients is fitted, and factor on the distance of the last
+# one up to which further points count as equally near.
 NEAREST, SAME = 8, 1.01
-# What keeps a coefficient that no point determines at zero, as in a sheet of two rows.
+# Added to the diagonal: a coefficient that no point determines is then zero, as in a sheet of two rows.
 LEAST = 1e-10
 CHUNK = 50_000
 

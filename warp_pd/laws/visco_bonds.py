@@ -29,7 +29,7 @@ class ViscoBondBased:
     The two-dimensional energy c10 (I1 - 2) + c20 (I1 - 2)^2 has no pressure term: an undeformed sheet is under tension,
     4 c10 w |X| / m per bond, and free edges contract. I1 is that of the point's family (eq. 41); the paper uses the
     stretch of the whole sheet, which does not allow holes or cracks. m (eq. 39) is the sum over the family; the paper
-    uses the integral pi h horizon^4. Without Prony terms the forces have an energy; with them they have not.
+    uses the integral pi h horizon^4. Without Prony terms the forces have an energy; with them they do not.
 
     Attributes:
         material: Yeoh with c10 and c20.

@@ -15,7 +15,8 @@ from ..interfaces.context import Context
 if TYPE_CHECKING:
     from ..families.weights import CorrectedWeights, RectangleWeights
 
-# Largest horizon at which weights are corrected, and most points whose families are not deep inside a grid: 4 GB.
+# Largest horizon at which weights are corrected, and largest number of points with families not deep inside a grid,
+# which take 4 GB.
 MAX_CORRECTED = 4.5
 MAX_CORRECTED_CLOUD = 1_000_000
 
@@ -139,7 +140,7 @@ def _require_correctable(sheet: Sheet, horizon: float, instead: str) -> None:
     if horizon > MAX_CORRECTED:
         raise InputError(
             f"weights = 'corrected' at horizon = {horizon!r}: expected a horizon up to {MAX_CORRECTED}; "
-            f"take weights {instead!r}"
+            f"or use weights {instead!r}"
         )
     if sheet.layout == "cloud":
         _require_few(sheet.size, instead)
@@ -239,7 +240,7 @@ def _require_few(points: int, instead: str) -> None:
     if points > MAX_CORRECTED_CLOUD:
         raise InputError(
             f"weights = 'corrected' on a cloud of {points} points, besides those deep inside a grid: expected up to "
-            f"{MAX_CORRECTED_CLOUD}; take weights {instead!r}"
+            f"{MAX_CORRECTED_CLOUD}; or use weights {instead!r}"
         )
 
 

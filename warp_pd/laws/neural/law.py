@@ -104,9 +104,8 @@ class Neural:
         found.require_material(self.material, name)
         if self.evaluation == "fused" and found.size > MAX_WEIGHTS:
             raise InputError(
-                f"network = {name!r}: it has {found.size} weights; expected at most {MAX_WEIGHTS} with evaluation "
-                "'fused'; "
-                f"or use 'torch'"
+                f"network = {name!r}: expected at most {MAX_WEIGHTS} weights with evaluation 'fused', got "
+                f"{found.size}; or use 'torch'"
             )
         return found
 
