@@ -408,7 +408,7 @@ class BendingForce(BuiltLaw):
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Kinds of rows with the same whole steps and numbers (of order 1, within SAME): of each row; a row of each kind."""
+    """Kind of each row, by whole steps and by numbers of order 1 that agree within SAME; and a row of each kind."""
     parts = np.column_stack([steps, np.rint(numbers / SAME)]).astype(np.int64)
     factors = np.random.default_rng(0).integers(1, 2**62, parts.shape[1])
     _, one, kind = np.unique(parts @ factors, return_index=True, return_inverse=True)
