@@ -5,9 +5,9 @@
 
 A square lattice under pressure, or with --cloud a jittered cloud. With --weak every process has a square of so many
 points along x; otherwise all share one. A step is the slope between the times of --steps and of five times as many,
-without set-up, the least of --repeats; `cpu_us` is that of the busiest process, for a machine that others use. `bits` is the same in all
-runs of one sheet. With --out there is one run, which writes its files there. Memory is the most of any process. The
-page docs/scaling.md has the results.
+without set-up, the least of --repeats; `cpu_us` is that of the busiest process, for a machine that others use. `bits`
+is the same in all runs of one sheet. With --out there is one run, which writes its files there. Memory is the most of
+any process. The page docs/scaling.md has the results.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers import refused, square
+from helpers import Kept, refused, square
 from pxr import Usd, UsdGeom, UsdValidation
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
@@ -193,23 +193,18 @@ def test_no_point_ends_a_step_inside_a_body_at_ten_times_the_wave_speed(shape, f
         sheet, Explicit(0.005, frames=25, safety=0.15), contact=body,
         initial_velocity=np.tile([0.3, 0.2, -speed], (sheet.size, 1)),
     )  # fmt: skip
-    depths, path, q = [], body.motion.pose(0.0)[0], np.array(turned)
+    path, q = body.motion.pose(0.0)[0], np.array(turned)
 
-    class Depths:
-        def write(self, frame):
-            arms = sheet.positions + frame.displacement - path
-            axis = np.cross(-q[:3], arms)
-            arms = arms + 2.0 * (q[3] * axis + np.cross(-q[:3], axis))
-            depths.append(-signed_distances(shape, arms, wp.get_device("cpu"))[:, 3].min())
+    def depth(frame):
+        arms = sheet.positions + frame.displacement - path
+        axis = np.cross(-q[:3], arms)
+        arms = arms + 2.0 * (q[3] * axis + np.cross(-q[:3], axis))
+        return -signed_distances(shape, arms, wp.get_device("cpu"))[:, 3].min()
 
-        def save(self):
-            pass
-
-        close = save
-
-    result = simulation.run(device="cpu", precision=32, writers=[Depths()])
+    depths = Kept(depth)
+    result = simulation.run(device="cpu", precision=32, writers=[depths])
     assert result.status == "finished"
-    assert max(depths) < 1e-3 * sheet.spacing
+    assert max(depths.all) < 1e-3 * sheet.spacing
     assert min(row["body_force_z"] for row in result.history) < -0.5
     if not shape.bounded:
         assert result.frame.displacement[:, 2].min() > -0.0401

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import MU, NEO, build, exact_stress, square
+from helpers import MU, NEO, Kept, build, exact_stress, square
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Gent, Motion, RigidBall, Sheet, Simulation
 from warp_pd.solvers.explicit import STEPS_BETWEEN
@@ -137,21 +137,10 @@ def wave_error(points):
         loads=[Fixed(sheet.edges("left", "right")), Fixed(np.arange(sheet.size), "xy")],
         initial_displacement=start,
     )
-    heights, times = [], []
-
-    class Watch:
-        def write(self, frame):
-            heights.append(float(frame.displacement[:, 2] @ np.sin(np.pi * x / length)))
-            times.append(frame.time)
-
-        def save(self):
-            pass
-
-        def close(self):
-            pass
-
-    simulation.run(device="cpu", precision=64, writers=[Watch()])
-    k = int(np.flatnonzero(np.array(heights) < 0.0)[0])
+    watched = Kept(lambda frame: (frame.time, frame.displacement[:, 2] @ np.sin(np.pi * x / length)))
+    simulation.run(device="cpu", precision=64, writers=[watched])
+    times, heights = np.transpose(watched.all)
+    k = int(np.flatnonzero(heights < 0.0)[0])
     crossing = times[k - 1] + (times[k] - times[k - 1]) * heights[k - 1] / (heights[k - 1] - heights[k])
     return abs((0.25 * period) / crossing - 1.0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import build, refused, sever, square, strain_energy
+from helpers import Kept, build, refused, sever, square, strain_energy
 from passing import passing
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
@@ -228,25 +228,9 @@ def test_friction_dissipates_and_conserves_momentum():
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-2
 
 
-class Positions:
-    """A writer that keeps the positions of every frame."""
-
-    def __init__(self, sheet):
-        self.sheet, self.all = sheet, []
-
-    def write(self, frame):
-        self.all.append(self.sheet.positions + frame.displacement.astype(float))
-
-    def save(self):
-        pass
-
-    def close(self):
-        pass
-
-
 def passed(parts, triangles=None, **options):
     """Pairs (point, triangle) that pass through each other in any step of a run; a frame is a step."""
-    positions = Positions(parts["sheet"])
+    positions = Kept(lambda frame: parts["sheet"].positions + frame.displacement.astype(float))
     simulate(**parts).run(device="cpu", precision=64, writers=[positions], **options)
     chosen = parts["sheet"].triangles if triangles is None else triangles
     return [pair for before, after in zip(positions.all, positions.all[1:], strict=False)
@@ -408,7 +392,7 @@ def test_a_block_slides_with_coulombs_friction():
     velocity[block] = (1.0, 0.0, -0.2)
     means = {}
     for coefficient in (0.0, 0.3):
-        mean = MeanVelocity(block)
+        mean = Kept(lambda frame: frame.velocity[block].mean(axis=0))
         result = simulate(
             sheet, Explicit(0.03, frames=3, safety=0.45), initial_displacement=start, initial_velocity=velocity,
             loads=[Fixed(sheet.edges("sheet 1"))], contact=SelfContact(friction=coefficient),
@@ -418,19 +402,3 @@ def test_a_block_slides_with_coulombs_friction():
     assert rough[2] > 0.1
     assert (1.0 - rough[0]) - (1.0 - smooth[0]) == pytest.approx(0.3 * (rough[2] + 0.2), rel=0.03)
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-2
-
-
-class MeanVelocity:
-    """A writer that keeps the mean velocity of some points."""
-
-    def __init__(self, points):
-        self.points, self.all = points, []
-
-    def write(self, frame):
-        self.all.append(frame.velocity[self.points].mean(axis=0))
-
-    def save(self):
-        pass
-
-    def close(self):
-        pass

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import square
+from helpers import Kept, square
 from passing import crossing
 from resumed_runs import require_same_when_stopped
 from scipy.spatial import cKDTree
@@ -17,23 +17,6 @@ from warp_pd.parts import sheet_surface
 # Speed of waves in the sheets of `square` [m/s], and their stable step [s].
 WAVES, STABLE = 2.0, 6.4e-3
 CONTACT = SelfContact(surface=True, friction=0.3)
-
-
-class Steps:
-    """A writer that keeps positions and velocities."""
-
-    def __init__(self, sheet):
-        self.sheet, self.places, self.velocities = sheet, [], []
-
-    def write(self, frame):
-        self.places.append(self.sheet.positions + frame.displacement.astype(float))
-        self.velocities.append(frame.velocity.astype(float))
-
-    def save(self):
-        pass
-
-    def close(self):
-        pass
 
 
 def collision(speed, sideways=0.0, steps=32, step=0.4 * STABLE, per_frame=1, corner=(0.017, 0.012), rough=0.0):
@@ -51,33 +34,34 @@ def collision(speed, sideways=0.0, steps=32, step=0.4 * STABLE, per_frame=1, cor
     )  # fmt: skip
 
 
-def followed(simulation, precision=64):
-    steps = Steps(simulation.sheet)
-    return simulation.run(device="cpu", precision=precision, writers=[steps]), steps
+def followed(simulation):
+    """The result, and places and velocities of every frame, (frames, N, 3)."""
+    steps = Kept(lambda frame: (simulation.sheet.positions + frame.displacement, frame.velocity))
+    result = simulation.run(device="cpu", precision=64, writers=[steps])
+    return result, *np.array(steps.all).swapaxes(0, 1)
 
 
-def momenta(result, steps, points=slice(None)):
+def momenta(result, velocities, points=slice(None)):
     mass = result.built.to_numpy(result.built.state.mass)[points, None]
-    return np.array([(mass * velocity[points]).sum(axis=0) for velocity in steps.velocities])
+    return (mass * velocities[:, points]).sum(axis=1)
 
 
-def require_same_momenta(result, steps):
+def require_same_momenta(result, places, velocities):
     """Momentum and angular momentum, also with friction."""
-    found = momenta(result, steps)
+    found = momenta(result, velocities)
     assert np.abs(found - found[0]).max() < 1e-14 * np.abs(found[0]).max()
     mass = result.built.to_numpy(result.built.state.mass)[:, None]
-    pairs = zip(steps.places, steps.velocities, strict=True)
-    turning = np.array([(mass * np.cross(place, velocity)).sum(axis=0) for place, velocity in pairs])
+    turning = (mass * np.cross(places, velocities)).sum(axis=1)
     assert np.abs(turning - turning[0]).max() < 1e-14 * np.abs(found[0]).max()
 
 
 @pytest.mark.parametrize("speed", [3.0, 0.2])
 def test_no_side_crosses_a_triangle_and_no_energy_or_momentum_appears(speed):
     simulation = collision(speed * WAVES, sideways=0.05 * WAVES, steps=24)
-    result, steps = followed(simulation)
+    result, places, velocities = followed(simulation)
     triangles = simulation.sheet.triangles
-    assert [pair for place in steps.places for pair in crossing(place, triangles)] == []
-    require_same_momenta(result, steps)
+    assert [pair for place in places for pair in crossing(place, triangles)] == []
+    require_same_momenta(result, places, velocities)
     first, rows = result.history[0], result.history
     lost = np.array([row["contact"] + row["sheet_friction"] for row in rows])
     assert lost[-1] > 0.05 * first["kinetic"]
@@ -91,23 +75,23 @@ def test_ipctk_finds_no_collision_in_any_step():
     """The continuous collision detection of incremental potential contact, which has no code in common with ours."""
     ipctk = pytest.importorskip("ipctk")
     simulation = collision(3.0 * WAVES, sideways=0.05 * WAVES, steps=24)
-    result, steps = followed(simulation)
+    result, places, _ = followed(simulation)
     triangles = simulation.sheet.triangles
     mesh = ipctk.CollisionMesh(simulation.sheet.positions, ipctk.edges(triangles), triangles)
     # By default a fifth of each distance counts as zero; we keep a tenth.
     exact = {"narrow_phase_ccd": ipctk.TightInclusionCCD(conservative_rescaling=0.999)}
     assert result.history[-1]["contact"] > 0.0
-    assert all(ipctk.is_step_collision_free(mesh, *pair, **exact) for pair in itertools.pairwise(steps.places))
+    assert all(ipctk.is_step_collision_free(mesh, *pair, **exact) for pair in itertools.pairwise(places))
     upper = (simulation.sheet.pieces == 2)[:, None]
-    through = np.where(upper, steps.places[0] - (0.0, 0.0, 4.0 * simulation.sheet.spacing), steps.places[0])
-    assert not ipctk.is_step_collision_free(mesh, steps.places[0], through, **exact)
+    through = np.where(upper, places[0] - (0.0, 0.0, 4.0 * simulation.sheet.spacing), places[0])
+    assert not ipctk.is_step_collision_free(mesh, places[0], through, **exact)
 
 
 def test_friction_is_that_of_coulomb():
     """While all of a sheet slides, by a tenth of a spacing in a step, the ratio of the impulses is the coefficient."""
     simulation = collision(0.5 * WAVES, sideways=0.2 * WAVES, steps=8)
-    result, steps = followed(simulation)
-    given = np.diff(momenta(result, steps, simulation.sheet.pieces == 2)[[0, -1]], axis=0)[0]
+    result, _, velocities = followed(simulation)
+    given = np.diff(momenta(result, velocities, simulation.sheet.pieces == 2)[[0, -1]], axis=0)[0]
     assert given[2] > 0.0
     assert given[0] / given[2] == pytest.approx(-CONTACT.friction, rel=0.03)
 
@@ -156,9 +140,9 @@ def test_the_fail_safe_alone_lets_nothing_pass(monkeypatch):
     """Without iterations that find impulses, points stay before they meet, and keep their momentum."""
     monkeypatch.setattr(sheet_surface, "ITERATIONS", 0)
     simulation = collision(0.5 * WAVES, steps=16)
-    result, steps = followed(simulation)
-    assert [pair for place in steps.places for pair in crossing(place, simulation.sheet.triangles)] == []
-    require_same_momenta(result, steps)
+    result, places, velocities = followed(simulation)
+    assert [pair for place in places for pair in crossing(place, simulation.sheet.triangles)] == []
+    require_same_momenta(result, places, velocities)
 
 
 def test_crack_faces_touch():
@@ -180,8 +164,8 @@ def test_crack_faces_touch():
     opening = {}
     for contact in (CONTACT, None):
         solver = Explicit(0.01, frames=20)
-        result, steps = followed(simulate(sheet, solver, contact=contact, initial_velocity=velocity))
-        opening[contact] = min((place[upper, 1] - place[lower, 1]).min() for place in steps.places) / spacing
+        result, places, _ = followed(simulate(sheet, solver, contact=contact, initial_velocity=velocity))
+        opening[contact] = (places[:, upper, 1] - places[:, lower, 1]).min() / spacing
         assert max(abs(row["balance_error"]) for row in result.history) < 1e-3
     assert opening[CONTACT] > -1e-3
     assert opening[None] < -0.5

@@ -8,6 +8,7 @@ from wrinkled_annulus import membrane
 
 from warp_pd import (
     BondAssociated,
+    CriticalStretch,
     Explicit,
     Fixed,
     MooneyRivlin,
@@ -23,7 +24,7 @@ from warp_pd import (
 )
 
 CUT = ((0.02, 0.031), (0.071, 0.08))
-MOONEY, OGDEN = MooneyRivlin(400.0, 100.0), Ogden((600.0, 12.0), (1.3, 5.0))
+OGDEN = Ogden((600.0, 12.0), (1.3, 5.0))
 SHEARED = np.array([[1.0, 0.5], [0.0, 0.9], [0.0, 0.0]])
 
 
@@ -36,12 +37,10 @@ def crumpled(sheet, seed=0):
 
 @pytest.mark.parametrize(
     ("material", "layout", "torn"),
-    [(NEO, "cloud", True), (GENT, "lattice", False), (MOONEY, "lattice", False), (OGDEN, "cloud", True)],
-    ids=["neo-Hookean, torn", "Gent", "Mooney-Rivlin", "Ogden, torn"],
+    [(NEO, "cloud", True), (GENT, "lattice", False), (OGDEN, "cloud", True)],
+    ids=["neo-Hookean, torn", "Gent", "Ogden, torn"],
 )
 def test_force_is_minus_the_gradient_of_the_energy(material, layout, torn):
-    from warp_pd import CriticalStretch
-
     sheet = square(11) if layout == "lattice" else jittered(11)
     parts = {"damage": CriticalStretch(1e3)} if torn else {}
     built = build(sheet, material=TensionField(material), **parts)
@@ -66,22 +65,15 @@ def test_relaxed_forces_differ_and_have_the_digits_of_the_precision():
     assert np.abs(exact - resolved).max() > 0.2 * np.abs(resolved).max()
 
 
-@pytest.mark.parametrize(("horizon", "precision", "torn"), [(2.015, 32, True), (3.15, 64, False)])
-def test_fast_kernels_are_the_reference_kernels(horizon, precision, torn):
-    from warp_pd import CriticalStretch
-
+def test_fast_kernels_are_the_reference_kernels():
     sheet, forces = square(21), []
     for fast in (True, False):
-        parts = {"damage": CriticalStretch(1e3)} if torn else {}
-        built = build(
-            sheet, horizon=horizon, material=TensionField(GENT), precision=precision, law={"fast": fast}, **parts
-        )
-        if torn:
-            sever(built, CUT)
+        built = build(sheet, material=TensionField(GENT), law={"fast": fast}, damage=CriticalStretch(1e3))
+        sever(built, CUT)
         names = {name for launch in built.context.stages["step"] for name in launch.parts}
         assert ("family_rows_force" in names) == fast
         forces.append(internal_force(built, crumpled(sheet)))
-    assert np.abs(forces[0] - forces[1]).max() <= (3e-6 if precision == 32 else 1e-12) * np.abs(forces[1]).max()
+    assert np.abs(forces[0] - forces[1]).max() <= 1e-12 * np.abs(forces[1]).max()
 
 
 @pytest.mark.parametrize("law", ["bond-associated", "nodal"])
@@ -114,8 +106,6 @@ def test_a_wrinkled_patch_carries_uniaxial_stress(law):
 
 def test_the_tangent_is_the_derivative_of_the_force():
     """Taut, wrinkled and slack families, torn ones too."""
-    from warp_pd import CriticalStretch
-
     sheet = jittered(9)
     built = build(sheet, material=TensionField(NEO), solver=Relaxation(), loads=[Fixed(sheet.edges("left"))],
                   damage=CriticalStretch(1e3))  # fmt: skip

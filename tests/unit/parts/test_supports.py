@@ -39,11 +39,6 @@ def test_wrong_supports_are_named(make, text):
         make()
 
 
-def test_a_point_cannot_be_held_twice():
-    with refused(match="point 3"):
-        built_with(Fixed([3]), Motion([3], [0.0], x=1.0))
-
-
 def test_stretching_edges_move_as_an_equal_stretch_of_the_sheet():
     place = square(9, size=2.0).points - 1.0
     sheet = SimpleNamespace(points=place, spacing=0.25)

@@ -164,13 +164,6 @@ def test_a_ramp_in_explicit_dynamics_is_the_load_at_its_end(load):
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-12, atol=1e-15 * np.abs(forces[0]).max())
 
 
-@pytest.mark.parametrize("solver", [Relaxation(), Newton()])
-def test_static_solvers_refuse_contact(solver):
-    """Relaxation took it once, and diverged."""
-    with refused(match=r"^contact = RigidBall: not supported by the solver \w+; expected Explicit$"):
-        simulation(solver, contact=RigidBall(0.03, (0.05, 0.05, 0.02))).build("cpu")
-
-
 @pytest.mark.parametrize("name", ["time", "step", "kinetic", "ball_force_x", "largest_damage"])
 def test_a_measure_cannot_take_the_name_of_a_column(name):
     measure = Measure(name, "1", lambda built, frame: 0.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, build, rough, square
+from helpers import NEO, Kept, build, rough, square
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Measure, Pressure, RigidBall, Simulation
 
@@ -40,26 +40,10 @@ def test_totals_are_the_sums_over_all_points(points, precision):
         assert totals[name] == pytest.approx(values.sum(), rel=0, abs=1e-14 * np.abs(values).sum())
 
 
-class Keeper:
-    """A writer that keeps its frames, and a copy of what they were."""
-
-    def __init__(self):
-        self.frames, self.copies = [], []
-
-    def write(self, frame):
-        self.frames.append(frame)
-        self.copies.append([frame.displacement.copy(), frame.velocity.copy(), frame.intact_faces.copy()])
-
-    def save(self):
-        pass
-
-    def close(self):
-        pass
-
-
 @pytest.mark.parametrize(("precision", "dtype"), [(32, np.float32), (64, np.float64)])
 def test_writers_get_the_precision_of_the_run_and_measures_double(precision, dtype):
-    sheet, dtypes, keeper = square(9), [], Keeper()
+    sheet, dtypes = square(9), []
+    kept = Kept(lambda frame: (frame, [frame.displacement.copy(), frame.velocity.copy(), frame.intact_faces.copy()]))
 
     def mean(built, frame):
         arrays = [frame.displacement, frame.velocity, frame.damage, *frame.point_data.values()]
@@ -73,12 +57,13 @@ def test_writers_get_the_precision_of_the_run_and_measures_double(precision, dty
         loads=[Fixed(sheet.edges("all")), Pressure(20.0)],
         damage=CriticalStretch(3.0),
         measures=[Measure("mean", "m", mean)],
-    ).run(device="cpu", precision=precision, writers=[keeper])
+    ).run(device="cpu", precision=precision, writers=[kept])
+    frames = [frame for frame, _ in kept.all]
     assert set(dtypes) == {np.dtype(np.float64)} and result.frame.displacement.dtype == np.float64
-    assert all(f.displacement.dtype == dtype and f.velocity.dtype == dtype for f in keeper.frames)
-    assert result.history[-1]["mean"] == keeper.frames[-1].displacement[:, 2].astype(np.float64).mean() != 0.0
-    np.testing.assert_array_equal(result.frame.velocity, keeper.frames[-1].velocity)
+    assert all(f.displacement.dtype == dtype and f.velocity.dtype == dtype for f in frames)
+    assert result.history[-1]["mean"] == frames[-1].displacement[:, 2].astype(np.float64).mean() != 0.0
+    np.testing.assert_array_equal(result.frame.velocity, frames[-1].velocity)
     # Frames stay what they were while the run goes on.
-    for frame, copies in zip(keeper.frames, keeper.copies, strict=True):
+    for frame, copies in kept.all:
         for now, then in zip((frame.displacement, frame.velocity, frame.intact_faces), copies, strict=True):
             np.testing.assert_array_equal(now, then)
