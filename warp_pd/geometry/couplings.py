@@ -18,6 +18,8 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
     Returns neighbours, int32, and couplings [-], both of shape (K, N), or of the points `of` alone, shape (N,). Missing
     neighbours are the point itself with zero coupling.
     """
+    from scipy.sparse import coo_array
+
     of = np.arange(shape.size, dtype=np.int32) if of is None else of
     if shape.whole_lattice is not None:
         return _of_lattice(shape.whole_lattice, of)
@@ -33,9 +35,13 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
     keys, number = np.unique(low * size + high, return_inverse=True)
     weights = np.maximum(0.5 * np.bincount(number, cotangent), 0.0)
     low, high = np.divmod(keys, size)
-    start, end = np.concatenate([low, high]), np.concatenate([high, low])
-    neighbours, table = _table(size, start, end, np.concatenate([weights, weights]))
-    return np.take(neighbours, of, axis=1), np.take(table, of, axis=1)
+    both = np.concatenate([low, high]), np.concatenate([high, low])
+    graph = coo_array((np.tile(weights, 2), both), shape=(size, size)).tocsr()
+    counts = np.diff(graph.indptr)
+    there = np.arange(counts.max()) < counts[:, None]
+    neighbours, table = np.tile(np.arange(size, dtype=np.int32)[:, None], there.shape[1]), np.zeros(there.shape)
+    neighbours[there], table[there] = graph.indices, graph.data
+    return np.ascontiguousarray(neighbours[of].T), np.ascontiguousarray(table[of].T)
 
 
 def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,18 +60,6 @@ def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _width(place: np.ndarray, places: int) -> np.ndarray:
     """Width of the row of each point in spacings: 0.5 for the first and last of several rows, otherwise 1."""
     return np.where((places > 1) & ((place == 0) | (place == places - 1)), 0.5, 1.0)
-
-
-def _table(size: int, start: np.ndarray, end: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Table with one column per start point, with its edges in the order of their ends."""
-    order = np.lexsort((end, start))
-    start, end, weights = start[order], end[order], weights[order]
-    count = np.bincount(start, minlength=size)
-    place = np.arange(len(start)) - np.repeat(np.cumsum(count) - count, count)
-    most = int(count.max())
-    neighbours, table = np.tile(np.arange(size, dtype=np.int32), (most, 1)), np.zeros((most, size))
-    neighbours[place, start], table[place, start] = end, weights
-    return neighbours, table
 
 
 def crack_segments(shape: Shape) -> np.ndarray:

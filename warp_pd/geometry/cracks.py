@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .topology import components, directed_edges, undirected
+from .topology import components, directed_edges, shared_sides, undirected
 
 
 def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -20,9 +20,8 @@ def split_along(points: int, triangles: np.ndarray, crack: np.ndarray) -> tuple[
     edges, steps = directed_edges(triangles).astype(np.int64), np.column_stack([crack[:-1], crack[1:]])
     number = undirected(np.concatenate([edges, steps]))
     whole, on_crack = number[: len(edges)], np.isin(number[: len(edges)], number[len(edges) :])
-    order = np.argsort(whole, kind="stable")
-    shared = np.flatnonzero((whole[order[1:]] == whole[order[:-1]]) & ~on_crack[order[1:]])
-    one, other = order[shared], order[shared + 1]
+    sides = shared_sides(whole)
+    one, other = sides[~on_crack[sides[:, 1]]].T
     # Edge e starts at corner e and ends at the next corner of its triangle.
     after = np.roll(np.arange(len(edges)), -len(triangles))
     group = components(len(edges), np.column_stack([np.append(one, after[one]), np.append(after[other], other)]))

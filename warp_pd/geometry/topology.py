@@ -49,11 +49,15 @@ def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     No edge may belong to more than two triangles.
     """
     edges = directed_edges(triangles)
-    number = undirected(edges)
+    one, other = shared_sides(undirected(edges)).T
+    return np.column_stack([one, other]) % len(triangles), edges[one, 0] == edges[other, 0]
+
+
+def shared_sides(number: np.ndarray) -> np.ndarray:
+    """Pairs of sides of triangles with the same number (`undirected`), shape (K, 2)."""
     order = np.argsort(number, kind="stable")
     shared = np.flatnonzero(number[order[1:]] == number[order[:-1]])
-    one, other = order[shared], order[shared + 1]
-    return np.column_stack([one, other]) % len(triangles), edges[one, 0] == edges[other, 0]
+    return np.column_stack([order[shared], order[shared + 1]])
 
 
 def pieces(triangles: np.ndarray) -> np.ndarray:
