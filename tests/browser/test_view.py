@@ -336,3 +336,21 @@ def test_without_webgl_the_numbers_are_there(browser, run_folder):
     assert page.locator("#measures tbody tr").count() == 2 and page.locator(".u-over").count() == 2
     page.locator(".u-over").first.click()
     page.close()
+
+
+def test_pieces_are_displaced_from_where_they_were_placed(browser, tmp_path):
+    surface = replace(make_surface(), metadata={**make_surface().metadata, "pieces": 2})
+    with contextlib.closing(VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)) as series:
+        for at in range(3):
+            frame = make_frame_with_fields(surface, at)
+            moved = np.zeros_like(frame.displacement) + [5.0 + 0.5 * at, 0.0, 0.0]
+            series.write(replace(frame, displacement=moved))
+    write_page(tmp_path)
+    with open_page(browser, tmp_path) as page:
+        for label in ("displacement along x", "displacement"):
+            labels = page.locator("#field option").all_inner_texts()
+            page.locator("#field").select_option(label=next(x for x in labels if x.split(" (")[0] == label))
+            page.wait_for_selector(f"body[data-field='{label}']", state="attached")
+            assert [float(page.locator(f"#{end}").input_value()) for end in ("low", "high")] == pytest.approx(
+                [0.0, 1.0], abs=1e-3
+            )

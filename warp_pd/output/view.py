@@ -138,6 +138,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
         ],
         "loadDuration": None if turns else static,
         **({"along": "step"} if turns else {}),
+        **({"pieces": info.metadata["pieces"]} if "pieces" in info.metadata else {}),
         "leftOut": _left_out(info, sheet, shown),
         "reference": [arrays.add_series(reference[None, sheet.points, c]) for c in range(3)],
         "triangles": arrays.add_triangles(sheet.triangles),

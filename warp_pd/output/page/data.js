@@ -79,20 +79,30 @@ window.page = window.page || {};
   // A choice of colour as a function (frame, numbers) that fills in the numbers of that frame, and its extremes.
   async function scalar(choice) {
     const parts = await Promise.all(content.fields[choice.field].map(array));
-    if (choice.component !== -1) {
-      const part = parts[choice.component || 0];
+    const chosen = choice.component === -1 ? parts : [parts[choice.component || 0]];
+    const points = parts[0].points, rooms = chosen.map(() => new Float32Array(points));
+    // Pieces are displaced from where they were placed, which is where they are in the first frame.
+    const placed = choice.field === "displacement" && content.pieces;
+    const starts = chosen.map((part) => (placed ? part.read(0, new Float32Array(points)) : null));
+    if (choice.component !== -1 && !placed) {
+      const [part] = chosen;
       return { fill: (frame, into) => part.read(frame, into), low: part.low, high: part.high };
     }
-    const points = parts[0].points, rooms = parts.map(() => new Float32Array(points));
     const fill = (frame, into) => {
-      parts.forEach((part, c) => part.read(frame, rooms[c]));
-      for (let k = 0; k < points; k++) into[k] = Math.hypot(rooms[0][k], rooms[1][k], rooms[2][k]);
+      chosen.forEach((part, c) => part.read(frame, rooms[c]));
+      const value = (c, k) => rooms[c][k] - (placed ? starts[c][k] : 0);
+      for (let k = 0; k < points; k++) {
+        into[k] = choice.component === -1 ? Math.hypot(value(0, k), value(1, k), value(2, k)) : value(0, k);
+      }
       return into;
     };
-    let high = 0;
+    let [low, high] = choice.component === -1 ? [0, 0] : [Infinity, -Infinity];
     const into = new Float32Array(points);
-    for (let frame = 0; frame < content.frames.length; frame++) high = Math.max(high, extremes(fill(frame, into))[1]);
-    return { fill, low: 0, high };
+    for (let frame = 0; frame < content.frames.length; frame++) {
+      const found = extremes(fill(frame, into));
+      [low, high] = [Math.min(low, found[0]), Math.max(high, found[1])];
+    }
+    return { fill, low, high };
   }
 
   function extremes(numbers) {
