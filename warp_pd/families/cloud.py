@@ -7,9 +7,9 @@ import numpy as np
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
 from .horizon import Horizon
-from .rows import common_by_row, near_by_row
+from .rows import common_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
-from .visibility import cut_through, nothing_severed, severed
+from .visibility import cut_through, severed
 
 
 def cloud_families(sheet: Sheet, horizon: Horizon, function: InfluenceFunction, intersections: bool) -> Families:
@@ -102,18 +102,6 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: Horizon) -> tuple[
         Neighbours in ascending order (-1 for none) and reverse members, both (P, n); mask of points that lost bonds to
         a cut, (P,).
     """
-    if sheet.spacings is None and nothing_severed(sheet):
-        near, reverses = near_by_row(sheet.points[among], horizon.length * (1.0 + TOLERANCE))
-        if len(among) < sheet.size:
-            near = np.where(near >= 0, among.astype(np.int32)[near], -1)
-        return near, reverses, np.zeros(len(among), bool)
-    return _neighbours_of_pairs(sheet, among, horizon)
-
-
-def _neighbours_of_pairs(
-    sheet: Sheet, among: np.ndarray, horizon: Horizon
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `find_neighbours`, for varying horizons, or if some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 

@@ -11,39 +11,9 @@ import warp as wp
 from ..device.cores import available_cores, cores, load_kernel, start_warp
 from ..kernels.families import WORD
 from ..kernels.intersections import common_members, intersection_shapes
-from ..kernels.neighbours import near_points, reverse_members
 
 # Fewest rows that are worth a thread.
 ROWS = 4096
-# Most cells for each point: the points may fill little of the box around them.
-CELLS = 4.0
-
-
-def near_by_row(points: np.ndarray, distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbours within a distance [m], ascending (-1: none), and their reverse indices (0: none), int32, (N, n)."""
-    size, low = len(points), points.min(axis=0)
-    extent = np.maximum(np.ptp(points, axis=0), distance)
-    edge = max(distance, float(np.sqrt(extent.prod() / (CELLS * size))))
-    places = (points - low) / edge
-    cells = places.astype(np.int64)
-    columns, rows = (cells.max(axis=0) + 1).tolist()
-    cell = cells[:, 1] * columns + cells[:, 0]
-    starts = np.zeros(columns * rows + 1, np.int32)
-    np.cumsum(np.bincount(cell, minlength=columns * rows), out=starts[1:])
-    order = np.argsort(cell, kind="stable").astype(np.int32)
-    read = [
-        _on_host(places, wp.vec2d), _on_host(order, wp.int32), _on_host(starts, wp.int32), columns, rows,
-        (distance / edge) ** 2,
-    ]  # fmt: skip
-    sizes = np.empty(size, np.int32)
-    _run_on_host(near_points(True), size, read, [_on_host(sizes, wp.int32), None])
-    near = np.empty((size, int(sizes.max())), np.int32)
-    _run_on_host(near_points(False), size, read, [None, _on_host(near, wp.int32)])
-    reverses = np.empty_like(near)
-    _run_on_host(
-        reverse_members(), size, [_on_host(near, wp.int32), _on_host(sizes, wp.int32)], [_on_host(reverses, wp.int32)]
-    )
-    return near, reverses
 
 
 def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horizons: np.ndarray | None) -> np.ndarray:

@@ -18,12 +18,6 @@ ROUND_OFF, STRAIGHT = 1e-9, 1e-6
 BLOCK = 200_000
 
 
-def nothing_severed(sheet: Sheet) -> bool:
-    """Whether all points within the horizon of each other share a bond, so that no check is needed."""
-    parts = (sheet.barriers, sheet.bodies, sheet.frames, sheet.pieces)
-    return not sheet.cuts and all(part is None for part in parts)
-
-
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Mask, shape (B,), of nearby pairs of points, shape (B, 2), that share no bond.
 
