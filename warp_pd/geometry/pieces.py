@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Sh
         areas=np.concatenate([shape.areas for shape in shapes]),
         triangles=np.concatenate([shape.triangles + first[k] for k, shape in numbered]).astype(np.int32),
         spacing=max(shape.spacing for shape in shapes),
-        cuts=tuple(moved_cut(cut, lambda at, k=k: at + moves[k]) for k, shape in numbered for cut in shape.cuts),
+        cuts=tuple(moved_cut(cut, partial(np.add, moves[k])) for k, shape in numbered for cut in shape.cuts),
         inclusions=tuple(np.asarray(m + first[k], np.int32) for k, shape in numbered for m in shape.inclusions),
         spacings=None if alike else np.concatenate(spacings),
         frames=np.concatenate(frames) if frames else None,
