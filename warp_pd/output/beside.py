@@ -111,13 +111,13 @@ def _started(number: int) -> tuple[subprocess.Popen[bytes], list[Channel]]:
     """Start a process that loads Matplotlib once and then divides into `number`, and a channel to each."""
     pairs = [socket.socketpair() for _ in range(number)]
     theirs = [other.fileno() for _, other in pairs]
-    # Modules are found where this process finds them. Threads of OpenBLAS would not survive the division. A session of
+    # Modules are found where this process finds them. Threads of OpenBLAS would not survive the division. A group of
     # its own spares the processes the Ctrl-C of a terminal.
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     first = subprocess.Popen(
         [sys.executable, "-P", "-c", f"from {__name__} import serve; serve({theirs})"],
         env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=theirs, start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=theirs, process_group=0,
     )  # fmt: skip
     for _, other in pairs:
         other.close()
