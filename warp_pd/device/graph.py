@@ -21,6 +21,9 @@ from .launches import Call, Item, Launch, Stage
 
 # A launch that takes longer than this on one core of a CPU [s] is split over all; starting them takes a third of it.
 SPLIT_FROM = 1e-4
+# Time that a slice takes at least [s], and most slices for each core: a core that another program uses, too, such as
+# the one that writes files beside the run, then takes fewer of them.
+SLICE_SECONDS, SLICES_PER_CORE = 5e-4, 4
 # Number of runs, of which the shortest decides.
 TIMED_RUNS = 3
 
@@ -121,11 +124,17 @@ class CpuLaunch:
         if self._undecided:
             self._run_timed()
             return
-        first, *others = self.slices
-        started = [cores().submit(other) for other in others]
-        first()
+        if len(self.slices) == 1:
+            self.slices[0]()
+            return
+        # Threads take the next slice from one iterator until there is none.
+        waiting = iter(self.slices)
+        started = [cores().submit(_run_all, waiting) for _ in range(self._parts - 1)]
+        _run_all(waiting)
         for future in started:
-            future.result()
+            # A thread that has not begun has nothing left to do.
+            if not future.cancel():
+                future.result()
 
     def _run_timed(self) -> None:
         begin = time.perf_counter()
@@ -134,7 +143,8 @@ class CpuLaunch:
         self._undecided -= 1
         if not self._undecided and self._shortest > self._split_from:
             item = self.item
-            bounds = item.begin + np.linspace(0, item.threads, self._parts + 1).astype(int)
+            most = min(SLICES_PER_CORE * self._parts, int(self._shortest / SLICE_SECONDS), item.threads)
+            bounds = item.begin + np.linspace(0, item.threads, max(most, self._parts) + 1).astype(int)
             self.slices = [self._record(int(begin), int(end)) for begin, end in itertools.pairwise(bounds)]
 
     def _record(self, begin: int, end: int) -> Callable[[], None]:
@@ -145,6 +155,11 @@ class CpuLaunch:
             item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
         )
         return cast(Callable[[], None], command.launch)
+
+
+def _run_all(slices: Iterator[Callable[[], None]]) -> None:
+    for run in slices:
+        run()
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from ..device.checks import InputError
-from ..interfaces import History, Writer
-from ..interfaces.frame import Surface
+from ..interfaces import History
 from ..laws.point_fields import GROUPS
 from ..output.background import Background
+from ..output.beside import writers_beside
+from ..output.file_writers import FRAMES, file_writers
 from . import restart
 from .built import Built
 from .folder import FINE, read_history, require_room, write_history
 from .frame_points import FramePoints
 from .recorder import Recorder
 
-FRAMES = "frames.vtkhdf"
 # Points of a sheet, or of its frames, that the first process can hold: 200 bytes each.
 MOST_POINTS = 2**27
 # Bytes that a frame takes per point, in both formats, and those of history and summary.
@@ -102,10 +102,12 @@ def add_files(
     room = partial(_require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
-    writers = file_writers(
-        folder, recorder.points.surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from,
-        vtkhdf=chosen.vtkhdf, fields=fields,
+    make = partial(
+        file_writers, folder, recorder.points.surface, usd=chosen.usd, seconds_per_frame=equal,
+        append_from=append_from, vtkhdf=chosen.vtkhdf, fields=fields,
     )  # fmt: skip
+    # On a GPU the steps do not wait for Python.
+    writers = writers_beside(make) if recorder.built.context.device.is_cpu else make()
     files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
@@ -158,33 +160,3 @@ def _require_room(folder: Path, needed: int) -> None:
     """Check that the disk has room for `needed` bytes and for a copy of the current animation."""
     copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
     require_room(folder, needed + copied)
-
-
-def file_writers(
-    folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None,
-    vtkhdf: bool = True, fields: Collection[str] | None = None,
-) -> list[Writer]:  # fmt: skip
-    """Create the writers of the files in a folder; arguments as for `VtkHdfSeries` and `UsdAnimation`."""
-    writers: list[Writer] = []
-    if vtkhdf:
-        from ..output.vtkhdf import VtkHdfSeries
-
-        frames = folder / "frames.vtkhdf"
-        if append_from is not None and not frames.is_file():
-            raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
-        writers.append(VtkHdfSeries(frames, surface, append_from=append_from, fields=fields))
-        if surface.bodies or surface.ball_diameter is not None:
-            from ..output.body_frames import BodySeries
-
-            writers.append(BodySeries(folder / "bodies.vtkhdf", surface, append_from=append_from))
-    if usd:
-        from ..output.usd import UsdAnimation
-
-        path = folder / "animation.usd"
-        if append_from is not None and not path.is_file():
-            raise InputError(
-                f"resume from {str(folder)!r}: expected a folder that still has its {path.name}; "
-                f"or continue without it (usd = False, --no-usd)"
-            )
-        writers.append(UsdAnimation(path, surface, seconds_per_frame=seconds_per_frame, append_from=append_from))
-    return writers

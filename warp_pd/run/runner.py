@@ -20,6 +20,7 @@ from ..interfaces import History, Reporter, Writer
 from ..interfaces.frame import format_time
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
+from ..output.file_writers import FRAMES
 from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
@@ -32,7 +33,7 @@ from .result import Result
 from .scene import Scene, check_writers
 from .scene_context import partition_of
 from .summary import Seconds, summary_of
-from .view import LARGE, read_page_frames, write_page
+from .view import LARGE, write_page
 
 # Advice if the search stopped between no load and the full load.
 LIMIT_POINT = (
@@ -240,6 +241,8 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 
 def _finish(result: Result, folder: Path, files: Files) -> None:
     """Write the summary, draw the pictures, write the page."""
+    from ..output.view import page_frames
+
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
     summary = result.summary
     large = result.built.context.whole.size > LARGE
@@ -247,7 +250,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
         summary["notes"].append(
             f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
         )
-    frames = begun(read_page_frames, folder) if files.view and not large else None
+    frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError
+from ..output.file_writers import FRAMES
 from .folder import PAGE, read_history, run_summary, write_atomically
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 # A run writes its page itself for sheets of at most so many points.
 LARGE = 200_000
-FRAMES = "frames.vtkhdf"
 
 
 def page(
@@ -31,6 +31,7 @@ def page(
     or they lack a field.
     """
     from ..output.view import page as page_of
+    from ..output.view import page_frames
 
     folder = Path(folder)
     if not folder.exists():
@@ -42,14 +43,7 @@ def page(
         raise InputError(f"folder = {str(folder)!r}: it has no {path.name}; expected the folder of a run with frames")
     history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
     summary: dict[str, Any] = run_summary(folder) or {}
-    return page_of(path, summary, history, read_page_frames(folder, limits) if frames is None else frames(), shared)
-
-
-def read_page_frames(folder: Path, limits: Limits | None = None) -> PageFrames:
-    """What the page of a run holds of its frames."""
-    from ..output.view import page_frames
-
-    return page_frames(folder / FRAMES, limits)
+    return page_of(path, summary, history, page_frames(path, limits) if frames is None else frames(), shared)
 
 
 def write_page(

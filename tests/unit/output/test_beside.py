@@ -1,9 +1,12 @@
 """Pictures and pages that other processes prepare beside a run."""
 
+import contextlib
 import os
 import signal
+import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,37 +14,48 @@ import pytest
 
 from warp_pd import InputError
 from warp_pd.geometry.picture_files import Drawing, drawing
+from warp_pd.interfaces.frame import Frame, Surface
 from warp_pd.output import plots
-from warp_pd.output.beside import Processes, begun, number_beside, processes_beside, wait_for_pictures
+from warp_pd.output.beside import (
+    Processes,
+    begun,
+    number_beside,
+    processes_beside,
+    wait_for_pictures,
+    writers_beside,
+)
+from warp_pd.output.file_writers import file_writers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are divided on Linux only")
 
 HISTORY = [{"time": 0.1 * k, "kinetic": float(k**2)} for k in range(5)]
 
 
-@pytest.fixture
-def without_matplotlib(monkeypatch):
+@contextlib.contextmanager
+def without_matplotlib():
     """Where Matplotlib is loaded, pictures are drawn at once."""
-    monkeypatch.delitem(sys.modules, "matplotlib", raising=False)
-
-
-def test_a_picture_drawn_beside_is_the_same(tmp_path, without_matplotlib):
-    common = Drawing("scene", ("png", "svg"))
-    with drawing(common), processes_beside(2):
-        for name in ("a.png", "b.png", "c.png"):
-            plots.curves(tmp_path / name, HISTORY, ["kinetic"], "energy (J)")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(sys.modules, "matplotlib", raising=False)
+        yield
         assert "matplotlib" not in sys.modules
-        wait_for_pictures()
+
+
+def test_a_picture_drawn_beside_is_the_same(tmp_path):
+    common = Drawing("scene", ("png", "svg"))
     with drawing(common):
         plots.curves(tmp_path / "here.png", HISTORY, ["kinetic"], "energy (J)")
+        with without_matplotlib(), processes_beside(2):
+            for name in ("a.png", "b.png", "c.png"):
+                plots.curves(tmp_path / name, HISTORY, ["kinetic"], "energy (J)")
+            wait_for_pictures()
     here = (tmp_path / "here.png").read_bytes()
     assert all((tmp_path / name).read_bytes() == here for name in ("a.png", "b.png", "c.png"))
     assert (tmp_path / "a.svg").is_file()
 
 
-def test_an_error_of_a_picture_is_raised_once_the_others_are_drawn(tmp_path, without_matplotlib):
+def test_an_error_of_a_picture_is_raised_once_the_others_are_drawn(tmp_path):
     missing = tmp_path / "no_folder" / "a.png"
-    with processes_beside(2):
+    with without_matplotlib(), processes_beside(2):
         plots.curves(missing, HISTORY, ["kinetic"], "energy (J)")
         plots.curves(tmp_path / "b.png", HISTORY, ["kinetic"], "energy (J)")
         with pytest.raises(InputError, match=r"a\.png' cannot be written: No such file or directory"):
@@ -99,6 +113,94 @@ def test_small_sheets_get_no_processes():
     assert number_beside(100) == 0 and number_beside(10**6) <= 4
 
 
+def frame_writers(folder, fields):
+    if fields == "wrong":
+        raise InputError("fields = 'wrong'")
+    return file_writers(folder, SURFACE, usd=True, seconds_per_frame=0.1, append_from=None, fields=fields)
+
+
+SURFACE = Surface(np.eye(3), np.array([[0, 1, 2]]))
+
+
+def frames_written_by(writers):
+    for index in range(3):
+        displacement = 0.1 * index * np.ones((3, 3), np.float32)
+        for writer in writers:
+            writer.write(Frame(index, 0.1 * index, displacement, np.zeros((3, 3), np.float32)))
+    for writer in writers:
+        writer.save()
+        writer.close()
+
+
+def test_files_written_beside_are_the_same(tmp_path):
+    for name in ("here", "beside"):
+        (tmp_path / name).mkdir()
+    frames_written_by(frame_writers(tmp_path / "here", None))
+    with processes_beside(1):
+        writers = writers_beside(frame_writers, tmp_path / "beside", None)
+        assert [type(writer).__name__ for writer in writers] == ["FilesBeside"]
+        frames_written_by(writers)
+    names = sorted(path.name for path in (tmp_path / "here").iterdir())
+    assert names == sorted(path.name for path in (tmp_path / "beside").iterdir()) == ["animation.usd", "frames.vtkhdf"]
+    frames = ((tmp_path / name / "frames.vtkhdf").read_bytes() for name in ("here", "beside"))
+    assert len(set(frames)) == 1
+
+
+def test_errors_of_writers_come_back(tmp_path):
+    with processes_beside(1):
+        with pytest.raises(InputError, match="fields = 'wrong'"):
+            writers_beside(frame_writers, tmp_path, "wrong")
+        (writer,) = writers_beside(failing_writers)
+        with pytest.raises(OSError, match="disk full"):
+            writer.save()
+        writer.close()
+
+
+class Failing:
+    def save(self):
+        raise OSError("disk full")
+
+    def close(self):
+        pass
+
+
+def failing_writers():
+    return [Failing()]
+
+
+def test_a_writer_that_is_gone_is_an_error(tmp_path):
+    with processes_beside(1):
+        (writer,) = writers_beside(dying_writers)
+        with pytest.raises(OSError, match="the process that writes it is gone"):
+            writer.save()
+
+
+class Dying:
+    def save(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def dying_writers():
+    return [Dying()]
+
+
+def test_processes_die_with_the_one_that_started_them():
+    program = """
+import os, signal
+from warp_pd.output.beside import Processes
+print(Processes(1).begin(os.getpid)(), flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    stopped = time.monotonic() + 10.0
+    while (
+        Path(f"/proc/{done.stdout.strip()}/cmdline").exists()
+        and Path(f"/proc/{done.stdout.strip()}/cmdline").read_bytes()
+    ):
+        assert time.monotonic() < stopped
+        time.sleep(0.05)
+
+
 def test_a_run_of_the_command_draws_the_same_pictures(tmp_path, monkeypatch):
     from small_runs import cli
 
@@ -123,9 +225,10 @@ def test_a_run_of_the_command_draws_the_same_pictures(tmp_path, monkeypatch):
 
     here = run("here")
     monkeypatch.setattr(beside, "MANY_POINTS", 1)
-    monkeypatch.delitem(sys.modules, "matplotlib")
-    other = run("beside")
+    with without_matplotlib():
+        other = run("beside")
     pictures = sorted(path.name for path in here.glob("*.png"))
     assert pictures and pictures == sorted(path.name for path in other.glob("*.png"))
     assert all((here / name).read_bytes() == (other / name).read_bytes() for name in pictures)
+    assert (here / "frames.vtkhdf").read_bytes() == (other / "frames.vtkhdf").read_bytes()
     assert (other / "view.html").is_file()
