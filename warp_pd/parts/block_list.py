@@ -42,10 +42,10 @@ class BlockList:
         """An array with an entry for each block."""
         return self._context.array(f"{self._name}_{what}", self._owner, dtype, shape=self.blocks, per="block")
 
-    def add(self, stage: Stage, **when: Any) -> None:
+    def add(self, stage: Stage) -> None:
         """Add the launch that makes the list."""
         made = {"entries": self.entries, "counts": self.listed}
-        self.launch(stage, list_marked, LISTING, marks=self._marks, **made, **when)
+        self.launch(stage, list_marked, LISTING, marks=self._marks, **made)
 
     def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, /, **arguments: Any) -> None:
         """Add a launch of a kernel on all blocks."""

@@ -25,7 +25,7 @@ from .body_checks import passes
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
-from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, MeanForces
+from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, ForceColumns
 
 # Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
 SKIN = 1e-4
@@ -108,7 +108,7 @@ class RigidBody(Contact):
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
 
-class BuiltBody(BuiltContact):
+class BuiltBody(ForceColumns):
     """A body on a device.
 
     Attributes:
@@ -127,7 +127,7 @@ class BuiltBody(BuiltContact):
             resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
         self._rubs = part.friction > 0.0
-        self._forces = MeanForces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
+        self.set_forces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         self._surface: BodySurface | None = None
         if part.surface:
@@ -220,24 +220,16 @@ class BuiltBody(BuiltContact):
 
     def column_names(self) -> Sequence[str]:
         """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
-        return [*self._forces.sums, *self.motion.columns(), *self._losses()]
+        return [*super().column_names(), *self.motion.columns(), *self._losses()]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
-        row = self._forces.mean(totals, elapsed) | self.motion.columns()
+        row = super().columns(totals, elapsed) | self.motion.columns()
         return row | {name: totals[name] for name in self._losses()}
 
     def _losses(self) -> list[str]:
         lost = ["loss", "rubbed"] if self._rubs else ["loss"]
         return [f"{self.part.name}_{what}" for what in lost] if self.context.features.tracked else []
-
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force [N] and torque [N m] since the previous row."""
-        return self._forces.mean(totals, elapsed, before)
-
-    def column_units(self) -> Mapping[str, str]:
-        """Newton, and newton metre."""
-        return self._forces.units
 
     def end_frame(self) -> None:
         """Set the sums of a frame to zero."""

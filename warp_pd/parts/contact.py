@@ -68,31 +68,37 @@ class RigidBall(Contact):
         return BuiltBall(self, context)
 
 
-class MeanForces:
-    """Columns of the mean force on a body, from impulses on the points since the last frame.
+class ForceColumns(BuiltContact):
+    """Contact whose history has mean forces on a body (base class), from impulses since the last frame."""
 
-    Attributes:
-        sums: Name of the sum of impulses of each column.
-        units: Unit of each column.
-    """
+    # Sum of impulses and unit of each column.
+    _forces: Mapping[str, tuple[str, str]]
 
-    def __init__(self, *vectors: tuple[str, str, str]) -> None:
-        """Each vector: prefix of its columns, name of the array of impulses, unit."""
-        self.sums = {f"{column}_{c}": f"{impulse}_{c}" for column, impulse, _ in vectors for c in "xyz"}
-        self.units = {f"{column}_{c}": unit for column, _, unit in vectors for c in "xyz"}
+    def set_forces(self, *vectors: tuple[str, str, str]) -> None:
+        """Set the prefix of the columns, the name of the impulses and the unit of each force or torque."""
+        self._forces = {f"{name}_{c}": (f"{impulse}_{c}", unit) for name, impulse, unit in vectors for c in "xyz"}
 
-    def mean(
-        self, totals: Mapping[str, float], elapsed: float, before: Mapping[str, float] | None = None
-    ) -> dict[str, float]:
-        """Means over a time [s], from the sums at its end and, unless it began with a frame, at its beginning."""
-        earlier = before or {}
+    def column_names(self) -> Sequence[str]:
+        """Components of the forces."""
+        return list(self._forces)
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean forces since the last frame."""
+        return self.row_columns({}, totals, elapsed)
+
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean forces since the previous row."""
         return {
-            column: -(totals[name] - earlier.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
-            for column, name in self.sums.items()
+            column: -(totals[name] - before.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
+            for column, (name, _) in self._forces.items()
         }
 
+    def column_units(self) -> Mapping[str, str]:
+        """Units of the forces."""
+        return {column: unit for column, (_, unit) in self._forces.items()}
 
-class RigidContact(BuiltContact):
+
+class RigidContact(ForceColumns):
     """Contact with a rigid body that moves at constant velocity.
 
     Attributes:
@@ -122,7 +128,7 @@ class RigidContact(BuiltContact):
             velocity: Its velocity [m/s], shape (3,).
         """
         self.label, self.owner, self.context, self.shape = f"contact = {owner}", owner, context, shape
-        self._forces = MeanForces((self.column, "impulse", "N"))
+        self.set_forces((self.column, "impulse", "N"))
         types = context.types
         self._constants = types.parameters(*constants, *[0.0] * (4 - len(constants)))
         self._velocity = types.vec3(*velocity)
@@ -155,22 +161,6 @@ class RigidContact(BuiltContact):
     def sums(self) -> Mapping[str, Array]:
         """The impulse."""
         return {"impulse": self.impulse}
-
-    def column_names(self) -> Sequence[str]:
-        """Components of the force on the body."""
-        return list(self._forces.sums)
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force on the body since the last frame [N]."""
-        return self._forces.mean(totals, elapsed)
-
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force since the previous row [N]."""
-        return self._forces.mean(totals, elapsed, before)
-
-    def column_units(self) -> Mapping[str, str]:
-        """Newton."""
-        return self._forces.units
 
     def end_frame(self) -> None:
         """Reset the sums of a frame."""
