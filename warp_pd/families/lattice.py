@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 
 from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
-from ..geometry.triangulation import crosses, lattice_box
+from ..geometry.triangulation import crosses
 from .horizon import Horizon
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
@@ -99,21 +97,10 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
 def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First points and classes if the points `touched` lost members; those with equal losses share a class."""
     patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
-    number, wide = int(family_class.max()) + 1, len(patterns) + 1
-    found, of_touched = np.unique(
-        wide * family_class[touched].astype(np.int64) + 1 + which.ravel(), return_inverse=True
-    )
-    family_class[touched] = number + of_touched
-    codes = np.append(wide * np.arange(number), found)
-    left = np.flatnonzero(np.bincount(family_class, minlength=len(codes)))
-    left = left[np.argsort(codes[left])]
-    renumbered = np.zeros(len(codes), np.int32)
-    renumbered[left] = np.arange(len(left))
-    family_class = renumbered[family_class]
-    first = np.zeros(len(left), np.int64)
-    # Of several points of a class the last one assigned stays, which is the first of them.
-    first[family_class[::-1]] = np.arange(len(family_class))[::-1]
-    return first, family_class
+    code = family_class * np.int64(len(patterns) + 1)
+    code[touched] += 1 + which.ravel()
+    _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
+    return first, family_class.ravel().astype(np.int32)
 
 
 def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -122,12 +109,8 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
     if not sheet.cuts or lattice is None:
         return None
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
-    reach = float(np.linalg.norm(offsets, axis=1).max())
-    spacings = reach / min(lattice.dx, lattice.dy) + 1.0
-    boxes = [lattice_box(points[0], lattice, segment, spacings) for segment in sheet.cuts]
-    touched = functools.reduce(np.union1d, boxes)
-    reach *= 1.0 + 1e-6
-    touched = touched[distance_from_segments(points[touched], np.array(sheet.cuts), reach) <= reach]
+    reach = float(np.linalg.norm(offsets, axis=1).max()) * (1.0 + 1e-6)
+    touched = np.flatnonzero(distance_from_segments(points, np.array(sheet.cuts), reach) <= reach)
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:

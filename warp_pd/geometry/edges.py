@@ -41,10 +41,6 @@ def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:
     """Points within a quarter of a spacing of the sides of the bounding box; on a lattice exactly on the sides."""
-    lattice = shape.whole_lattice
-    if lattice is not None:
-        column, row = np.arange(lattice.columns), lattice.columns * np.arange(lattice.rows)
-        return {"left": row, "right": row + column[-1], "bottom": column, "top": column + row[-1]}
     tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)
     low, high = shape.points.min(axis=0), shape.points.max(axis=0)
     return {

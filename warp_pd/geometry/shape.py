@@ -61,9 +61,7 @@ class Shape:
     @property
     def extent(self) -> np.ndarray:
         """Size along each axis [m]."""
-        # The first and the last corner of a lattice.
-        corners = self.points if self.whole_lattice is None else self.points[[0, -1]]
-        return np.asarray(np.ptp(corners, axis=0))
+        return np.asarray(np.ptp(self.points, axis=0))
 
     @property
     def whole_lattice(self) -> Lattice | None:

@@ -107,16 +107,6 @@ def moved_cut(cut: Segment, move: Callable[[np.ndarray], np.ndarray]) -> Segment
     return (ax, ay), (bx, by)
 
 
-def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: float) -> np.ndarray:
-    """Points of a lattice, by index, in the box around a segment and `reach` spacings around it."""
-    step, number = np.array([lattice.dx, lattice.dy]), np.array([lattice.columns, lattice.rows])
-    ends = (np.array(segment) - corner) / step
-    low = np.clip(np.floor(ends.min(axis=0) - reach), 0, number).astype(np.int64)
-    high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, 0, number).astype(np.int64)
-    row, column = (np.arange(low[axis], high[axis]) for axis in (1, 0))
-    return np.asarray((lattice.columns * row[:, None] + column).ravel())
-
-
 def cell_triangles(whole: np.ndarray) -> np.ndarray:
     """Triangles of the complete cells of a lattice, given a mask of shape (rows - 1, columns - 1)."""
     rows, columns = whole.shape
