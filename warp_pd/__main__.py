@@ -5,6 +5,7 @@ Each command imports its dependencies when it runs, so that help texts appear wi
 
 from __future__ import annotations
 
+import atexit
 import gc
 import inspect
 import os
@@ -75,6 +76,8 @@ def _say(text: str) -> None:
 def main() -> None:
     """Peridynamics of thin rubber sheets: stretching, wrinkling, tearing and puncture."""
     gc.set_threshold(COLLECT_AFTER)
+    # What is left at the end needs no look: the system takes it back.
+    atexit.register(gc.freeze)
 
 
 def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:

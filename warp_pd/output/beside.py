@@ -203,12 +203,14 @@ def serve(ends: Sequence[int], parent: int) -> None:
     gc.set_threshold(COLLECT_AFTER)
     if _forked():
         _write_files(_only(ends[0], ends))
-        return
+        os._exit(0)
     _load_matplotlib()
     mine = next((end for end in ends[2:] if _forked()), ends[1])
     _call(_only(mine, ends))
     for _ in ends[1:] if mine == ends[1] else ():
         os.wait()
+    # At once: taking the interpreter down would let the run wait.
+    os._exit(0)
 
 
 def _forked() -> bool:
