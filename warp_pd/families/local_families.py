@@ -42,7 +42,7 @@ def local_rows(families: Families, partition: Partition) -> LocalRows:
     """The families of the points of a partition."""
     rows, empty, family_class = _kept_rows(families, partition)
     made = LocalRows(families, rows, empty)
-    by_row, local = families.neighbours is not None, _Local(families, partition)
+    by_row = families.neighbours is not None
 
     def row(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[rows]
@@ -52,8 +52,7 @@ def local_rows(families: Families, partition: Partition) -> LocalRows:
 
     neighbours, exists = None, made.table(families.exists)
     if families.neighbours is not None:
-        found = families.neighbours[rows]
-        neighbours = np.where(found >= 0, local.of(found), -1).astype(np.int32)
+        neighbours = _local(families.neighbours[rows], partition)
         neighbours[empty] = -1
     here = replace(
         families,
@@ -66,8 +65,8 @@ def local_rows(families: Families, partition: Partition) -> LocalRows:
         reverses=families.reverses[rows] if by_row else families.reverses,
         neighbours=neighbours,
         family_class=family_class,
-        centres=None if families.centres is None else local.of(families.centres[:, partition.points]),
-        first=None if families.first is None else np.maximum(local.of(families.first[rows]), 0),
+        centres=None if families.centres is None else _local(families.centres[:, partition.points], partition),
+        first=None if families.first is None else np.maximum(_local(families.first[rows], partition), 0),
         severed=row(families.severed),
         factors=row(families.factors),
         frames=point(families.frames),
@@ -94,21 +93,12 @@ def _kept_rows(families: Families, partition: Partition) -> tuple[np.ndarray, np
     return np.append(kept, emptied), np.arange(len(kept) + len(emptied)) >= len(kept), family_class
 
 
-class _Local:
-    """Map from indices in the whole sheet to local indices, -1 for points of other processes."""
-
-    def __init__(self, families: Families, partition: Partition) -> None:
-        self.partition, self._table = partition, None
-        if partition.owners is not None:
-            self._table = np.full(families.points, -1, np.int32)
-            self._table[partition.points] = np.arange(len(partition.points))
-
-    def of(self, points: np.ndarray) -> np.ndarray:
-        """Local indices of points, int32."""
-        if self._table is not None:
-            return np.asarray(self._table[points])
-        span = self.partition.span
-        return np.where((points >= span.start) & (points < span.stop), points - span.start, -1).astype(np.int32)
+def _local(points: np.ndarray, partition: Partition) -> np.ndarray:
+    """Local indices of points of the whole sheet, -1 for those of other processes, int32."""
+    found = np.full(points.size, -1, np.int32)
+    at, local = partition.here(points.ravel())
+    found[at] = local
+    return found.reshape(points.shape)
 
 
 def _whole(families: Families) -> WholeFamilies:
@@ -149,7 +139,4 @@ def local_cloud_families(
     neighbours, reverses = widened(neighbours, members, -1), widened(reverses, members, 0)
     made = point_rows(sheet, partition.points, neighbours, reverses, incomplete[place], checked, function, True)
     bonds = sum(gathered(int(sizes[partition.owned].sum())))
-    local = np.full(neighbours.shape, -1, np.int32)
-    there = neighbours >= 0
-    local[there] = partition.here(neighbours[there])[1]
-    return replace(made, neighbours=local, whole=WholeFamilies(bonds, 0, False))
+    return replace(made, neighbours=_local(neighbours, partition), whole=WholeFamilies(bonds, 0, False))

@@ -118,10 +118,7 @@ def _paths(sheet: Sheet, pairs: np.ndarray, limit: float) -> np.ndarray:
         block = slice(first, first + step)
         distance = dijkstra(graph, directed=False, indices=sources[block], limit=limit)
         rows = slice(begins[block][0], ends[block][-1])
-        found[order[rows]] = distance[_ranks(tails[rows]), heads[rows]]
+        # The tails ascend: their ranks are the rows of the table.
+        ranks = np.cumsum(np.append(0, np.diff(tails[rows]) != 0))
+        found[order[rows]] = distance[ranks, heads[rows]]
     return found
-
-
-def _ranks(ascending: np.ndarray) -> np.ndarray:
-    """Dense ranks of ascending values, from 0."""
-    return np.cumsum(np.append(0, np.diff(ascending) != 0))

@@ -94,6 +94,8 @@ def read_outline(
         InputError: if the file is missing or unreadable, the unit is missing, there is no closed path, paths are open
             or cross themselves or each other, there are several boundaries, or a hole contains an island.
     """
+    from svgelements import Matrix
+
     file = existing_file(path)
     tolerance = positive("tolerance", tolerance)
     if unit is None or (isinstance(unit, str) and unit not in (*METERS, "document")):
@@ -102,7 +104,8 @@ def read_outline(
     with library_reads(file):
         root = _parsed(file)
     scale = _document(where, root) if unit == "document" else meters(unit)
-    to_meters = np.diag([scale, -scale, 1.0]) @ _to_user_units(root)
+    # From the library's pixels to the user units of the viewBox, then to metres.
+    to_meters = np.diag([scale, -scale, 1.0]) @ np.linalg.inv(_array(Matrix(root.viewbox_transform)))
     curves = []
     for name, path_of, matrix in _paths(where, root, part):
         curves += _closed(where, name, path_of, to_meters @ matrix, tolerance)
@@ -139,13 +142,6 @@ def _document(where: str, root: Any) -> float:
     if not math.isclose(*scales, rel_tol=1e-4):
         raise InputError(f"unit = 'document': {said_size}: expected the ratio of the viewBox")
     return float(scales[0])
-
-
-def _to_user_units(root: Any) -> np.ndarray:
-    """Matrix from the library's pixels to the user units of the viewBox."""
-    from svgelements import Matrix
-
-    return np.linalg.inv(_array(Matrix(root.viewbox_transform)))
 
 
 def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.ndarray]]:

@@ -122,23 +122,18 @@ def extends(began: Identity, here: Identity) -> bool:
     return more > many and math.isclose(long / many, longer / more, rel_tol=1e-12)
 
 
-def numbers_of(recorder: Recorder, known: Identity) -> np.ndarray:
-    """The contents of a restart file other than arrays, as bytes."""
+def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
+    """Copies of the contents of a restart file: arrays, and all else as the bytes of a JSON text."""
+    built = recorder.built
+    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
     numbers = {
         "version": VERSION,
         "parts": known.parts,
         "settings": known.settings,
-        "solver": recorder.built.solver.host_state(),
+        "solver": built.solver.host_state(),
         **{name: getattr(recorder, name) for name in NUMBERS},
     }
-    return np.frombuffer(json.dumps(numbers).encode(), np.uint8)
-
-
-def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
-    """Copies of the contents of a restart file."""
-    built = recorder.built
-    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
-    return {**arrays, "numbers": numbers_of(recorder, known)}
+    return {**arrays, "numbers": np.frombuffer(json.dumps(numbers).encode(), np.uint8)}
 
 
 def save(path: Path, arrays: dict[str, Any]) -> None:

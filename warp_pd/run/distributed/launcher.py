@@ -14,8 +14,7 @@ from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
 from ...interfaces.communicator import LAUNCHER_REPORTS
-
-INTERRUPTED, LOST = 130, 4
+from ..processes import INTERRUPTED, LOST
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:
