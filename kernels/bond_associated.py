@@ -32,12 +32,10 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state, energy_of_families, gather_pairs
-from .effects import Kernel
+from .bond_state import bond_state
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .pointwise import Pointwise
 
 
 @dataclass(frozen=True)
@@ -300,28 +298,13 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     )
 
 
-@dataclass(frozen=True)
-class BondAssociatedKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        gather: Sums bond_force to the internal force [points], N.
-        strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
-            bonds.
-        partial_energy: Warp function of what every n-th member adds to this energy, so that several threads can share
-            a family, and to the sum of weights.
-    """
-
-    gather: Pointwise
-    strain_energy: Kernel
-    earlier_energy: wp.Function
-    partial_energy: wp.Function
-
-
 @functools.cache
-def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
-    """Kernels of the law that do not depend on its force path; `material` is a factory of (stress, energy)."""
+def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[wp.Function, wp.Function]:
+    """Warp functions `earlier_energy`, as for `energy_of_families`, and `partial_energy`.
+
+    The latter is what every n-th member adds to the energy of a family, so that several threads can share one, and to
+    its sum of weights. `material` is a factory of (stress, energy).
+    """
     types = layout.types
     real, vec3 = types.real, types.vec3
     f, law = family_functions(layout), family_mechanics(layout, form)
@@ -372,9 +355,4 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         )
         return stored * law.family_scale(family, i, law.is_undamaged(family, intact, i), total)
 
-    return BondAssociatedKernels(
-        gather=gather_pairs(layout),
-        strain_energy=energy_of_families(layout, earlier_energy),
-        earlier_energy=earlier_energy,
-        partial_energy=partial_energy,
-    )
+    return earlier_energy, partial_energy

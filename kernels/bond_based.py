@@ -21,7 +21,7 @@ from typing import Any
 
 import warp as wp
 
-from .bond_state import bond_state, energy_of_families, sums_of_bonds
+from .bond_state import bond_state, sums_of_bonds
 from .effects import Kernel, kernel
 from .factories import PairwiseFactory
 from .families import Layout, family_functions
@@ -36,16 +36,13 @@ class BondBasedKernels:
 
     Attributes:
         pair_force: Internal force [points], N.
-        strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
-            bonds.
+        earlier_energy: Warp function of the energy of a family, as for `energy_of_families`.
         principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
         wrinkle_level: Fraction of compressed bonds [points].
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
     """
 
     pair_force: Kernel
-    strain_energy: Kernel
     earlier_energy: wp.Function
     principal_stress: Kernel
     wrinkle_level: Kernel
@@ -245,8 +242,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
     pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
-    strain_energy = energy_of_families(layout, earlier_energy)
-    return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
+    return BondBasedKernels(pair_force, earlier_energy, principal_stress, wrinkle_level, row_sums)
 
 
 @functools.cache

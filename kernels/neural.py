@@ -31,13 +31,11 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .bond_state import gather_pairs
 from .effects import Kernel, kernel
 from .factories import PairFactory
 from .families import Layout, family_functions
 from .neural_functions import closed_form, neural_functions
 from .neural_network import Layers, network_function
-from .pointwise import Pointwise
 
 
 @dataclass(frozen=True)
@@ -50,14 +48,12 @@ class NeuralKernels:
             exists, and frame [points] with R; None unless Torch evaluates the network.
         spread: Turns pairs [members x points] of T into bond_force [members, points], N; None unless Torch evaluates
             the network.
-        gather: Sums bond_force to the internal force [points], N.
         outside: Counts the bonds of each point whose state lies outside a range of principal stretches.
     """
 
     direct: Kernel | None
     features: Kernel | None
     spread: Kernel | None
-    gather: Pointwise
     outside: Kernel | None
 
 
@@ -212,6 +208,5 @@ def neural(
         direct=None if torch else closed_form_force,
         features=features if torch else None,
         spread=spread if torch else None,
-        gather=gather_pairs(layout),
         outside=outside if counted else None,
     )

@@ -19,12 +19,11 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state, energy_of_families, gather_pairs
+from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .pointwise import Pointwise
 
 
 @dataclass(frozen=True)
@@ -41,24 +40,6 @@ class PointFamily:
     is_intact: wp.Function
     gradient: wp.Function
     green: wp.Function
-
-
-@dataclass(frozen=True)
-class NodalKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        family_force: Fills bond_force [members, points], N.
-        gather: Sums bond_force to the internal force [points], N.
-        strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family at an earlier time, for the energy released by breaking
-            bonds.
-    """
-
-    family_force: Kernel
-    gather: Pointwise
-    strain_energy: Kernel
-    earlier_energy: wp.Function
 
 
 @functools.cache
@@ -114,8 +95,11 @@ def point_family(layout: Layout) -> PointFamily:
 
 
 @functools.cache
-def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
-    """Kernels of the nodal law; `material` is a factory of (stress, energy)."""
+def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
+    """Kernel that fills bond_force [members, points], N; Warp function of the energy, as for `energy_of_families`.
+
+    `material` is a factory of (stress, energy).
+    """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
@@ -177,5 +161,4 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
                 force = c * (xi[0] * A1 + xi[1] * A2)
             bond_force[k, i] = force
 
-    strain_energy = energy_of_families(layout, family_energy)
-    return NodalKernels(family_force, gather_pairs(layout), strain_energy, family_energy)
+    return family_force, family_energy

@@ -19,10 +19,8 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bond_based import bond_functions
-from .bond_state import energy_of_families, gather_pairs
 from .effects import Kernel, kernel
 from .families import Layout, family_functions
-from .pointwise import Pointwise
 from .visco import relaxation_factors
 
 
@@ -32,16 +30,12 @@ class ViscoBondKernels:
 
     Attributes:
         half_forces: Fills bond_force [members, points] with the forces of each family on its bonds, N.
-        gather: Sums bond_force to the internal force [points], N.
         update: Updates strain and viscous stretch after a step.
-        strain_energy: Energy of each family without Prony terms [points], J.
-        earlier_energy: Warp function of that energy at an earlier time.
+        earlier_energy: Warp function of the energy of a family without Prony terms, as for `energy_of_families`.
     """
 
     half_forces: Kernel
-    gather: Pointwise
     update: Kernel
-    strain_energy: Kernel
     earlier_energy: wp.Function
 
 
@@ -163,10 +157,4 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         J = excess(family, intact, displacement, velocity, back, inverse_horizon, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 
-    return ViscoBondKernels(
-        half_forces=half_forces,
-        gather=gather_pairs(layout),
-        update=update,
-        strain_energy=energy_of_families(layout, earlier_energy),
-        earlier_energy=earlier_energy,
-    )
+    return ViscoBondKernels(half_forces, update, earlier_energy)

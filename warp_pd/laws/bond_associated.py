@@ -16,7 +16,7 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.bond_associated import bond_associated
+from ..kernels.bond_associated import family_energies
 from ..kernels.factories import FunctionFactory
 from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
@@ -141,8 +141,7 @@ class BondAssociatedForce(FamilyLaw):
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
         self.key: Key = (self.layout, law.material.functions, law.form)
-        self.kernels = bond_associated(*self.key)
-        self.earlier_energy, self.partial_energy = self.kernels.earlier_energy, self.kernels.partial_energy
+        self.earlier_energy, self.partial_energy = family_energies(*self.key)
         self.path = force_path(self, inverse, weights)
 
     def _put_values(self, values: Any) -> None:

@@ -14,7 +14,6 @@ from ..families import Families
 from ..interfaces import Solve
 from ..interfaces.context import Context
 from ..kernels.bond_associated_tangent import bond_associated_tangent
-from ..kernels.bond_state import gather_pairs
 from ..kernels.tangent_matrix import tangent_matrix
 from ..materials import capabilities
 from .sparse import factorised
@@ -59,7 +58,6 @@ class BondAssociatedTangent:
                 f"or use the solver Relaxation"
             )
         self.kernels = bond_associated_tangent(force.layout, response, context.features.held)
-        self.gather = gather_pairs(force.layout, softens=False)
         self.matrix: TangentMatrix | None = None
         self._assembly: tuple[Stage, Array] | None = None
 
@@ -97,7 +95,7 @@ class BondAssociatedTangent:
             moduli=self.moduli, inverse_horizon=force.inverse_horizon, unit_force=force.unit_force,
             bond_force=force.pairs,
         )  # fmt: skip
-        force.add_gather(stage, self.gather, force.pairs, change)
+        force.add_gather(stage, force.pairs, change, softens=False)
 
     def is_slack(self) -> bool:
         """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""

@@ -20,7 +20,6 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bond_based import bond_based, pull_of_bond
 from ..kernels.bonds_once import BondsOnce, bonds_once
-from ..kernels.effects import Kernel
 from ..kernels.rupture import NEARLY
 from ..materials import PairwiseMaterial, capabilities, check_material
 from .bond_based_tangent import BondBasedTangent
@@ -174,10 +173,6 @@ class BondBasedForce(FamilyLaw):
     def force_path(self) -> str:
         """Description of the force path: bonds computed once, or from both ends."""
         return "reference" if self.once is None else "each bond once"
-
-    def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family."""
-        return self.kernels.strain_energy
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""

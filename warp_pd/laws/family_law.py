@@ -18,9 +18,9 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.bond_state import energy_of_families, gather_pairs
 from ..kernels.damage_field import soften
 from ..kernels.effects import Kernel
-from ..kernels.pointwise import Pointwise
 from ..materials import Material, capabilities, padded_constants
 from .family_struct import family_struct
 from .point_fields import ShownFields, grouped, offered, refuse_other
@@ -201,11 +201,14 @@ class FamilyLaw(BuiltLaw):
         given = {"constants": self.constants, **self.family_arguments(displacement), **more}
         stage.launch(self.owner, kernel, self.points, **given)
 
-    def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
-        """Add the pointwise stage that sums the pairs of each point [N], (members, N), to its force [N]."""
+    def add_gather(self, stage: Stage, bond_force: Array, force: Array, softens: bool = True) -> None:
+        """Add the pointwise stage that sums the pairs of each point [N], (members, N), to its force [N].
+
+        `softens`: the damage of points reduces the force of their families here.
+        """
         stage.pointwise(
-            self.owner, gather, self.points, family=self.struct, intact=self.intact, bond_force=bond_force,
-            damage=self.damage, force=force,
+            self.owner, gather_pairs(self.context.layout, softens), self.points, family=self.struct,
+            intact=self.intact, bond_force=bond_force, damage=self.damage, force=force,
         )  # fmt: skip
 
     def soften(self, damage: Array) -> None:
@@ -225,13 +228,9 @@ class FamilyLaw(BuiltLaw):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        self.add_launch(stage, self.energy_kernel(), displacement, unit_volume=self.unit_volume, out=out)
-
-    def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family, for laws with an energy."""
-        raise NotImplementedError(
-            f"{self.owner}.energy_kernel: expected an implementation, because the law has an energy"
-        )
+        assert self.earlier_energy is not None
+        kernel, constants = energy_of_families(self.context.layout, self.earlier_energy), self.energy_constants
+        self.add_launch(stage, kernel, displacement, constants=constants, unit_volume=self.unit_volume, out=out)
 
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3. Raises InputError if the law does not store it."""

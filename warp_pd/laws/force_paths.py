@@ -20,6 +20,7 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Span, Stage
 from ..interfaces.context import Context
+from ..kernels.bond_state import energy_of_families
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -132,7 +133,7 @@ class Reference:
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches that fill the pairs and sum them."""
         self.add_pairs(stage, displacement, NOT_VISCOUS)
-        self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
+        self.law.add_gather(stage, self.law.pairs, force)
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
@@ -146,7 +147,9 @@ class Reference:
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family."""
         law = self.law
-        law.add_launch(stage, law.kernels.strain_energy, displacement, unit_volume=law.unit_volume, out=energies)
+        assert law.earlier_energy is not None
+        kernel = energy_of_families(law.layout, law.earlier_energy)
+        law.add_launch(stage, kernel, displacement, unit_volume=law.unit_volume, out=energies)
 
 
 class RowSums:
@@ -180,7 +183,7 @@ class RowSums:
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches that fill the pairs and sum them."""
         self.add_pairs(stage, displacement, NOT_VISCOUS)
-        self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
+        self.law.add_gather(stage, self.law.pairs, force)
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""

@@ -13,7 +13,6 @@ from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
 from ..interfaces.context import Context
-from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density
 from .family_law import FamilyLaw, require_one_material, whole_sheet
@@ -81,14 +80,12 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context, law.weights)
         self.material = self.shown_stress = law.material
-        self.kernels = nodal(context.layout, law.material.functions)
-        self.earlier_energy = self.kernels.earlier_energy
+        self._force, self.earlier_energy = nodal(context.layout, law.material.functions)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        kernel = self.kernels.family_force
-        self.add_launch(stage, kernel, displacement, unit_force=self.unit_force, bond_force=self.pairs)
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+        self.add_launch(stage, self._force, displacement, unit_force=self.unit_force, bond_force=self.pairs)
+        self.add_gather(stage, self.pairs, out)
 
     def soften(self, damage: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,)."""
@@ -101,7 +98,3 @@ class NodalForce(PointLaw):
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material [J/m^3], in pure shear by default."""
         return energy_density(self.material, stretch, across, self.context.device)
-
-    def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family."""
-        return self.kernels.strain_energy

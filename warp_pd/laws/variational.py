@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+import warp as wp
+
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
 from ..interfaces.context import Context
-from ..kernels.bond_associated import BondAssociatedKernels
 from ..kernels.effects import Kernel
 from ..kernels.factories import PairFactory
 from ..kernels.families import Layout
-from ..kernels.pointwise import Pointwise
 from ..materials import Material
 
 # Layout, functions of the material, form.
@@ -27,7 +27,7 @@ class BondAssociatedLaw(Protocol):
     weights: str
     layout: Layout
     key: Key
-    kernels: BondAssociatedKernels
+    earlier_energy: wp.Function | None
     context: Context
     families: Families
     struct: Any
@@ -70,6 +70,6 @@ class BondAssociatedLaw(Protocol):
         """Add a launch on all points, with the arguments common to all kernels of the law."""
         ...
 
-    def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
+    def add_gather(self, stage: Stage, bond_force: Array, force: Array, softens: bool = True) -> None:
         """Add the pointwise stage that sums the pairs of each point [N] to its force [N]."""
         ...

@@ -15,7 +15,6 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.bond_state import energy_of_families
 from ..kernels.factories import FunctionFactory
 from ..kernels.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
 from ..kernels.visco import prony_response, visco_energy
@@ -142,7 +141,7 @@ class ViscousForce(ElasticVisco):
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         if self._advanced is not stage:
             self.add_pairs(stage, displacement, self._no_time, self.terms)
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+        self.add_gather(stage, self.pairs, out)
 
     def lost_energy(self) -> Mapping[str, Array]:
         """Viscous losses."""
@@ -213,8 +212,7 @@ class BranchedForce(ViscousForce):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        kernel, constants = energy_of_families(self.layout, self.earlier_energy), self.energy_constants
-        self.add_launch(stage, kernel, displacement, constants=constants, unit_volume=self.unit_volume, out=out)
+        FamilyLaw.add_energy(self, stage, displacement, out)
 
     def field_names(self) -> tuple[str, ...]:
         """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""

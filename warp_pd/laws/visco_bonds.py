@@ -15,7 +15,6 @@ from ..families import Families, build_families
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.effects import Kernel
 from ..kernels.visco_bonds import visco_bonds
 from ..materials import Prony, Yeoh
 from .family_law import FamilyLaw, require_one_material, whole_sheet
@@ -119,11 +118,7 @@ class ViscoBondBasedForce(FamilyLaw):
             strain=self.internal.get("strain"), viscous_stretch=self.internal.get("viscous_stretch"),
             bond_force=self.pairs,
         )  # fmt: skip
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
-
-    def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family, without Prony terms."""
-        return self.kernels.strain_energy
+        self.add_gather(stage, self.pairs, out)
 
 
 def _bond_weights(families: Families) -> np.ndarray:

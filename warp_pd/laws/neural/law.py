@@ -175,7 +175,7 @@ class NeuralForce(PointLaw):
                 self.owner, kernels.spread, self.points, **self.family_arguments(displacement), frame=self._frame,
                 pairs=self._results, unit_force=unit_force, points=self.points, bond_force=self.pairs,
             )  # fmt: skip
-        self.add_gather(stage, kernels.gather, self.pairs, out)
+        self.add_gather(stage, self.pairs, out)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at frames including the count of bonds outside the training range."""
