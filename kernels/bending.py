@@ -20,7 +20,7 @@ is no slope. The energy that this takes is summed over each step as kernels/rupt
 """
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
@@ -36,8 +36,51 @@ NORMAL, COUPLES, PULLS, ROWS = 0, 3, 9, 15
 
 
 @dataclass(frozen=True)
+class Components:
+    """Warp functions for arrays (rows, N) with a row for each component of a vector or a 3 x 2 matrix.
+
+    A component of all points lies together: a row of threads then reads whole lines of memory.
+
+    Attributes:
+        matrix_at: (values, i) -> matrix i, whose components are rows 0 to 5.
+        put_matrix: (values, i, matrix) stores it.
+        vector_at: (values, row, i) -> vector i, whose components begin at a row.
+        put_vector: (values, row, i, vector) stores it.
+    """
+
+    matrix_at: wp.Function
+    put_matrix: wp.Function
+    vector_at: wp.Function
+    put_vector: wp.Function
+
+
+@dataclass(frozen=True)
+class TriangleFunctions:
+    """Warp functions of a triangle t.
+
+    Attributes:
+        plane: (plate, t, corner) -> its sides in the plane of a corner.
+        corners_of: (plate, t) -> its points.
+        vectors: (first, second, d0, d1, d2) -> the six vectors g and r, from its sides and what the slopes of its
+            corners make of them.
+        moments_of: (plate, t, strains) -> derivatives of its energy by the six strains.
+        changed: (plate, t, displacement, slope) -> what a displacement adds to its sides and vectors.
+        bent_by: (plate, t, first, second, vectors) -> its state, from what a displacement adds to these.
+        bent: (plate, t, displacement, slope) -> its state.
+    """
+
+    plane: wp.Function
+    corners_of: wp.Function
+    vectors: wp.Function
+    moments_of: wp.Function
+    changed: wp.Function
+    bent_by: wp.Function
+    bent: wp.Function
+
+
+@dataclass(frozen=True)
 class BendingKernels:
-    """Kernels of one precision.
+    """Kernels of one configuration.
 
     Attributes:
         Plate: Warp struct of the tables.
@@ -67,23 +110,10 @@ class BendingKernels:
 
 
 @functools.cache
-def bending(
-    bits: int, curved: bool, breakable: bool = False, softened: bool = False, tracked: bool = False
-) -> BendingKernels:
-    """Kernels of bending.
-
-    Args:
-        bits: 32 or 64.
-        curved: Whether the sheet has a curvature free of stress, and a plane of its own at each point.
-        breakable: Whether bonds can break.
-        softened: Whether there is a damage field.
-        tracked: Whether to sum the energy lost to damage.
-    """
+def plate_tables(bits: int) -> Any:
+    """Warp struct of the tables of points and triangles."""
     types = numeric(bits)
-    real, vec3, vec2, mat22, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat22, types.mat32, types.vec6
-    mat63 = wp.types.matrix((6, 3), real)
-    half, two = wp.constant(real(0.5)), wp.constant(real(2.0))
-    stiffening = wp.constant(real(STIFFENING))
+    real, vec3, vec2, mat22 = types.real, types.vec3, types.vec2, types.mat22
 
     @wp.struct
     class Plate:
@@ -111,20 +141,16 @@ def bending(
         spans: wp.array2d(dtype=wp.uint32)  # bits of these bonds, (steps x words, kinds)
         left: wp.array(dtype=real)  # of the stiffness of a triangle
 
-    @wp.struct
-    class Bent:
-        first: vec3  # sides
-        second: vec3
-        normal: vec3
-        over: real  # 1 over twice the area
-        vectors: mat63
-        strain: vec6
-        moment: vec6
+    return Plate
 
-    point_of, real_of, vec2_of = entry_of(vec3, 1), entry_of(real, 2), entry_of(vec2, 2)
-    step_of, sides_of, put_real = entry_of(wp.int32, 2), entry_of(mat22, 2), put_entry(real, 2)
 
-    # A component of all points together: a row of threads then reads whole lines of memory.
+@functools.cache
+def components(bits: int) -> Components:
+    """Functions of a precision."""
+    types = numeric(bits)
+    real, vec3, mat32 = types.real, types.vec3, types.mat32
+    real_of, put_real = entry_of(real, 2), put_entry(real, 2)
+
     @wp.func
     def matrix_at(values: wp.array2d(dtype=real), i: int):
         n = values.shape[1]
@@ -151,10 +177,29 @@ def bending(
         for c in range(3):
             put_real(values, (row + c) * values.shape[1] + i, value[c])
 
-    @wp.func
-    def couple_at(values: wp.array2d(dtype=real), corner: int, i: int):
-        at = (COUPLES + 2 * corner) * values.shape[1] + i
-        return vec2(real_of(values, at), real_of(values, at + values.shape[1]))
+    return Components(matrix_at, put_matrix, vector_at, put_vector)
+
+
+@functools.cache
+def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunctions:
+    """Functions of triangles; arguments as for `bending`."""
+    types = numeric(bits)
+    real, vec3, mat22, mat32, vec6 = types.real, types.vec3, types.mat22, types.mat32, types.vec6
+    mat63 = wp.types.matrix((6, 3), real)
+    half, two = wp.constant(real(0.5)), wp.constant(real(2.0))
+    stiffening = wp.constant(real(STIFFENING))
+    Plate, matrix_at = plate_tables(bits), components(bits).matrix_at
+    point_of, sides_of = entry_of(vec3, 1), entry_of(mat22, 2)
+
+    @wp.struct
+    class Bent:
+        first: vec3  # sides
+        second: vec3
+        normal: vec3
+        over: real  # 1 over twice the area
+        vectors: mat63
+        strain: vec6
+        moment: vec6
 
     @wp.func
     def plane(plate: Plate, t: int, corner: int):
@@ -162,17 +207,6 @@ def bending(
             return sides_of(plate.sides, corner * plate.sides.shape[1] + plate.face_kind[t])
         else:
             return sides_of(plate.sides, plate.face_kind[t])
-
-    @wp.func
-    def put_couples(plate: Plate, t: int, normal: vec3, q0: vec2, q1: vec2, q2: vec2, values: wp.array2d(dtype=real)):
-        """Store a normal, and the couples in the planes of the corners."""
-        put_vector(values, NORMAL, t, normal)
-        c0, c1, c2 = plane(plate, t, 0) * q0, plane(plate, t, 1) * q1, plane(plate, t, 2) * q2
-        n = values.shape[1]
-        for c in range(2):
-            put_real(values, (COUPLES + c) * n + t, c0[c])
-            put_real(values, (COUPLES + 2 + c) * n + t, c1[c])
-            put_real(values, (COUPLES + 4 + c) * n + t, c2[c])
 
     @wp.func
     def stiffness_of(plate: Plate, t: int):
@@ -197,7 +231,6 @@ def bending(
 
     @wp.func
     def moments_of(plate: Plate, t: int, k: vec6):
-        """Derivative of the energy by the six strains."""
         s = plane(plate, t, 0)
         aa = s[0, 0] * s[0, 0] + s[1, 0] * s[1, 0]
         bb = s[0, 1] * s[0, 1] + s[1, 1] * s[1, 1]
@@ -226,7 +259,6 @@ def bending(
 
     @wp.func
     def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
-        """What a displacement adds to the sides and to the six vectors."""
         c = corners_of(plate, t)
         origin = point_of(displacement, c[0])
         first, second = point_of(displacement, c[1]) - origin, point_of(displacement, c[2]) - origin
@@ -239,7 +271,6 @@ def bending(
 
     @wp.func
     def bent_by(plate: Plate, t: int, first: vec3, second: vec3, given: mat63):
-        """The state of a triangle from what a displacement adds to its sides and vectors."""
         b = Bent()
         found = given
         if wp.static(curved):
@@ -271,14 +302,49 @@ def bending(
         first, second, found = changed(plate, t, displacement, slope)
         return bent_by(plate, t, first, second, found)
 
+    return TriangleFunctions(plane, corners_of, vectors, moments_of, changed, bent_by, bent)
+
+
+@functools.cache
+def bending(
+    bits: int, curved: bool, breakable: bool = False, softened: bool = False, tracked: bool = False
+) -> BendingKernels:
+    """Kernels of bending.
+
+    Args:
+        bits: 32 or 64.
+        curved: Whether the sheet has a curvature free of stress, and a plane of its own at each point.
+        breakable: Whether bonds can break.
+        softened: Whether there is a damage field.
+        tracked: Whether to sum the energy lost to damage.
+    """
+    types = numeric(bits)
+    real, vec3, vec2, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat32, types.vec6
+    half = wp.constant(real(0.5))
+    Plate, of, at_rows = plate_tables(bits), triangle_functions(bits, curved, breakable), components(bits)
+    plane, moments_of, changed, bent = of.plane, of.moments_of, of.changed, of.bent
+    matrix_at, put_matrix = at_rows.matrix_at, at_rows.put_matrix
+    vector_at, put_vector = at_rows.vector_at, at_rows.put_vector
+    point_of, vec2_of, step_of = entry_of(vec3, 1), entry_of(vec2, 2), entry_of(wp.int32, 2)
+    real_of, put_real = entry_of(real, 2), put_entry(real, 2)
+
     @wp.func
-    def couples_of(m: vec6):
-        """Derivatives by the slopes along both sides of corners 0, 1 and 2, over the normal."""
-        return (
-            vec2(-m[0] - half * (m[2] + m[3]), -m[1] - half * (m[2] + m[4])),
-            vec2(m[0] + half * (m[5] - m[3]), half * (m[2] - m[5])),
-            vec2(half * (m[2] + m[5]), m[1] - half * (m[4] + m[5])),
-        )
+    def couple_at(values: wp.array2d(dtype=real), corner: int, i: int):
+        at = (COUPLES + 2 * corner) * values.shape[1] + i
+        return vec2(real_of(values, at), real_of(values, at + values.shape[1]))
+
+    @wp.func
+    def put_couples(plate: Plate, t: int, normal: vec3, m: vec6, values: wp.array2d(dtype=real)):
+        """Store a normal, and the derivatives of the energy by the slopes of the corners, over the normal."""
+        put_vector(values, NORMAL, t, normal)
+        c0 = plane(plate, t, 0) * vec2(-m[0] - half * (m[2] + m[3]), -m[1] - half * (m[2] + m[4]))
+        c1 = plane(plate, t, 1) * vec2(m[0] + half * (m[5] - m[3]), half * (m[2] - m[5]))
+        c2 = plane(plate, t, 2) * vec2(half * (m[2] + m[5]), m[1] - half * (m[4] + m[5]))
+        n = values.shape[1]
+        for c in range(2):
+            put_real(values, (COUPLES + c) * n + t, c0[c])
+            put_real(values, (COUPLES + 2 + c) * n + t, c1[c])
+            put_real(values, (COUPLES + 4 + c) * n + t, c2[c])
 
     @kernel()
     def keep(displacement: wp.array(dtype=vec3), first: int, kept: wp.array(dtype=vec3)):
@@ -309,8 +375,7 @@ def bending(
         m = b.moment
         along = wp.transpose(b.vectors) * m
         turn = (along - b.normal * wp.dot(b.normal, along)) * b.over
-        q0, q1, q2 = couples_of(m)
-        put_couples(plate, t, b.normal, q0, q1, q2, pulls)
+        put_couples(plate, t, b.normal, m, pulls)
         put_vector(pulls, PULLS, t, b.normal * (m[3] - m[5]) + wp.cross(b.second, turn))
         put_vector(pulls, PULLS + 3, t, b.normal * (m[4] + m[5]) + wp.cross(turn, b.first))
 
@@ -339,10 +404,8 @@ def bending(
         d_turn = (
             d_along - n * (wp.dot(n, d_along) + wp.dot(d_n, along)) - d_n * wp.dot(n, along) - turn * d_length
         ) * over
-        q0, q1, q2 = couples_of(m)
-        put_couples(plate, t, n, q0, q1, q2, pulls)
-        q0, q1, q2 = couples_of(d_m)
-        put_couples(plate, t, d_n, q0, q1, q2, changes)
+        put_couples(plate, t, n, m, pulls)
+        put_couples(plate, t, d_n, d_m, changes)
         first_pull = d_n * (m[3] - m[5]) + n * (d_m[3] - d_m[5]) + wp.cross(d_second, turn) + wp.cross(b.second, d_turn)
         second_pull = d_n * (m[4] + m[5]) + n * (d_m[4] + d_m[5]) + wp.cross(d_turn, b.first) + wp.cross(turn, d_first)
         put_vector(changes, PULLS, t, first_pull)
@@ -409,11 +472,21 @@ def bending(
             total += wp.float64(wp.dot(b.strain, b.moment))
         out[i] = total / wp.float64(6.0)
 
-    found = BendingKernels(
-        Plate, keep, slopes, moments, moments_change, declare_gather(False), declare_gather(True), spread, energy
-    )
-    if not breakable:
-        return found
+    weaken, share_lost = damage_of_bending(bits, curved, softened, tracked) if breakable else (None, None)
+    return BendingKernels(
+        Plate, keep, slopes, moments, moments_change, declare_gather(False), declare_gather(True), spread, energy,
+        weaken, share_lost,
+    )  # fmt: skip
+
+
+@functools.cache
+def damage_of_bending(bits: int, curved: bool, softened: bool, tracked: bool) -> tuple[Kernel, Kernel | None]:
+    """Kernels `weaken` and, if `tracked`, `share_lost`; arguments as for `bending`."""
+    types = numeric(bits)
+    real, vec3, mat32 = types.real, types.vec3, types.mat32
+    half = wp.constant(real(0.5))
+    Plate, of = plate_tables(bits), triangle_functions(bits, curved, True)
+    plane, corners_of, vectors, bent_by = of.plane, of.corners_of, of.vectors, of.bent_by
 
     @wp.func
     def earlier(displacement: wp.array(dtype=vec3), velocity: wp.array(dtype=vec3), back: real, i: int):
@@ -491,4 +564,4 @@ def bending(
             total += lost[plate.first_triangle[i] + place // 3]
         out[i] = total / wp.float64(3.0)
 
-    return replace(found, weaken=weaken, share_lost=share_lost if tracked else None)
+    return weaken, share_lost if tracked else None
