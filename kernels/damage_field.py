@@ -117,36 +117,16 @@ class DamageFieldKernels:
 
 
 @functools.cache
-def damage_field(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int,
-) -> DamageFieldKernels:  # fmt: skip
-    """Kernels of the field.
-
-    Args:
-        layout: Layout of the families.
-        atomics: Whether the device has atomics: a GPU.
-        spared: Whether some points are excluded from damage.
-        screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
-            otherwise all points are listed.
-        few: Number of members that the screen checks if it checks only some; otherwise 0.
-        tracked: Whether to sum the released energy.
-        weak: Whether the strength is less than 3 Gc / (16 l).
-        earlier_energy: Warp function of the force law's energy of a family at an earlier time.
-        driving_energy: The same for the part of it that drives damage.
-        partial_energy: Warp function of what a thread adds to the driving energy, if several threads share a family
-            in `drive`.
-        lanes: Number of these threads, or 1.
-    """
+def listing(
+    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int
+) -> tuple[Kernel, Kernel, Kernel, Kernel]:
+    """Kernels `empty`, `wake`, `pack` and `rouse`, which list points; arguments as for `damage_field`."""
     types = layout.types
-    real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
-    left, fall, curvature = degradation(layout.bits, weak)
-    energy_of_step = energy_over_step(layout, earlier_energy)
     together = 1 if atomics else TOGETHER
-    sum_lanes = sum_of_lanes(layout.bits)
 
     @wp.func
     def outside(
@@ -258,6 +238,21 @@ def damage_field(
                 total += 1
         count[0] = total
 
+    return empty, wake, pack, rouse
+
+
+@functools.cache
+def driving_force(
+    layout: Layout, weak: bool, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int
+) -> tuple[Kernel, Kernel]:
+    """Kernels `drive` and `sweep`, which change the damage; arguments as for `damage_field`."""
+    types = layout.types
+    real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
+    f = family_functions(layout)
+    Family, word_size = f.struct, WORD
+    _, fall, curvature = degradation(layout.bits, weak)
+    sum_lanes = sum_of_lanes(layout.bits)
+
     @wp.func
     def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
         """Fraction of the bonds of a point that are broken."""
@@ -345,6 +340,19 @@ def damage_field(
                 d = relaxation * (d + above / below) + (real(1.0) - relaxation) * target[i]
                 d = wp.clamp(d, before[i], real(1.0))
             target[i] = d
+
+    return drive, sweep
+
+
+@functools.cache
+def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_energy: wp.Function) -> Kernel:
+    """Kernel `finish`, which breaks bonds; arguments as for `damage_field`."""
+    types = layout.types
+    real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
+    f = family_functions(layout)
+    Family, word_size = f.struct, WORD
+    left = degradation(layout.bits, weak)[0]
+    energy_of_step = energy_over_step(layout, earlier_energy)
 
     @wp.func
     def off_line(family: Family, i: int, k: int, other: int):
@@ -463,6 +471,33 @@ def damage_field(
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 
+    return finish
+
+
+@functools.cache
+def damage_field(
+    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
+    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int,
+) -> DamageFieldKernels:  # fmt: skip
+    """Kernels of the field.
+
+    Args:
+        layout: Layout of the families.
+        atomics: Whether the device has atomics: a GPU.
+        spared: Whether some points are excluded from damage.
+        screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
+            otherwise all points are listed.
+        few: Number of members that the screen checks if it checks only some; otherwise 0.
+        tracked: Whether to sum the released energy.
+        weak: Whether the strength is less than 3 Gc / (16 l).
+        earlier_energy: Warp function of the force law's energy of a family at an earlier time.
+        driving_energy: The same for the part of it that drives damage.
+        partial_energy: Warp function of what a thread adds to the driving energy, if several threads share a family
+            in `drive`.
+        lanes: Number of these threads, or 1.
+    """
+    real = layout.types.real
+
     @kernel(gathers=("damage",))
     def fracture_energy(
         neighbours: wp.array2d(dtype=wp.int32),
@@ -485,6 +520,9 @@ def damage_field(
         i = wp.tid() + first
         out[i] = wp.float32(damage[i])
 
+    empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few)
+    drive, sweep = driving_force(layout, weak, driving_energy, partial_energy, lanes)
+    finish = finishing(layout, spared, tracked, weak, earlier_energy)
     return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)
 
 
