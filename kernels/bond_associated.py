@@ -57,7 +57,7 @@ class FamilyMechanics:
         stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, on a curved sheet of W P R^-1
             K^-1.
         area_weight: (family, i, j, undamaged, size) -> W_ij as returned by `visit`; `size` is |D_ij|.
-        family_scale: (family, i, undamaged, total) -> factor on its weights; 1 in the variational form.
+        family_scale: (family, i, total) -> factor on its weights, whose sum is `total`; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
             determines no gradient; and `size`, as for `area_weight`.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
@@ -195,7 +195,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             return f.weight(family, i, j)
 
     @wp.func
-    def family_scale(family: Family, i: int, undamaged: bool, total: real):
+    def family_scale(family: Family, i: int, total: real):
         """Factor that makes the weights of a family sum to the area of its point, in the published form."""
         if wp.static(published):
             scale = real(0.0)
@@ -353,6 +353,6 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         stored, total = partial_energy(
             family, intact, displacement, velocity, back, constants, inverse_horizon, i, wp.int32(0), wp.int32(1)
         )
-        return stored * law.family_scale(family, i, law.is_undamaged(family, intact, i), total)
+        return stored * law.family_scale(family, i, total)
 
     return earlier_energy, partial_energy

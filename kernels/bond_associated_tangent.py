@@ -112,7 +112,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     Family = f.struct
     law = family_mechanics(layout, "variational")
     intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
-    green, family_scale, add_to_members = law.green, law.family_scale, law.add_to_members
+    green, add_to_members = law.green, law.add_to_members
     motion, gradient_of, curved = kinematics(bits), law.gradient, layout.curved
     level, times, columns = motion.level, motion.times, motion.columns
     response_of = response(bits)
@@ -137,7 +137,6 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     ):
         i = wp.tid() + first
         undamaged = is_undamaged(family, intact, i)
-        total = real(0.0)
         for j in range(family.members):
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
@@ -145,19 +144,17 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 family, intact, displacement, inverse_horizon, i, j, undamaged
             )
             if there:
-                total += weight
                 S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 A1, A2 = gradient_of(H1, H2, tilt)
                 F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
                 gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
                 stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
                 moduli[j, i] = weight * T
-        scale = family_scale(family, i, undamaged, total)
         if wp.static(layout.softened):
-            scale = left(damage[i]) * scale
-        for j in range(family.members):
-            stress[j, i] = scale * stress[j, i]
-            moduli[j, i] = scale * moduli[j, i]
+            scale = left(damage[i])
+            for j in range(family.members):
+                stress[j, i] = scale * stress[j, i]
+                moduli[j, i] = scale * moduli[j, i]
 
     @kernel(gathers=("direction",))
     def product(

@@ -98,7 +98,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
                         g = arm(family, i, k, inverse)
                         gained = contribution * wp.sqrt(g[0] * g[0] + g[1] * g[1])
                         row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
-        scale = unit_stiffness * family_scale(family, i, undamaged, total)
+        scale = unit_stiffness * family_scale(family, i, total)
         if wp.static(layout.softened):
             scale = left(damage[i]) * scale
         own[i] = scale * centre_row

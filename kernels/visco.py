@@ -154,7 +154,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = family_mechanics(layout, "variational")
-    is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
+    is_undamaged, visit, green = law.is_undamaged, law.visit, law.green
     term_constants, tensor = conversions(bits)
     conjugate, energies = prony_energy(), material(64)[1]
     Constants, Wide = constants_of(material(bits)[1]), constants_of(energies)
@@ -178,14 +178,12 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
         undamaged = is_undamaged(family, intact, i)
         elastic = wp.float64(0.0)
         viscous = wp.float64(0.0)
-        total = real(0.0)
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = visit(
                 family, intact, displacement, inverse_horizon, i, j, undamaged
             )
             if there:
                 G = green(H1, H2, tilt)
-                total += weight
                 wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
                 c = Wide()
                 for n in range(wp.static(len(Wide()))):
@@ -206,7 +204,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
                         ),
                         wp.vec4d(wp.float64(term[0]), wp.float64(term[1]), wp.float64(0.0), wp.float64(0.0)),
                     )  # fmt: skip
-        scale = wp.float64(unit_volume * family_scale(family, i, undamaged, total))
+        scale = wp.float64(unit_volume)
         out[i] = scale * (elastic + viscous)
         dissipated[i] = viscous_work[i] - scale * viscous
 
