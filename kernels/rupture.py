@@ -119,47 +119,6 @@ def critical_energy(layout: Layout) -> Criterion:
 
 
 @functools.cache
-def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Function:
-    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> remaining bits."""
-    types = layout.types
-    real, vec3 = types.real, types.vec3
-    f = family_functions(layout)
-    Family = f.struct
-    exceeds, Constants = criterion.exceeds, criterion.struct
-    word_size = WORD
-
-    @wp.func
-    def remaining(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        criterion: Constants,
-        horizon: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        i: int,
-        word: int,
-        intact_bits: wp.uint32,
-    ):
-        """The bits of `intact_bits` whose bonds do not exceed the criterion.
-
-        The loop has no branches, so a GPU thread has the loads of several members in flight.
-        """
-        left = intact_bits
-        bit = wp.uint32(1)
-        first_member = word * word_size
-        for k in range(first_member, wp.min(first_member + word_size, family.members)):
-            there = (intact_bits & bit) != wp.uint32(0)
-            m = wp.where(there, f.neighbour(family, i, k), i)
-            over = exceeds(family, displacement, criterion, horizon, i, k, m)
-            if wp.static(spared):
-                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-            left = left & ~wp.where(over, bit, wp.uint32(0))
-            bit = bit << wp.uint32(1)
-        return left
-
-    return remaining
-
-
-@functools.cache
 def screening(layout: Layout, criterion: Criterion) -> Kernel:
     """CPU kernel that flags the blocks of points of a lattice in which a bond ahead of a point exceeds the criterion.
 
@@ -238,13 +197,40 @@ def breaking(
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout).struct
+    f = family_functions(layout)
+    Family = f.struct
     Constants = types.parameters if earlier_energy is None else constants_of(earlier_energy)
-    Limits = criterion.struct
-    remaining = remaining_bonds(layout, criterion, spared)
-    tracked, block = earlier_energy is not None, SCREENED
-
+    exceeds, Limits = criterion.exceeds, criterion.struct
+    tracked, block, word_size = earlier_energy is not None, SCREENED, WORD
     energy_of_step = energy_over_step(layout, earlier_energy) if earlier_energy is not None else None
+
+    @wp.func
+    def remaining(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: Limits,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        i: int,
+        word: int,
+        intact_bits: wp.uint32,
+    ):
+        """The bits of `intact_bits` whose bonds do not exceed the criterion.
+
+        The loop has no branches, so a GPU thread has the loads of several members in flight.
+        """
+        left = intact_bits
+        bit = wp.uint32(1)
+        first_member = word * word_size
+        for k in range(first_member, wp.min(first_member + word_size, family.members)):
+            there = (intact_bits & bit) != wp.uint32(0)
+            m = wp.where(there, f.neighbour(family, i, k), i)
+            over = exceeds(family, displacement, criterion, horizon, i, k, m)
+            if wp.static(spared):
+                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            left = left & ~wp.where(over, bit, wp.uint32(0))
+            bit = bit << wp.uint32(1)
+        return left
 
     @kernel(gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)))
     def break_bonds(
