@@ -70,50 +70,45 @@ def change_motion(
         rotation[0] = turned_by(dt * turn, rotation[0])
 
 
-@functools.cache
-def path_motion() -> Kernel:
-    """Kernel `follow_path`: moves bodies by one step along a piecewise linear path."""
-
-    @kernel(per="once")
-    def follow_path(
-        times: wp.array(dtype=wp.float64),
-        places: wp.array(dtype=wp.vec3d),
-        rotations: wp.array(dtype=wp.quatd),
-        time: wp.array(dtype=wp.float64),
-        advance: wp.array(dtype=wp.float64),
-        first: int,
-        place: wp.array(dtype=wp.vec3d),
-        rotation: wp.array(dtype=wp.quatd),
-        motion: wp.array(dtype=wp.vec3d),
-    ):
-        dt = advance[0]
-        soon = wp.min(time[0] + dt, advance[1])
-        last = times.shape[0] - 1
-        there = places[0]
-        turned = rotations[0]
-        if soon >= times[last]:
-            there = places[last]
-            turned = rotations[last]
-        else:
-            for k in range(last):
-                if soon >= times[k] and soon < times[k + 1]:
-                    fraction = (soon - times[k]) / (times[k + 1] - times[k])
-                    there = places[k] + fraction * (places[k + 1] - places[k])
-                    turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], fraction))
-        here = place[0]
-        was = rotation[0]
-        place[1] = here
-        rotation[1] = was
-        place[0] = there
-        rotation[0] = turned
-        motion[2] = motion[0]
-        motion[3] = motion[1]
-        # In static equilibrium no time passes.
-        if dt > wp.float64(0.0):
-            motion[0] = (there - here) / dt
-            motion[1] = turn_between(was, turned) / dt
-
-    return follow_path
+@kernel(per="once")
+def follow_path(
+    times: wp.array(dtype=wp.float64),
+    places: wp.array(dtype=wp.vec3d),
+    rotations: wp.array(dtype=wp.quatd),
+    time: wp.array(dtype=wp.float64),
+    advance: wp.array(dtype=wp.float64),
+    first: int,
+    place: wp.array(dtype=wp.vec3d),
+    rotation: wp.array(dtype=wp.quatd),
+    motion: wp.array(dtype=wp.vec3d),
+):
+    """Move bodies by one step along a piecewise linear path."""
+    dt = advance[0]
+    soon = wp.min(time[0] + dt, advance[1])
+    last = times.shape[0] - 1
+    there = places[0]
+    turned = rotations[0]
+    if soon >= times[last]:
+        there = places[last]
+        turned = rotations[last]
+    else:
+        for k in range(last):
+            if soon >= times[k] and soon < times[k + 1]:
+                fraction = (soon - times[k]) / (times[k + 1] - times[k])
+                there = places[k] + fraction * (places[k + 1] - places[k])
+                turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], fraction))
+    here = place[0]
+    was = rotation[0]
+    place[1] = here
+    rotation[1] = was
+    place[0] = there
+    rotation[0] = turned
+    motion[2] = motion[0]
+    motion[3] = motion[1]
+    # In static equilibrium no time passes.
+    if dt > wp.float64(0.0):
+        motion[0] = (there - here) / dt
+        motion[1] = turn_between(was, turned) / dt
 
 
 @functools.cache

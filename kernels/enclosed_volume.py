@@ -9,7 +9,6 @@ Volumes are summed in float64, in blocks of triangles in a fixed order, so they 
 """
 
 import functools
-from collections.abc import Callable
 
 import warp as wp
 
@@ -20,37 +19,26 @@ from .pointwise import Pointwise, pointwise
 # Triangles that one thread sums, and block sums that one thread of the next launch sums.
 BLOCK = 64
 
-# Factory of a law of pressure: Warp function (volume [m^3], factor, constants) -> p and dp/dV, all in float64.
-PressureLaw = Callable[[str], wp.Function]
+# A law of pressure is a Warp function (volume [m^3], factor, constants) -> p and dp/dV, all in float64.
 
 
-@functools.cache
-def polytropic_gas() -> wp.Function:
+@wp.func
+def polytropic_gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
     """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n.
 
     The remains of a torn surface may be inside out; the pressure is then zero.
     """
-
-    @wp.func
-    def gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
-        result = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
-        if volume > wp.float64(0.0):
-            absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
-            result = wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
-        return result
-
-    return gas
+    result = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    if volume > wp.float64(0.0):
+        absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
+        result = wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
+    return result
 
 
-@functools.cache
-def prescribed_volume() -> wp.Function:
+@wp.func
+def prescribed_volume(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
     """Pressure proportional to the difference from the prescribed volume; constants: stiffness [Pa/m^3]."""
-
-    @wp.func
-    def spring(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
-        return wp.vec2d(constants[0] * (target - volume), -constants[0])
-
-    return spring
+    return wp.vec2d(constants[0] * (target - volume), -constants[0])
 
 
 @functools.cache
@@ -176,13 +164,12 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
 
 
 @functools.cache
-def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool) -> Kernel:
+def enclosed_pressure(bits: int, law: wp.Function, scheduled: bool, leaks: bool) -> Kernel:
     """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the pressure's derivative.
 
     With `leaks`, the factor of the law is multiplied by the remaining fraction of the gas, `left` [1].
     """
     vec3 = numeric(bits).vec3
-    pressure_at = law()
 
     @kernel(per="once")
     def set_pressure(
@@ -207,7 +194,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool)
             factor = wp.float64(factors[schedule][0])
         if wp.static(leaks):
             factor = factor * left[0]
-        found = pressure_at(volume, factor, constants)
+        found = law(volume, factor, constants)
         enclosed[0] = found[0]
         enclosed[1] = volume
         enclosed[2] = found[1] * coefficient * change

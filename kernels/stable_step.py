@@ -147,17 +147,12 @@ def power_iteration(bits: int) -> PowerIteration:
     return PowerIteration(trial, respond, summarise, renew)
 
 
-@functools.cache
-def sums_of_groups() -> Kernel:
-    """Kernel that sums the results of `respond` over groups of blocks, in order, for large sheets."""
-
-    @kernel(per="once")
-    def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
-        g = wp.tid() + first
-        norm, product, image, largest = add_blocks(sums, g * group, wp.min((g + 1) * group, sums.shape[1]))
-        shorter[0, g] = norm
-        shorter[1, g] = product
-        shorter[2, g] = image
-        shorter[3, g] = largest
-
-    return shorten
+@kernel(per="once")
+def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
+    """Sum the results of `respond` over groups of blocks, in order, for large sheets."""
+    g = wp.tid() + first
+    norm, product, image, largest = add_blocks(sums, g * group, wp.min((g + 1) * group, sums.shape[1]))
+    shorter[0, g] = norm
+    shorter[1, g] = product
+    shorter[2, g] = image
+    shorter[3, g] = largest

@@ -16,7 +16,7 @@ from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import Given, PointContact, body_contact
-from ..kernels.body_motion import free_motion, path_motion, vec6d
+from ..kernels.body_motion import follow_path, free_motion, vec6d
 from ..kernels.free_contact import Equations, FreeBody, free_contact
 from .block_list import BlockList
 from .body_shapes import BodyShape
@@ -301,7 +301,7 @@ class OnPath(BuiltMotion):
         if phase in phases:
             clock = self.context.clock
             stage.launch(
-                self.name, path_motion(), 1, times=self.knots, places=self.places,
+                self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
                 rotation=self.rotation, motion=self.motion, early=True,
             )  # fmt: skip

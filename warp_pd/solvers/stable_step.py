@@ -12,7 +12,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.integrate import RIGID
-from ..kernels.stable_step import power_iteration, sums_of_groups
+from ..kernels.stable_step import power_iteration, shorten
 
 BLOCK = 256
 # Blocks up to which one thread sums all of them up: 4.2 million points.
@@ -92,7 +92,7 @@ class StableStep:
             return sums
         groups = -(-sums.shape[1] // GROUP)
         shorter = self.context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
-        stage.launch(OWNER, sums_of_groups(), groups, sums=sums, group=GROUP, shorter=shorter)
+        stage.launch(OWNER, shorten, groups, sums=sums, group=GROUP, shorter=shorter)
         return shorter
 
     def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
