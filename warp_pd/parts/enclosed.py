@@ -46,7 +46,7 @@ class Enclosed(Load):
 
     only_one: ClassVar[str] = "loads that enclose a volume: expected at most one"
 
-    def law(self, volume: float) -> tuple[wp.Function, tuple[float, ...]]:
+    def law(self, volume: float) -> tuple[Any, tuple[float, ...]]:
         """Pressure law and its constants (at most four), for the initial volume `volume` [m^3]."""
         raise NotImplementedError(f"{type(self).__name__}.law: expected an implementation that returns a pressure law")
 
@@ -128,7 +128,7 @@ class EnclosedGas(Enclosed):
         """The amount of gas."""
         return factor_schedule("EnclosedGas.amount", self.amount)
 
-    def law(self, volume: float) -> tuple[wp.Function, tuple[float, ...]]:
+    def law(self, volume: float) -> tuple[Any, tuple[float, ...]]:
         """The law of the gas. Raises InputError if the volume is not positive."""
         if volume <= 0.0:
             raise InputError(
@@ -163,7 +163,7 @@ class EnclosedVolume(Enclosed):
         """The prescribed volume."""
         return factor_schedule("EnclosedVolume.volume", self.volume)
 
-    def law(self, volume: float) -> tuple[wp.Function, tuple[float, ...]]:
+    def law(self, volume: float) -> tuple[Any, tuple[float, ...]]:
         """Pressure proportional to the missing volume."""
         return prescribed_volume, (self.stiffness,)
 
