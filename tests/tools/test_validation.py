@@ -7,6 +7,7 @@ import pytest
 from study import load_rows
 from validation import __main__, bulges, comparison, page, printed, relaxation, spread
 
+from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.fitting import nominal_stress
 
 
@@ -42,13 +43,24 @@ def test_every_row_says_what_theirs_is_and_whether_it_was_blind():
         assert row.counts != row.kind.endswith(", a bound")
 
 
+def test_a_run_that_does_not_finish_gives_no_numbers():
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=5)
+    ends = sheet.edges("left"), sheet.edges("right")
+    pull = [Fixed(ends[0]), Motion(ends[1], times=[0.0, 1.0], x=[0.0, 0.05], y=0.0, z=0.0)]
+    stiff = Simulation(
+        sheet, BondAssociated(NeoHookean(1e3, 1e5)), Newton(load_steps=1, most_iterations=1, most_cuts=0), loads=pull
+    )
+    with pytest.raises(comparison.UnfinishedError, match="a sheet: the run ended 'not converged'"):
+        comparison.finished(stiff, "cpu", "a sheet")
+
+
 def test_force_on_a_strip_is_the_slope_of_its_energy():
     strokes = np.linspace(0.0, 0.012, 7)
     weaker = None
     for notch in (2e-3, 6e-3):
         sheet, length = printed.notched(13, notch)
         assert length == pytest.approx(notch, abs=1.001e-3)
-        force, energy = printed.pulled(sheet, strokes, "cpu", horizon=2.015)
+        force, energy = printed.pulled(sheet, strokes, "cpu", "strip", horizon=2.015)
         # Simpson's rule over pairs of steps.
         work = np.sum((force[:-2:2] + 4.0 * force[1:-1:2] + force[2::2]) * strokes[1]) / 3.0
         assert energy[-1] == pytest.approx(work, rel=1e-3)

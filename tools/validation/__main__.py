@@ -23,7 +23,7 @@ if __name__ == "__main__":
 from study import load_rows, run_tool, save_rows, study_parser
 
 from validation import spread
-from validation.comparison import measured
+from validation.comparison import UnfinishedError, measured
 from validation.page import NUMBERS, ROWS, make
 
 FITS = "spread"
@@ -46,16 +46,24 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run rows, keep their numbers, renew the page."""
     options = parsed(arguments)
+    unfinished: list[str] = []
     for name in [] if options.only_page else options.rows or [*ROWS, FITS]:
         if name == FITS:
             save_rows(options.numbers.with_name("spread.json"), spread.run(options.commit))
             continue
-        found = measured(ROWS[name], options.full, options.device, options.commit)
+        try:
+            found = measured(ROWS[name], options.full, options.device, options.commit)
+        except UnfinishedError as error:
+            print(f"{name}: not kept: {error}", file=sys.stderr, flush=True)
+            unfinished.append(name)
+            continue
         others = [run for run in load_rows(options.numbers) if (run["row"], run["full"]) != (name, options.full)]
         save_rows(options.numbers, [*others, found])
         print(f"{name}: {found['ours'][-1]} against {found['theirs']} ({found['seconds']} s)", flush=True)
     if options.numbers == NUMBERS:
         make()
+    if unfinished:
+        sys.exit(f"{len(unfinished)} of the rows have no new numbers: {', '.join(unfinished)}")
 
 
 if __name__ == "__main__":

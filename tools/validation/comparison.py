@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from study import Row, build_scene, device_title, provenance
 
+from warp_pd import Simulation
+
 TEXTS = tomllib.loads(Path(__file__).with_name("rows.toml").read_text())
 
 
@@ -107,6 +109,25 @@ def order(ours: Sequence[Sequence[float]], spacings: Sequence[float]) -> float |
     if second == 0.0 or first <= second:
         return None
     return float(np.log(first / second) / np.log(spacings[-2] / spacings[-1]))
+
+
+class UnfinishedError(RuntimeError):
+    """A run that a row rests on ended early, or may have left its branch of equilibria."""
+
+
+def finished(simulation: Simulation, device: str | None, what: str) -> Sequence[Row]:
+    """History of a run without its first frame.
+
+    Raises:
+        UnfinishedError: if it ended early, or Newton's method may have jumped to another equilibrium.
+    """
+    result = simulation.run(device=device, usd=False, pictures=False)
+    if result.status != "finished":
+        raise UnfinishedError(f"{what}: the run ended {result.status!r} after {len(result.history) - 1} frames")
+    jumps = [note for note in result.summary["notes"] if "may have jumped" in note]
+    if jumps:
+        raise UnfinishedError(f"{what}: {jumps[0]}")
+    return result.history[1:]
 
 
 def outcome(scene: str, name: str, settings: Mapping[str, Any], device: str | None) -> float:

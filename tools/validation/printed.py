@@ -14,7 +14,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
 from treloar import DATA
 
-from validation.comparison import Comparison, median_deviation
+from validation.comparison import Comparison, finished, median_deviation
 from warp_pd import (
     BondAssociated,
     Circle,
@@ -39,6 +39,8 @@ HOLES = (Circle((0.016, 0.016), 4e-3), Circle((8e-3, 0.032), 4e-3))
 # Forces and energies of strips are computed for a modulus of 1 MPa, and are proportional to it.
 UNIT = NeoHookean(1e6, 1e8)
 STROKES = np.array([0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 23.0, 26.0]) * 1e-3
+# Load steps between two of them.
+LOAD_STEPS = 2
 # Lengths of the computed notches [mm], before they are rounded to the grid.
 NOTCHES = (0.5, 1.5, 2.5, 3.5, 4.5, 6.0, 7.5, 9.0)
 # Points that a damage field takes at least: with fewer, the strip reaches the strength that goes with its length.
@@ -54,11 +56,13 @@ def measured(*names: str) -> list[np.ndarray]:
     return [table[name][known] for name in names]
 
 
-def pulled(sheet: Sheet, strokes: np.ndarray, device: str | None, **law: object) -> tuple[np.ndarray, np.ndarray]:
+def pulled(
+    sheet: Sheet, strokes: np.ndarray, device: str | None, what: str, **law: object
+) -> tuple[np.ndarray, np.ndarray]:
     """Forces [N] and energies [J] of a strip between clamps that move apart."""
     top, bottom = sheet.edges("top"), sheet.edges("bottom")
     times = np.linspace(0.0, 1.0, len(strokes))
-    result = Simulation(
+    strip = Simulation(
         sheet,
         force=BondAssociated(UNIT, **law),
         loads=[
@@ -66,10 +70,12 @@ def pulled(sheet: Sheet, strokes: np.ndarray, device: str | None, **law: object)
             Fixed(bottom),
             Motion(top, times=times, x=0.0, y=strokes.tolist(), z=0.0),
         ],
-        solver=Newton(load_steps=len(strokes) - 1),
+        solver=Newton(load_steps=LOAD_STEPS * (len(strokes) - 1)),
         measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, top)[1]))],
-    ).run(device=device, usd=False, pictures=False)
-    return tuple(np.array([row[name] for row in result.history]) for name in ("pull", "strain"))
+    )
+    rows = finished(strip, device, what)[LOAD_STEPS - 1 :: LOAD_STEPS]
+    force, energy = (np.array([0.0, *(row[name] for row in rows)]) for name in ("pull", "strain"))
+    return force, energy
 
 
 def notched(points: int, notch: float) -> tuple[Sheet, float]:
@@ -91,7 +97,8 @@ def family(points: int, device: str | None) -> tuple[RectBivariateSpline, RectBi
         sheet, length = notched(points, notch)
         if lengths and length <= lengths[-1]:
             continue
-        force, energy = pulled(sheet, STROKES, device, horizon=2.015)
+        what = f"strip of {points} points with notches of {1e3 * length:.3g} mm"
+        force, energy = pulled(sheet, STROKES, device, what, horizon=2.015)
         lengths, forces, energies = [*lengths, length], [*forces, force], [*energies, energy]
     return tuple(RectBivariateSpline(lengths, STROKES, values, s=0.0) for values in (forces, energies))
 
@@ -142,7 +149,8 @@ def holed_forces(points: int, device: str | None) -> Sequence[float]:
     sheet = Sheet.outline(
         Polygon(corners), holes=HOLES, spacing=WIDE / (points - 1), thickness=THICKNESS, density=1000.0
     )
-    forces, _ = pulled(sheet, np.concatenate([[0.0], at]), device, horizon=1.5, weights="corrected")
+    what = f"strip of {points} points with holes"
+    forces, _ = pulled(sheet, np.concatenate([[0.0], at]), device, what, horizon=1.5, weights="corrected")
     return list(modulus(points, "notched_3_6", 3.6e-3, "read", device) * forces[1:])
 
 
@@ -205,7 +213,7 @@ def torn(points: int, notch: float, energy: float, modulus: float, device: str |
     top, bottom = sheet.edges("top"), sheet.edges("bottom")
     between = np.setdiff1d(np.arange(sheet.size), np.concatenate([top, bottom]))
     ends = sheet.where(lambda x, y: abs(y - middle) > 0.4 * HIGH)
-    result = Simulation(
+    strip = Simulation(
         sheet,
         force=BondAssociated(NeoHookean(mu, 100.0 * mu), horizon=2.015),
         loads=[
@@ -216,8 +224,9 @@ def torn(points: int, notch: float, energy: float, modulus: float, device: str |
         damage=TearingEnergy(energy, length, spared=ends),
         solver=Explicit(duration, frames=200, damping=20.0),
         measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, top)[1]))],
-    ).run(device=device, usd=False, pictures=False)
-    return float(max(row["pull"] for row in result.history))
+    )
+    rows = finished(strip, device, f"strip of {points} points that tears from notches of {1e3 * notch:g} mm")
+    return float(max(row["pull"] for row in rows))
 
 
 def by_field(points: int, device: str | None) -> Mapping[str, float]:
