@@ -232,6 +232,19 @@ def test_a_zone_that_the_spacing_does_not_resolve_is_noted():
         assert sum("break at a time in a peel" in note for note in notes) == number
 
 
+def test_a_stiffness_that_shortens_the_steps_is_noted():
+    sheet, start = two()
+    weak = {"strength": None, "shear_strength": None}
+    usual = build(sheet, initial_displacement=start, loads=[glue(sheet, stiffness=None, **weak)])
+    (joint,) = [part for part in usual.parts if part.label == "loads: Joint"]
+    for factor, number in ((50.0, 0), (400.0, 1)):
+        stiff = glue(sheet, stiffness=factor * joint.stiffness, **weak)
+        built = build(sheet, initial_displacement=start, loads=[stiff])
+        notes = [note for part in built.parts for note in part.notes([{"mean_damage": 0.0}], None)]
+        found = [note for note in notes if "400 times the default, which shortens the time step up to 20 times" in note]
+        assert len(found) == number
+
+
 def test_a_sheet_stands_on_another_one_glued_by_its_edge():
     """A T-joint: the edge bears by the areas of its points, and pulled off it is peeled, not sheared."""
     web, fin = square(9), square(7, 0.06)
