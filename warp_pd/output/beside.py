@@ -12,25 +12,24 @@ same.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import functools
 import gc
-import io
+import multiprocessing
+import multiprocessing.forkserver
 import os
 import pickle
-import queue
 import signal
-import socket
-import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
 from ..device.checks import InputError
 from ..device.cores import available_cores
-from ..geometry.picture_files import current, drawing, new_figure
+from ..geometry.picture_files import current, drawing
 from ..interfaces.frame import Frame
 from ..interfaces.output import Writer
 
@@ -38,8 +37,8 @@ from ..interfaces.output import Writer
 MANY_POINTS, MOST_PROCESSES = 5000, 4
 # As in the command.
 COLLECT_AFTER = 10_000
-# Of Linux: the signal that a process gets when its parent dies.
-PR_SET_PDEATHSIG = 1
+# What draws, loaded once by the process from which the others are divided.
+DRAWING = ["matplotlib.backends.backend_agg", *(f"{__package__}.{name}" for name in ("default_pictures", "view"))]
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -53,238 +52,137 @@ class Processes:
 
     Attributes:
         pictures: For each picture that is being drawn, a function that waits for it.
-        files: Channel to the process that writes files.
+        files: The process that writes files.
     """
 
     def __init__(self, number: int) -> None:
         self.pictures: list[Callable[[], None]] = []
-        self._first, (self.files, *self._channels) = _started(1 + number)
-        self._threads = ThreadPoolExecutor(number, thread_name_prefix="warp_pd_beside")
-        self._idle: queue.SimpleQueue[Channel] = queue.SimpleQueue()
-        for channel in self._channels:
-            self._idle.put(channel)
+        divided = multiprocessing.get_context("forkserver")
+        divided.set_forkserver_preload(DRAWING)
+        self.files = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+        self._pool = ProcessPoolExecutor(number, mp_context=divided, initializer=_begin)
+        with _one_thread_of_blas():
+            multiprocessing.forkserver.ensure_running()
+            self.files.submit(_load_writers)
+        # In a thread: a process is divided once what draws is loaded.
+        self._starting = ThreadPoolExecutor(1)
+        self._starting.submit(lambda: [self._pool.submit(os.getpid) for _ in range(number)])
 
     def begin(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[], T]:
         """Begin a call in the next idle process; the function returned waits for its value, or raises its error."""
         here = functools.partial(work, *args, **kwargs)
         try:
             job = pickle.dumps((current(), work, args, kwargs))
-        except (pickle.PicklingError, AttributeError, TypeError):
-            # An argument that exists in this process only.
+            return functools.partial(_answer, self._pool.submit(_called, job), here)
+        except (pickle.PicklingError, AttributeError, TypeError, BrokenProcessPool):
+            # An argument that exists in this process only, or no process.
             return here
-        return functools.partial(_answer, self._threads.submit(self._ask, job), here)
-
-    def _ask(self, job: bytes) -> Any:
-        channel = self._idle.get()
-        try:
-            channel.send(job)
-            return channel.receive()
-        finally:
-            self._idle.put(channel)
 
     def close(self) -> None:
         """End the processes."""
-        self._threads.shutdown(cancel_futures=True)
-        for channel in (self.files, *self._channels):
-            channel.close()
-        self._first.wait()
+        self._starting.shutdown()
+        for pool in (self.files, self._pool):
+            pool.shutdown(cancel_futures=True)
 
 
 class FilesBeside:
     """Writers in another process as one, see `interfaces.Writer`.
 
     Args:
-        channel: Channel to that process.
+        process: That process.
         made: A call that makes the writers, as `pickle` wrote it.
 
     Raises:
         InputError: as the call that makes the writers.
     """
 
-    def __init__(self, channel: Channel, made: bytes) -> None:
-        self._channel = channel
-        self._ask(made)
+    def __init__(self, process: ProcessPoolExecutor, made: bytes) -> None:
+        self._process = process
+        self._ask(_make_writers, made)
 
     def write(self, frame: Frame) -> None:
         """Write one frame."""
-        self._ask(pickle.dumps(("write", (frame,)), pickle.HIGHEST_PROTOCOL))
+        self._ask(_each_writer, "write", frame)
 
     def save(self) -> None:
         """Flush everything written so far to disk."""
-        self._ask(pickle.dumps(("save", ())))
+        self._ask(_each_writer, "save")
 
     def close(self) -> None:
         """Close all files."""
-        self._ask(pickle.dumps(("close", ())))
+        self._ask(_each_writer, "close")
 
-    def _ask(self, message: bytes) -> None:
+    def _ask(self, call: Callable[..., None], *arguments: Any) -> None:
         try:
-            self._channel.send(message)
-            error = self._channel.receive()
-        except (OSError, EOFError, pickle.UnpicklingError):
+            self._process.submit(call, *arguments).result()
+        except BrokenProcessPool:
             raise OSError("the process that writes it is gone") from None
-        if error is not None:
-            raise error
 
 
-class Channel:
-    """One end of a connection between two processes.
-
-    Args:
-        end: Its socket.
-    """
-
-    def __init__(self, end: socket.socket) -> None:
-        self.end, self._stream = end, end.makefile("rwb")
-
-    def send(self, value: Any) -> None:
-        """Send a value that can be pickled."""
-        pickle.dump(value, self._stream)
-        self._stream.flush()
-
-    def receive(self) -> Any:
-        """Wait for a value.
-
-        Raises:
-            EOFError: if the other process is gone.
-        """
-        return pickle.load(self._stream)
-
-    def close(self) -> None:
-        """Close this end."""
-        with contextlib.suppress(OSError):
-            self._stream.close()
-        self.end.close()
-
-
-def _started(number: int) -> tuple[subprocess.Popen[bytes], list[Channel]]:
-    """Start a process that divides into `number`, and a channel to each; the first writes files."""
-    pairs = [socket.socketpair() for _ in range(number)]
-    theirs = [other.fileno() for _, other in pairs]
-    # Modules are found where this process finds them. Threads of OpenBLAS would not survive the division. A group of
-    # its own spares the processes the Ctrl-C of a terminal.
-    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    first = subprocess.Popen(
-        [sys.executable, "-P", "-c", f"from {__name__} import serve; serve({theirs}, {os.getpid()})"],
-        env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=theirs, process_group=0,
-    )  # fmt: skip
-    for _, other in pairs:
-        other.close()
-    return first, [Channel(mine) for mine, _ in pairs]
-
-
-def _answer(future: Future[Any], here: Callable[[], T]) -> T:
-    """The value of a call in another process, or its error; of a process that is gone, of the same call in this one."""
+@contextlib.contextmanager
+def _one_thread_of_blas() -> Iterator[None]:
+    """Context in which processes start with one thread of OpenBLAS: threads do not survive a division."""
+    name = "OPENBLAS_NUM_THREADS"
+    before = os.environ.get(name)
+    os.environ[name] = "1"
     try:
-        error, value = future.result()
-    except (OSError, EOFError, pickle.UnpicklingError):
-        return here()
-    if isinstance(error, UnreadableError):
-        return here()
-    if error is not None:
-        raise error
-    return value  # type: ignore[no-any-return]
+        yield
+    finally:
+        del os.environ[name]
+        if before is not None:
+            os.environ[name] = before
+
+
+# In the other processes --------------------------------------------------------------------------------
+
+_writers: list[Writer] = []
+
+
+def _begin() -> None:
+    """Leave the Ctrl-C of a terminal to the run, and end with it: its folder may be that of a later run."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(COLLECT_AFTER)
+    run = multiprocessing.parent_process()
+    assert run is not None
+    threading.Thread(target=lambda: (run.join(), os._exit(1)), daemon=True).start()
+
+
+def _load_writers() -> None:
+    from . import body_frames, usd, vtkhdf  # noqa: F401 - what writers import
+
+
+def _make_writers(made: bytes) -> None:
+    make, arguments = pickle.loads(made)
+    _writers[:] = make(*arguments)
+
+
+def _each_writer(method: str, *arguments: Any) -> None:
+    for writer in _writers:
+        getattr(writer, method)(*arguments)
 
 
 class UnreadableError(Exception):
     """A process cannot load its work, for example the class of an argument from a scene's file."""
 
 
-def serve(ends: Sequence[int], parent: int) -> None:
-    """Divide into a process for each end of a channel: one that writes files, and others that draw.
-
-    Args:
-        ends: Descriptors of their sockets, that of the process that writes files first.
-        parent: The process that waits for this one.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _end_with(parent)
-    gc.set_threshold(COLLECT_AFTER)
-    if _forked():
-        _write_files(_only(ends[0], ends))
-        os._exit(0)
-    _load_matplotlib()
-    mine = next((end for end in ends[2:] if _forked()), ends[1])
-    _call(_only(mine, ends))
-    for _ in ends[1:] if mine == ends[1] else ():
-        os.wait()
-    # At once: taking the interpreter down would let the run wait.
-    os._exit(0)
-
-
-def _forked() -> bool:
-    """Divide this process; whether this is the new one."""
-    first = os.getpid()
-    if os.fork():
-        return False
-    _end_with(first)
-    return True
-
-
-def _end_with(parent: int) -> None:
-    """Let the system kill this process when its parent dies: it must not write into the folder of a later run."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
-    if os.getppid() != parent:
-        os._exit(1)
-
-
-def _only(mine: int, ends: Sequence[int]) -> Channel:
-    """The channel at one end, with the other ends closed."""
-    for end in ends:
-        if end != mine:
-            os.close(end)
-    return Channel(socket.socket(fileno=mine))
-
-
-def _load_matplotlib() -> None:
-    """Load Matplotlib with its fonts, and what draws, before there is work."""
-    from . import default_pictures, view  # noqa: F401 - what calls import
-
-    figure = new_figure(1.0, 1.0)
-    figure.subplots().set_title("1")
-    figure.savefig(io.BytesIO(), format="png")
-
-
-def _call(channel: Channel) -> None:
-    """Make the calls that come through a channel until it is closed."""
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            channel.send(_done(channel.receive()))
-
-
-def _write_files(channel: Channel) -> None:
-    """Make writers, and call their methods, as the channel asks; the answer is the error, or None."""
-    from . import body_frames, usd, vtkhdf  # noqa: F401 - what writers import
-
-    writers: list[Writer] = []
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            method, arguments = pickle.loads(channel.receive())
-            error = None
-            try:
-                if callable(method):
-                    writers = method(*arguments)
-                else:
-                    for writer in writers:
-                        getattr(writer, method)(*arguments)
-            except Exception as failed:
-                # Raised where the frame comes from.
-                error = failed
-            channel.send(error)
-
-
-def _done(job: bytes) -> tuple[Exception | None, Any]:
+def _called(job: bytes) -> Any:
     try:
         common, work, args, kwargs = pickle.loads(job)
     except (AttributeError, ImportError) as error:
-        return UnreadableError(str(error)), None
+        raise UnreadableError(str(error)) from None
+    with drawing(common):
+        return work(*args, **kwargs)
+
+
+# In the process of the run -----------------------------------------------------------------------------
+
+
+def _answer(future: Future[T], here: Callable[[], T]) -> T:
+    """The value of a call in another process, or its error; of a process that is gone, of the same call in this one."""
     try:
-        with drawing(common):
-            return None, work(*args, **kwargs)
-    except Exception as error:
-        # Raised where the work was asked for.
-        return error, None
+        return future.result()
+    except (BrokenProcessPool, UnreadableError):
+        return here()
 
 
 def number_beside(points: int) -> int:
