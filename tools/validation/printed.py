@@ -253,7 +253,7 @@ def row(name: str, strokes: str, model: Callable, reasons: Callable | None = Non
     """A comparison of forces at strokes."""
     at, forces = measured(strokes, name)
     return Comparison(
-        name, tuple((1e3 * at).tolist()), tuple(forces.tolist()), WIDE, (25, 37), (25, 49, 97), model, reasons
+        name, tuple((1e3 * at).tolist()), tuple(forces.tolist()), WIDE, (25, 35, 49), (25, 49, 97), model, reasons
     )
 
 
@@ -264,6 +264,6 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
         "breaking",
         tuple(f"{1e3 * notch:g} mm" for day in (JUNE, MARCH) for notch, _ in day[1:]),
         tuple(force for day in (JUNE, MARCH) for _, force in day[1:]),
-        WIDE, (25, 37), (25, 49, 97), breaking_forces, by_field,
+        WIDE, (25, 35, 49), (25, 49, 97), breaking_forces, by_field,
     ),
 )  # fmt: skip
