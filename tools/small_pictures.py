@@ -3,7 +3,7 @@
     python tools/small_pictures.py                     every picture without a palette, or larger than it may be
     python tools/small_pictures.py docs/scenes.png     these alone
 
-Run it after a study has drawn its pictures. A page shows most of them 700 pixels wide; 60 kB are enough for that.
+Run it after a study has drawn its pictures. A page shows most of them 700 pixels wide; 40 kB are enough for that.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from PIL import Image
 from study import DOCS, run_tool
 
 # Bytes of a picture, and of those that a page shows large or that hold many panels.
-USUAL = 60_000
-LARGE = {"scenes.png": 100_000}
+USUAL = 40_000
+LARGE = {"scenes.png": 70_000}
 # Colours to try, most first, and how much narrower a picture gets when the fewest are not enough.
-COLOURS, NARROWER = (128, 64), 0.85
+COLOURS, NARROWER = (128, 64, 48), 0.85
 
 
 def limit(path: Path) -> int:

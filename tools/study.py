@@ -150,15 +150,22 @@ def load_rows(path: Path) -> list[Row]:
     if not path.is_file():
         return []
     stored = json.loads(path.read_text())
-    return [dict(zip(stored["columns"], row, strict=True)) for row in stored["rows"]]
+    rows = [dict(zip(stored["columns"], row, strict=True)) for row in stored["rows"]]
+    for row in rows if "origins" in stored else ():
+        row["made"] = stored["origins"][row["made"]]
+    return rows
 
 
 def save_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows, one a line under their common columns, with six digits."""
+    """Write rows, one a line under their common columns, with six digits; `made` is a place in `origins`."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
+    origins: list[str] = list(dict.fromkeys(row["made"] for row in rows if "made" in row))
+    if origins:
+        rows = [{**row, "made": origins.index(row["made"])} for row in rows]
     lines = [json.dumps([_six_digits(row.get(name)) for name in columns], separators=(",", ":")) for row in rows]
+    named = f'"origins": {json.dumps(origins)},\n' if origins else ""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, f'{{"columns": {json.dumps(columns)},\n"rows": [\n' + ",\n".join(lines) + "\n]}\n")
+    write_atomically(path, f'{{"columns": {json.dumps(columns)},\n{named}"rows": [\n' + ",\n".join(lines) + "\n]}\n")
 
 
 def _six_digits(value: Any) -> Any:
