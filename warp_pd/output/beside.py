@@ -142,9 +142,14 @@ def _begin() -> None:
     """Leave the Ctrl-C of a terminal to the run, and end with it: its folder may be that of a later run."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.set_threshold(COLLECT_AFTER)
+    threading.Thread(target=_end_with_the_run, daemon=True).start()
+
+
+def _end_with_the_run() -> None:
     run = multiprocessing.parent_process()
     assert run is not None
-    threading.Thread(target=lambda: (run.join(), os._exit(1)), daemon=True).start()
+    run.join()
+    os._exit(1)
 
 
 def _load_writers() -> None:
