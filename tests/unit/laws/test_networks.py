@@ -74,7 +74,10 @@ def test_missing_and_foreign_files_and_materials_are_refused(tmp_path):
         (lambda: Neural(NEO, network=tiny(ratios={"bulk/mu": 50.0})), r"^material = .* NeoHookean\(bulk/mu = 50\)"),
         (lambda: Neural(NEO, network=3), "^network = 3: expected a Network"),
         (lambda: Neural(NEO, evaluation="exact"), "^evaluation = 'exact': expected one of 'torch', 'fused'"),
-        (lambda: Neural(NEO, evaluation="fused", network=tiny(hidden=(100, 100))), "10802 weights; expected at most"),
+        (
+            lambda: Neural(NEO, evaluation="fused", network=tiny(hidden=(100, 100))),
+            "at most 10000 weights .* got 10802",
+        ),
         (
             lambda: Neural(NEO, evaluation="fused", network=lambda x: x),
             "^network: expected .* evaluation 'fused'$",
