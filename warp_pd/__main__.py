@@ -35,8 +35,8 @@ class OneLineGroup(click.Group):
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
             ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
         except RuntimeError as error:
+            from .device.checks import LOST
             from .interfaces.communicator import LAUNCHER_REPORTS, LostError
-            from .run.processes import LOST
 
             if not isinstance(error, LostError):
                 raise
@@ -57,7 +57,7 @@ class OneLineGroup(click.Group):
 
 def _refused(text: str) -> int:
     """Print the reason why input is refused, and return the exit code."""
-    from .run.processes import WRONG_INPUT
+    from .device.checks import WRONG_INPUT
 
     _say(text)
     return WRONG_INPUT
@@ -185,7 +185,8 @@ def run(
     stride: int, no_restart: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
-    from .run.processes import DIVERGED, INTERRUPTED, communicator_here, is_first, launch, processes_here
+    from .device.checks import DIVERGED, INTERRUPTED
+    from .run.processes import communicator_here, is_first, launch, processes_here
 
     require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:

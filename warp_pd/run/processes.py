@@ -12,8 +12,6 @@ from ..device.cores import available_cores, start_warp
 if TYPE_CHECKING:
     from ..interfaces.communicator import Communicator
 
-# Exit codes of the command line.
-WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
+from ..device.checks import DIVERGED, INTERRUPTED, WRONG_INPUT
 from ..geometry.picture_files import Drawing, drawing
 from ..output.curves import draw_sweep
 from .folder import remove_if_empty, writable_folder
-from .processes import DIVERGED, INTERRUPTED, WRONG_INPUT
 from .runner import FINISHED, STOPPED
 from .scene_files import build_scene, load_scene
 from .sweep import REFUSED, Row, printed_table, sweep, write_table
