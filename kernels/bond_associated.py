@@ -11,7 +11,7 @@ Published form (BA, eqs. 38 and 43): the force of a bond comes from its own stre
     a_i a_k T_ik = a_i c_k (|D_ik|/|H_i|) (|H_i| + |H_k|)/(2 |H_i|) h P_ik K_ik^-1 X_ik.
 
 On a curved sheet X_ik are projections on the tangent plane of i, and R^-1 K_ij^-1 takes the place of K_ij^-1: see
-kernels/kinematics.py. Gradients are then in the frame of i, and forces are turned back to space.
+kernels/kinematics.py. Gradients are then in the frame of i, and forces are rotated back to global axes.
 
 In both forms `bond_force[k, i]` is the force that the family of i exerts on the pair: + on i, - on the member.
 The force on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
@@ -50,19 +50,19 @@ class FamilyMechanics:
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
             flat sheet.
-        visit_earlier: The same with the arguments (family, intact, displacement, velocity, back, inverse_horizon, i, j,
-            undamaged), for the displacement at a time `back` before now.
+        visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
+            intact, displacement, velocity, back, inverse_horizon, i, j, undamaged).
         green: (H1, H2, tilt) -> C - I.
         gradient: (H1, H2, tilt) -> columns of F.
-        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, on a curved sheet of W P R^-1
-            K^-1.
+        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, or of W P R^-1 K^-1 on a
+            curved sheet.
         area_weight: (family, i, j, undamaged, size) -> W_ij as returned by `visit`; `size` is |D_ij|.
         family_scale: (family, i, total) -> factor on its weights, whose sum is `total`; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
             determines no gradient; and `size`, as for `area_weight`.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
-        finish_forces: (family, intact, i, scale, bond_force) multiplies the sums of `add_to_members` by scale c_k, and
-            turns them from the frame of i back to space.
+        finish_forces: (family, intact, i, scale, bond_force) multiplies each sum of `add_to_members` by `scale`
+            times c_k, and rotates it from the frame of i to global axes.
     """
 
     intact_members: wp.Function

@@ -24,15 +24,15 @@ def bond_fields(
     wanted: Wanted,
     response: FunctionFactory | None = None,
 ) -> Kernel:
-    """Kernel that fills the point fields of a law with one deformation gradient per bond.
+    """Kernel that computes the point fields for a law that has one deformation gradient per bond.
 
     Args:
         layout: Layout of the families.
         material: Factory of (stress, energy).
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
-        width: For a material of tension field theory, factory of its width in uniaxial tension; otherwise None.
-        stiffened: Whether the moduli vary from point to point by a factor.
+        width: Factory of the width in uniaxial tension, for a material that uses tension field theory; otherwise None.
+        stiffened: Whether the moduli are scaled by a factor that varies from point to point.
         wanted: The fields to fill.
         response: That of a viscous law, as for `kernels.reference_force.reference_force`; otherwise None.
     """

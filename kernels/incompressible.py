@@ -112,10 +112,10 @@ def incompressible_width(bits: int) -> wp.Function:
 def incompressible_sheet(
     parts_of: Callable[[int], tuple[wp.Function, ...]], width: FunctionFactory | None = None
 ) -> MaterialFunctions:
-    """All functions of an incompressible material of any kind from a factory of its stress, energy and response.
+    """Build the functions of any incompressible material from a factory of its stress, energy and response.
 
-    For materials that are not isotropic, or have more than four constants; see kernels/materials.py. An isotropic one
-    has the width `incompressible_width`.
+    Use it for materials that are anisotropic or have more than four constants; see kernels/materials.py. For an
+    isotropic material, pass `incompressible_width` as `width`.
     """
     parts = functools.cache(parts_of)
 

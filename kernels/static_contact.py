@@ -25,14 +25,14 @@ EDGE = wp.constant(wp.float64(0.25))
 
 @dataclass(frozen=True)
 class StaticContactKernels:
-    """Kernels of one shape; `a` is the struct.
+    """Static contact kernels for one shape of body; their argument `a` is a `struct`.
 
     Attributes:
-        struct: Numbers of the body and arrays of the sheet.
-        press: Adds the forces on points.
+        struct: Struct type with the constants of the body and the arrays of the sheet.
+        press: Adds the contact forces to the forces on the points.
         show: Computes the force on each point [N] and its moment about the centre of the body [N m].
-        linearise: Computes the derivative of the force on a point by its displacement [N/m].
-        settle: Takes the pressures as multipliers; computes their changes [Pa].
+        linearise: Computes the derivative of the force on a point with respect to its displacement [N/m].
+        settle: Updates the multipliers to the current pressures and computes their changes [Pa].
     """
 
     struct: Any

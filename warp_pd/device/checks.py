@@ -18,8 +18,8 @@ WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
 class InputError(ValueError):
     """Invalid input: the message names the argument, its value and what is expected.
 
-    The message is always one line; the middle of a long value is left out. Every check of input raises it, so
-    docstrings mention it only for what users make and what callers handle.
+    The message is always one line; the middle of a long value is left out. Every input check raises it, so a
+    docstring mentions it only for an object that users construct, or where the caller catches it.
     """
 
     def __init__(self, message: object = "") -> None:

@@ -120,11 +120,11 @@ class FieldData:
 
     def __post_init__(self) -> None:
         """Check the shapes. Raises InputError if the shapes differ, or no displacement was measured."""
-        if self.displacements.shape != (len(self.places), 3) or not np.isfinite(self.displacements).any():
-            raise InputError(
-                f"FieldData: displacements have shape {self.displacements.shape}: expected ({len(self.places)}, 3), "
-                "not all NaN"
-            )
+        shape = (len(self.places), 3)
+        if self.displacements.shape != shape:
+            raise InputError(f"FieldData: displacements have shape {self.displacements.shape}: expected {shape}")
+        if not np.isfinite(self.displacements).any():
+            raise InputError("FieldData: no displacement is finite: expected at least one measured value")
 
     @property
     def scale(self) -> float:

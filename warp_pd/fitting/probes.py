@@ -53,7 +53,7 @@ class Deflection:
         return float(frame.displacement[self._indices(len(frame.displacement)), AXES.index(self.axis)].mean())
 
     def gradient(self, state: Equilibrium) -> np.ndarray:
-        """The gradient: one over the number of points at each of them."""
+        """Derivative of the mean by each displacement: 1 / n along the axis at each of the n points, else 0."""
         out = np.zeros(state.free.shape)
         points = self._indices(len(out))
         out[points, AXES.index(self.axis)] = 1.0 / len(points)

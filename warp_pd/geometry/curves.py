@@ -161,7 +161,7 @@ def spread_on_curve(
     """Points of a smooth closed curve, and zeros, the index of its single side."""
     t = spread_evenly(at, spacing, multiple)[:-1]
     if len(t) < 4:
-        raise InputError(f"it has {len(t)} points at this spacing: expected 4 or more; take a finer spacing")
+        raise InputError(f"it has {len(t)} points at this spacing: expected 4 or more; reduce the spacing")
     return at(t), np.zeros(len(t), np.int64)
 
 

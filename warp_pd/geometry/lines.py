@@ -45,7 +45,7 @@ class Line:
 
 
 def named(kind: str, given: Any) -> list[tuple[str, Any]]:
-    """Pairs of name and curve of a user's mapping or list; unnamed curves are numbered from 1, as "hole 1"."""
+    """(name, curve) pairs from a user's mapping or list; curves of a list are named by number from 1, as "hole 1"."""
     if isinstance(given, Mapping):
         for name in given:
             if not isinstance(name, str) or not name.strip():

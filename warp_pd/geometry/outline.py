@@ -76,7 +76,8 @@ def _require_size(sheet: Any, at: Spacing, least: float) -> None:
         raise InputError(f"spacing is {space:.4g} m in a sheet {longest:.4g} m long: expected at most half of that")
     if least and sheet.area > MAX_POINTS * least**2:
         raise InputError(
-            f"spacing = {least:g}: expected {np.sqrt(sheet.area / MAX_POINTS):.3g} m or more ({MAX_POINTS} points)"
+            f"spacing = {least:g}: expected {np.sqrt(sheet.area / MAX_POINTS):.3g} m or more, for at most "
+            f"{MAX_POINTS} points"
         )
 
 

@@ -323,13 +323,13 @@ class Sheet(Shape):
         """A sphere about the origin with a geodesic grid of nearly equal triangles and exact total area.
 
         Args:
-            radius: [m].
+            radius: Radius [m].
             thickness: Thickness [m].
             density: Density [kg/m^3].
             points: Approximate number of points on a quarter of the circumference.
 
         Raises:
-            InputError: if a size, thickness or density is not positive, or there are fewer than 2 points.
+            InputError: if the radius, thickness or density is not positive, or `points` is less than 2.
         """
         return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 

@@ -156,7 +156,9 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
     for number, element in enumerate(shapes):
         name = f"{element.values.get('tag', 'element')} {element.id or number}"
         if not isinstance(element, Shape):
-            raise InputError(f"{where}: {name}: expected paths; convert text to paths, and remove pictures")
+            raise InputError(
+                f"{where}: {name}: expected only paths and shapes; convert text to paths and remove images"
+            )
         found.append((name, Path(element.segments(transformed=False)), _array(element.transform)))
     return found
 

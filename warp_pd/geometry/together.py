@@ -192,7 +192,7 @@ def _require_straight(places: np.ndarray, triangles: np.ndarray, firsts: int) ->
         across = (pairs < firsts).sum(axis=1) == 1
         pairs, turned = pairs[across], turned[across]
     if len(pairs) == 0:
-        raise InputError("glued: expected points along an edge of both sheets, where only these two meet")
+        raise InputError("glued: expected points along an edge that exactly two sheets share")
     normals = doubled_normals(places, triangles)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     cosine = float((normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1).min())

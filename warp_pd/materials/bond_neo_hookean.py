@@ -113,7 +113,7 @@ def round_family() -> np.ndarray:
 
 
 def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
-    """First Piola stress along x and y divided by mu under uniform stretch, in the limit of many bonds, shape (2,)."""
+    """First Piola stresses along x and y over mu, at homogeneous stretches along them, for many bonds; shape (2,)."""
     return np.asarray(bond_traction(p, round_family(), along_x, along_y).mean(axis=0))
 
 

@@ -112,8 +112,8 @@ class ArrudaBoyce(Incompressible):
 
     Attributes:
         mu: Modulus [Pa].
-        lock: Locking stretch lm of a chain, greater than 1; the five-term series stiffens near it but has no limit
-            there.
+        lock: Locking stretch lm of a chain, greater than 1. The five-term series stiffens near it but stays
+            finite.
 
     Raises:
         InputError: if mu is not positive, or lock is not greater than 1.

@@ -37,9 +37,9 @@ NOT_DRAWN = {
 def draw(
     history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any], regions: Sequence[np.ndarray] = ()
 ) -> None:
-    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run in the folder has the data.
+    """Draw sheet.png, damage.png, energy.png and measures.png, except those for which the run has no data.
 
-    The outline of each region, given by its points, is drawn.
+    `regions` are the points of each region of another material; its outline is drawn.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]

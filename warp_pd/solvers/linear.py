@@ -28,7 +28,7 @@ CLOSE_CYCLES = 4
 
 
 class LinearSolver:
-    """Solves K direction = right-hand side of one level.
+    """Solves the linear system K x = b of one level.
 
     Attributes:
         products: Number of stiffness products so far, including those of the preconditioner.

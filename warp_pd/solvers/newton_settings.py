@@ -42,7 +42,7 @@ class StaticSolver:
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings(StaticSolver):
-    """Additional settings of `ArcLength`; attributes as there."""
+    """Settings of `ArcLength` beyond those of `StaticSolver`; see `ArcLength` for the attributes."""
 
     increment: float = 0.1
     most_steps: int = 200

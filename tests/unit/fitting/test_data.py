@@ -108,5 +108,5 @@ def test_shapes_of_data_are_checked():
         Curve("pressure", np.ones(2), "height", np.ones(3))
     with refused(match="expected finite numbers"):
         Curve("pressure", np.ones(2), "height", np.array([1.0, np.nan]))
-    with refused(match="not all NaN"):
+    with refused(match="no displacement is finite"):
         FieldData(np.ones((2, 2)), np.full((2, 3), np.nan))

@@ -117,7 +117,7 @@ WRONG = {
     "line": ('<line x2="3" y2="4"/>', "line 0 is open"),
     "second part open": ('<path d="M0 0 H10 V10 H0 Z M1 1 h1 v1"/>', "path 0 is open, from [ 1., -1.]"),
     "empty": ("", "no closed path: expected one or more"),
-    "text": ("<text>hello</text>", "text 0: expected paths; convert text to paths, and remove pictures"),
+    "text": ("<text>hello</text>", "text 0: expected only paths and shapes; convert text to paths and remove images"),
     "bow tie": ('<path d="M0 0 L10 10 L10 0 L0 10 Z"/>', "self-intersection at (5, -5) m: expected paths that do not"),
     "crossing": (
         '<rect width="10" height="10"/><rect x="5" y="-5" width="10" height="10"/>',

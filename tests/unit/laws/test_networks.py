@@ -41,7 +41,7 @@ def with_wrong_width(arrays):
 BAD_FILES = {
     "other version": (of_version(7), "expected a network of version 1, got version 7; train it again"),
     "NaN weight": (with_nan, "layer 1 has a weight that is not finite; .*finite numbers$"),
-    "wrong width": (with_wrong_width, r"layer 0 has weights of shape \(5, 3\)\W.* 4 inputs$"),
+    "wrong width": (with_wrong_width, r"layer 0 has weights \(5, 3\)\W.*: expected \(n, 4\) and \(n,\)$"),
     "lost layer": (lambda arrays: arrays.pop("biases_1"), "the file is damaged"),
     "no facts": (lambda arrays: arrays.pop("facts"), "the file is damaged"),
     "three outputs": (

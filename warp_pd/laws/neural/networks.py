@@ -174,7 +174,9 @@ def require_sound(network: Network, said: str) -> None:
         raise InputError(f"{said}: it has {len(network.weights)} layers, expected 2 or more")
     for k, (w, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         if w.ndim != 2 or w.shape[1] != width or b.shape != (w.shape[0],):
-            raise InputError(f"{said}: layer {k} has weights of shape {w.shape}, expected {width} inputs")
+            raise InputError(
+                f"{said}: layer {k} has weights {w.shape} and biases {b.shape}: expected (n, {width}) and (n,)"
+            )
         if not np.isfinite(w).all() or not np.isfinite(b).all():
             raise InputError(f"{said}: layer {k} has a weight that is not finite; expected finite numbers")
         width = w.shape[0]

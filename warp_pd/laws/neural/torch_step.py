@@ -43,8 +43,8 @@ class TorchStep:
         self.device = features.device
         if self.device.is_cuda and not torch.cuda.is_available():
             raise InputError(
-                f"evaluation = 'torch': expected a Torch with CUDA on {self.device.alias}, got version "
-                f"{torch.__version__}; or use 'fused' or 'closed_form'"
+                f"evaluation = 'torch': expected a build of Torch with CUDA on {self.device.alias}, got "
+                f"{torch.__version__} without it; or use 'fused' or 'closed_form'"
             )
         # Zero copy: the tensors are views of Warp's arrays.
         self.features, self.pairs = wp.to_torch(features), wp.to_torch(pairs)
