@@ -169,7 +169,7 @@ SQUARE = square(9)
         ((SQUARE, "right", square(8), "left", Place((0.1, 0, 0))), "edges of 9 and 8 points"),
         ((SQUARE, "right", SQUARE, "left", Place((0.1, 0, 0), (0, 1, 0), -90.0)), "meet at 90 degrees"),
         ((SQUARE, "right", SQUARE, "right"), "same side of the seam"),
-        ((SQUARE, [40], SQUARE, [40]), "points along an edge of both sheets"),
+        ((SQUARE, [40], SQUARE, [40]), "points along an edge that exactly two sheets share"),
         ((SQUARE.prestretched(1.1), "right", SQUARE, "left"), "first is prestretched"),
         ((SQUARE, "rigth", SQUARE, "left"), "^glued: first: edge = 'rigth'"),
         ((SQUARE, 3, SQUARE, "left"), "^glued: edge of first = 3: expected a name or point indices"),
