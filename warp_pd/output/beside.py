@@ -35,8 +35,6 @@ from ..interfaces.output import Writer
 
 # Points of a sheet whose pictures are worth processes, and most processes.
 MANY_POINTS, MOST_PROCESSES = 5000, 4
-# As in the command.
-COLLECT_AFTER = 10_000
 # What draws, loaded once by the process from which the others are divided.
 DRAWING = ["matplotlib.backends.backend_agg", *(f"{__package__}.{name}" for name in ("default_pictures", "view"))]
 
@@ -59,8 +57,10 @@ class Processes:
         self.pictures: list[Callable[[], None]] = []
         divided = multiprocessing.get_context("forkserver")
         divided.set_forkserver_preload(DRAWING)
-        self.files = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-        self._pool = ProcessPoolExecutor(number, mp_context=divided, initializer=_begin)
+        self.files, self._pool = (
+            ProcessPoolExecutor(many, mp_context=context, initializer=_begin, initargs=gc.get_threshold())
+            for many, context in ((1, multiprocessing.get_context("spawn")), (number, divided))
+        )
         with _one_thread_of_blas():
             multiprocessing.forkserver.ensure_running()
             self.files.submit(_load_writers)
@@ -138,10 +138,13 @@ def _one_thread_of_blas() -> Iterator[None]:
 _writers: list[Writer] = []
 
 
-def _begin() -> None:
-    """Leave the Ctrl-C of a terminal to the run, and end with it: its folder may be that of a later run."""
+def _begin(*collect_after: int) -> None:
+    """Leave the Ctrl-C of a terminal to the run, and end with it: its folder may be that of a later run.
+
+    Python looks for garbage as seldom as in the run.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    gc.set_threshold(COLLECT_AFTER)
+    gc.set_threshold(*collect_after)
     threading.Thread(target=_end_with_the_run, daemon=True).start()
 
 
