@@ -20,6 +20,8 @@ from .numeric import numeric
 # Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to
 # lambda, but more slowly.
 DAMPED = 0.99
+# Size of the noise, where the largest component of the direction is 1.
+NOISE = 0.05
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class PowerIteration:
     """Kernels of one precision.
 
     Attributes:
+        disturb: Adds noise to the free components of the direction, the same on any number of processes, and discards
+            the earlier direction.
         trial: Displacement plus or minus a small multiple of the direction.
         respond: Response M^-1 K v, which overwrites the second force; per block: v M v, v K v, mass-weighted
             |response|^2, max |response|.
@@ -34,6 +38,7 @@ class PowerIteration:
         renew: The next direction, and the last one rescaled to match.
     """
 
+    disturb: Kernel
     trial: Kernel
     respond: Kernel
     summarise: Kernel
@@ -62,6 +67,36 @@ def power_iteration(bits: int) -> PowerIteration:
     real, vec3 = types.real, types.vec3
     rigid = RIGID
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
+    noise_size = wp.constant(real(NOISE))
+
+    @wp.func
+    def without_held(v: vec3, held: int):
+        for c in range(3):
+            if (held & ((1 << c) | rigid)) != 0:
+                v[c] = real(0.0)
+        return v
+
+    @kernel()
+    def disturb(
+        held_mask: wp.array(dtype=wp.uint8),
+        numbers: wp.array(dtype=int),
+        seed: wp.array(dtype=int),
+        first: int,
+        earlier: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        number = i
+        if numbers:
+            number = numbers[i]
+        random = wp.rand_init(seed[0], number)
+        noise = vec3()
+        for c in range(3):
+            noise[c] = noise_size * real(wp.randf(random, -1.0, 1.0))
+        if held_mask:
+            noise = without_held(noise, wp.int32(held_mask[i]))
+        direction[i] += noise
+        earlier[i] = vec3()
 
     @kernel()
     def trial(
@@ -95,9 +130,7 @@ def power_iteration(bits: int) -> PowerIteration:
         for i in range(b * block, wp.min((b + 1) * block, direction.shape[0])):
             r = (response[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
             if held_mask:
-                for c in range(3):
-                    if (wp.int32(held_mask[i]) & ((1 << c) | rigid)) != 0:
-                        r[c] = real(0.0)
+                r = without_held(r, wp.int32(held_mask[i]))
             response[i] = r
             v = direction[i]
             m = wp.float64(mass[i])
@@ -144,7 +177,7 @@ def power_iteration(bits: int) -> PowerIteration:
         direction[i] = scale[0] * (response[i] - momentum[0] * earlier[i])
         earlier[i] = scale[0] * v
 
-    return PowerIteration(trial, respond, summarise, renew)
+    return PowerIteration(disturb, trial, respond, summarise, renew)
 
 
 @kernel(per="once")

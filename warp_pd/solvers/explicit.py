@@ -244,10 +244,14 @@ class BuiltExplicit(BuiltSolver):
         self.system.set_clock(dt, self.solver.duration, begin)
 
     def host_state(self) -> dict[str, Any]:
-        """Steps since the last estimate and since the last full stage, and the random state of the next estimate."""
-        return {"since_estimate": self._since_estimate, "place": self._place, "noise": self.stable_step.host_state()}
+        """Steps since the last estimate and since the last full stage, and the number of estimates."""
+        return {
+            "since_estimate": self._since_estimate,
+            "place": self._place,
+            "estimates": self.stable_step.host_state(),
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
         self._since_estimate, self._place = state["since_estimate"], state["place"]
-        self.stable_step.restore(state["noise"])
+        self.stable_step.restore(state["estimates"])

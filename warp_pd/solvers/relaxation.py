@@ -281,10 +281,10 @@ class BuiltRelaxation(BuiltSolver):
         return self.rounds.notes()
 
     def host_state(self) -> dict[str, Any]:
-        """The step, the largest load, and the random state of the next estimate."""
-        return {"dt": self._dt, "largest": self._largest, "noise": self.stable_step.host_state()}
+        """The step, the largest load, and the number of estimates."""
+        return {"dt": self._dt, "largest": self._largest, "estimates": self.stable_step.host_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
         self._dt, self._largest = state["dt"], state["largest"]
-        self.stable_step.restore(state["noise"])
+        self.stable_step.restore(state["estimates"])

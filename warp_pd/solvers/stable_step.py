@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import warp as wp
 
-from ..device.fields import Array
+from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import System
-from ..kernels.integrate import RIGID
-from ..kernels.stable_step import power_iteration, shorten
+from ..kernels.effects import Kernel
+from ..kernels.stable_step import PowerIteration, power_iteration, shorten
 
 BLOCK = 256
 # Blocks up to which one thread sums all of them up: 4.2 million points.
@@ -32,23 +29,23 @@ class StableStep:
 
     One iteration applies M^-1 K to a direction by a central difference of the force. Its growth is a lower bound of
     omega_max^2 that rises towards it, four times as fast with momentum as without. Later estimates start from the last
-    direction, plus some noise so that they can find new modes.
+    direction, plus some noise so that they can find new modes; the first starts from noise alone.
     """
 
     def __init__(self, system: System, inertia: Array) -> None:
         """Add the stage "estimate"; `inertia` is the true or fictitious mass, (N,)."""
         self.context = context = system.context
         types, n = context.types, context.sheet.size
-        self._noise = np.random.default_rng(0)
-        self.direction = context.array(
-            "direction", OWNER, types.vec3, self._with_noise(1.0, None), restart=True, halo=True
-        )
+        self._estimates = 0
+        self.direction = context.array("direction", OWNER, types.vec3, shape=n, restart=True, halo=True)
         self._earlier = context.array("earlier_direction", OWNER, types.vec3, shape=n)
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
+        kernels = power_iteration(types.bits)
+        self._add_noise(context.stage("noise", "each estimate of the stable step"), kernels.disturb)
         stage = context.stage("estimate", "each iteration of the stable step")
-        self._add_iteration(stage, system, inertia)
+        self._add_iteration(stage, system, inertia, kernels)
 
-    def _add_iteration(self, stage: Stage, system: System, inertia: Array) -> None:
+    def _add_iteration(self, stage: Stage, system: System, inertia: Array, kernels: PowerIteration) -> None:
         """Add the launches of one iteration: forces on both sides of the state, the response, the next direction."""
         context, direction, n = self.context, self.direction, self.context.sheet.size
         vec3, real = context.types.vec3, context.types.real
@@ -60,7 +57,7 @@ class StableStep:
         sums = context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block")
         scale, momentum = (context.array(name, OWNER, real, shape=1, per="once") for name in ("scale", "momentum"))
         reach = context.array("reach", OWNER, real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once")
-        state, kernels = context.state, power_iteration(context.types.bits)
+        state = context.state
         for sign, force in ((1.0, plus), (-1.0, response)):
             stage.launch(
                 OWNER, kernels.trial, n,
@@ -95,34 +92,31 @@ class StableStep:
         stage.launch(OWNER, shorten, groups, sums=sums, group=GROUP, shorter=shorter)
         return shorter
 
-    def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
-        """`old` plus a fraction of noise for the local points, shape (n, 3), without noise in held components."""
-        held, noise = self.context.held, self._draw()
-        for c in range(3):
-            noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
-        if old is not None:
-            noise = old.astype(np.float64) + fraction * noise
-        return noise.astype(wp.dtype_to_numpy(self.context.types.real))
+    def disturb(self) -> None:
+        """Add noise to the last direction, other noise in each estimate."""
+        self._estimates += 1
+        assign(self._seed, np.array([self._estimates]))
+        self.context.sequence("noise").run()
 
-    def _draw(self) -> np.ndarray:
-        """Random numbers from -1 to 1 for the local points, shape (n, 3), the same on any number of processes."""
-        partition, size = self.context.partition, self.context.whole.size
-        begin, end = (0, size) if partition is None else (int(partition.points.min()), int(partition.points.max()) + 1)
-        # The generator takes one step for a number.
-        steps = np.random.PCG64()
-        steps.state = self._noise.bit_generator.state  # type: ignore[assignment]
-        steps.advance(3 * begin)
-        drawn = np.random.Generator(steps).uniform(-1.0, 1.0, (end - begin, 3))
-        self._noise.bit_generator.advance(3 * size)  # type: ignore[attr-defined]
-        return drawn if partition is None else drawn[partition.points - begin]
+    def _add_noise(self, stage: Stage, kernel: Kernel) -> None:
+        """Add the launch that disturbs the direction; drawn on the host, noise took longer than the iterations."""
+        context, partition = self.context, self.context.partition
+        self._seed = context.array("seed", OWNER, wp.int32, shape=1, per="once")
+        numbers = None
+        if partition is not None:
+            numbers = context.array("numbers", OWNER, wp.int32, partition.points.astype(np.int32))
+        stage.launch(
+            OWNER, kernel, context.sheet.size, held_mask=context.state.held_mask, numbers=numbers, seed=self._seed,
+            earlier=self._earlier, direction=self.direction,
+        )  # fmt: skip
 
-    def host_state(self) -> dict[str, Any]:
-        """State of the random generator, for a restart."""
-        return dict(self._noise.bit_generator.state)
+    def host_state(self) -> int:
+        """Number of estimates so far, for a restart."""
+        return self._estimates
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: int) -> None:
         """Restore the result of `host_state`."""
-        self._noise.bit_generator.state = state
+        self._estimates = state
 
     def omega(self, iterations: int, accuracy: float = 2e-3) -> float:
         """Estimate omega_max [rad/s] in at least two and at most `iterations` iterations.
@@ -130,8 +124,7 @@ class StableStep:
         It ends early when five iterations changed the estimate by less than the fraction `accuracy`. The result is zero
         without stiffness.
         """
-        self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
-        self._earlier.zero_()
+        self.disturb()
         sequence = self.context.sequence("estimate")
         before = squared = 0.0
         for k in range(1, iterations + 1):

@@ -11,6 +11,7 @@ from warp_pd import Sheet
 from warp_pd.families import Families, build_families
 from warp_pd.families.local_families import builds_alone, local_cloud_families, local_rows
 from warp_pd.families.partition import BLOCK, partition_sheet, sheet_on_partition
+from warp_pd.kernels.stable_step import NOISE
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
@@ -113,20 +114,29 @@ def test_an_outline_is_divided_between_its_rows():
 
 @pytest.mark.parametrize("name", ["cloud", "torn"])
 def test_noise_of_some_points_is_that_of_all(name):
-    """Each process draws its own, and its generator goes on like that of one process."""
+    """And it differs between estimates, is as large as stated, has no bias, and spares held components."""
     made = scene(name)
-    expected = np.random.default_rng(0)
     alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
     free = alone.context.held[:, None] & np.array([1, 2, 4]) == 0
-    expected.uniform(-1.0, 1.0, (made.sheet.size, 3))
+
+    def drawn(built):
+        step = built.solver.stable_step
+        step.disturb()
+        noise = step.direction.numpy().copy()
+        step.direction.zero_()
+        return noise
+
+    before = np.zeros((made.sheet.size, 3))
     for _ in range(2):
-        whole = alone.solver.stable_step._with_noise(1.0, None)
-        drawn = np.where(free, expected.uniform(-1.0, 1.0, whole.shape), 0.0).astype(whole.dtype)
-        np.testing.assert_array_equal(whole, drawn)
+        whole = drawn(alone)
+        assert (whole != before)[free].all()
+        assert not whole[~free].any()
+        assert 0.99 * NOISE < np.abs(whole).max() <= NOISE
+        assert abs(whole[free].mean()) < 5.0 * NOISE / np.sqrt(3.0 * free.sum())
         for built in several:
-            points, step = built.context.partition.points, built.solver.stable_step
-            np.testing.assert_array_equal(step._with_noise(1.0, None), whole[points])
-            assert step.host_state() == alone.solver.stable_step.host_state()
+            np.testing.assert_array_equal(drawn(built), whole[built.context.partition.points])
+            assert built.solver.stable_step.host_state() == alone.solver.stable_step.host_state()
+        before = whole
 
 
 @pytest.mark.parametrize("name", ["cloud", "scattered", "cut"])
