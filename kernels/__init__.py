@@ -12,6 +12,3 @@ half of a launch. No kernel uses atomics on floats, so results are reproducible 
 import warp as wp
 
 wp.config.enable_backward = False
-# Clang then instantiates the templates of Warp's header once for a process, not in every module; the code is the same.
-_flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-wp.config.cpu_compiler_flags = f"{_flags} -fpch-instantiate-templates"

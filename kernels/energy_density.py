@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from .effects import unstaged
 from .factories import PairFactory, constants_of
 from .numeric import numeric
 
@@ -28,4 +29,4 @@ def energy_density(functions: PairFactory) -> wp.Kernel:
         G = mat22((first[i] - one) * (first[i] + one), zero, zero, (second[i] - one) * (second[i] + one))
         out[i] = energy(G, constants)
 
-    return wp.kernel(energy_at, module="unique", enable_backward=False)
+    return unstaged(energy_at)

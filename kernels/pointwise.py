@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from .effects import Effects
+from .effects import Effects, warp_kernel
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,6 @@ def every_point(stage: Pointwise, run: int, launch_bounds: tuple[int, int] | Non
     """
     Arguments, function = stage.arguments, stage.function
 
-    @wp.kernel(module="unique", enable_backward=False, launch_bounds=launch_bounds)
     def every_point(arguments: Arguments, first: int, stop: int):
         begin = first + wp.tid() * wp.static(run)
         if wp.static(run == 1):
@@ -88,4 +87,4 @@ def every_point(stage: Pointwise, run: int, launch_bounds: tuple[int, int] | Non
         else:
             function(begin, wp.min(begin + wp.static(run), stop), arguments)
 
-    return every_point
+    return warp_kernel(every_point, launch_bounds=launch_bounds)

@@ -7,7 +7,7 @@ import functools
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -35,6 +35,15 @@ def cores() -> ThreadPoolExecutor:
 def load_kernel(kernel: Any, device: Any) -> None:
     """Compile or load a kernel in one of these threads: each thread that compiles first takes seconds for headers."""
     cores().submit(kernel.module.load, device, 1 if device.is_cpu else None).result()
+
+
+def begin_loading(kernels: Iterable[Any], device: Any) -> None:
+    """Begin to compile or load kernels in these threads, without waiting.
+
+    Threads that compile first then read their headers beside what the caller goes on with.
+    """
+    for kernel in kernels:
+        cores().submit(kernel.module.load, device, 1 if device.is_cpu else None)
 
 
 def start_warp() -> None:

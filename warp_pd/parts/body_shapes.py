@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, positive, vector
+from ..device.cores import load_kernel
 from ..kernels import distances
 
 Outline = tuple[np.ndarray, np.ndarray]
@@ -356,5 +357,6 @@ def signed_distances(
     # A mesh is searched as far as the furthest point.
     reach = 2.0 * float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (shape.sizes()[0] if mesh else 0.0)
     arm: Any = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
+    load_kernel(kernel, device)
     wp.launch(kernel, len(points), inputs=[arm, reach, body, 0], outputs=[found], device=device)
     return np.asarray(found.numpy())

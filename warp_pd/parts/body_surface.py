@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError
+from ..device.cores import load_kernel
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
@@ -107,8 +108,10 @@ class BodySurface:
         corners = in_frame(sheet.positions + context.initial_displacement, place, rotation)[sheet.triangles]
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)
         given: Any = wp.array(np.ascontiguousarray(corners, np.float64), dtype=wp.vec3d, device=context.device)
+        kernel = narrow_phase.clearances(self._shape.distance)
+        load_kernel(kernel, context.device)
         wp.launch(
-            narrow_phase.clearances(self._shape.distance), self._faces, device=context.device, outputs=[found],
+            kernel, self._faces, device=context.device, outputs=[found],
             inputs=[given, 2.0 * self._segments.radius, self._segments, self._body, 0],
         )  # fmt: skip
         gap = found.numpy() - self._segments.radius + self._layer
