@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ..device.cores import begin_loading
 from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
@@ -18,6 +19,17 @@ from ..kernels.checks import BLOCK, frame_checks
 from ..kernels.integrate import kinetic_energy
 
 OWNER = "frames"
+
+
+def begin_loading_checks(context: Context) -> None:
+    """Begin to compile or load the kernels of the checks, which every run has, beside the set-up of the rest.
+
+    The threads that compile on a CPU have then read Warp's header when the other kernels follow. The compiler of a GPU
+    reads it once for all threads.
+    """
+    if context.device.is_cpu:
+        checks = frame_checks(context.bits)
+        begin_loading((checks.watch_motion.kernel, checks.sum_blocks.kernel, checks.sum_vectors.kernel), context.device)
 
 
 class FrameChecks(BuiltPart):

@@ -19,7 +19,7 @@ from ..interfaces.phases import SETUP, Phase
 from ..laws.bending import with_bending
 from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
-from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums
+from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_checks
 from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
 from .scene import Scene
@@ -67,21 +67,28 @@ class Built(System):
 
 
 def compose(
-    scene: Scene, device: str | None = None, precision: int | None = None, communicator: Communicator | None = None
+    scene: Scene,
+    device: str | None = None,
+    precision: int | None = None,
+    communicator: Communicator | None = None,
+    runs: bool = False,
 ) -> Built:
-    """Allocate the arrays and declare the kernels and launches of a scene, without compiling.
+    """Allocate the arrays and declare the kernels and launches of a scene, without compiling them.
 
     Args:
         scene: What to build.
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
         communicator: The processes that share the sheet; None for a single process.
+        runs: Whether a run follows. Kernels that every run has are then compiled meanwhile.
     """
     scene.check()
     parts = parts_of(scene)
     bits = one_of("precision", precision or scene.solver.precision, (32, 64))
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
     context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
+    if runs:
+        begin_loading_checks(context)
     constraints = constraints_here(constraints, context)
     law = with_bending(scene.force.build(context), context, scene.bending)
     built = [part.build(context, law) for part in parts_here(parts, context)]

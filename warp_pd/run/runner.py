@@ -118,7 +118,7 @@ def run(
         begin = perf_counter()
         if communicator.size > 1:
             communicator.set_partition(communicator.barrier(lambda: partition_of(scene, communicator)))
-        built = communicator.barrier(lambda: compose(scene, device, precision, communicator))
+        built = communicator.barrier(lambda: compose(scene, device, precision, communicator, runs=True))
         return _run(built, folder, begin, resume, files, shown, given, stride)
 
 
