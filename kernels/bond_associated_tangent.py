@@ -26,6 +26,8 @@ from .kinematics import kinematics
 from .numeric import numeric
 from .stiffness_left import stiffness_left
 
+# Steps longer than this are not of interest.
+FAR = 1e3
 # Lower bound on the eigenvalues of a diagonal block, divided by its largest one.
 MIN_STIFFNESS = 1e-6
 
@@ -37,6 +39,8 @@ class TangentKernels:
     Attributes:
         linearise: Fills gradient, stress, moduli [members, points] at a displacement.
         product: Fills bond_force [members, points] with its derivative along a direction; `gather` sums it.
+        turning: Fills `longest` with the step along a direction at which the first intersection of a family turns
+            inside out: its area is zero there, or its normal at a right angle to what it was; at most FAR.
         inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
             components.
         assemble: Fills the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`.
@@ -44,6 +48,7 @@ class TangentKernels:
 
     linearise: Kernel
     product: Kernel
+    turning: Kernel
     inverse_blocks: Kernel
     assemble: Kernel
 
@@ -119,7 +124,20 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     Constants = constants_of(response_of)
     word_size = WORD
     block_of, inverse_of = block_functions(bits)
+    far = wp.constant(real(FAR))
     left = stiffness_left(bits)
+
+    @wp.func
+    def first_zero(constant: real, linear: real, square: real):
+        """Smallest s > 0 at which constant + linear s + square s^2 is zero, at most FAR; constant >= 0."""
+        s = far
+        discriminant = linear * linear - real(4.0) * square * constant
+        if discriminant >= real(0.0):
+            # The root without cancellation; a square of zero leaves one root.
+            q = wp.sqrt(discriminant) - linear
+            if q > real(0.0):
+                s = wp.min(s, real(2.0) * constant / q)
+        return s
 
     @kernel(gathers=("displacement",))
     def linearise(
@@ -198,6 +216,35 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             if is_intact(family, intact, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
+
+    @kernel(gathers=("direction",))
+    def turning(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        direction: wp.array(dtype=vec3),
+        gradient: wp.array2d(dtype=mat32),
+        inverse_horizon: real,
+        first: int,
+        longest: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        shortest = far
+        undamaged = is_undamaged(family, intact, i)
+        for j in range(family.members):
+            there, H1, H2, _inverse, _weight, _tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
+            if there:
+                D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
+                F = gradient[j, i]
+                F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
+                F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                # The normal of the deformed sheet is (F1 + s D1) x (F2 + s D2); its component along that of s = 0 is
+                # area + linear s + square s^2.
+                normal = wp.cross(F1, F2)
+                area = wp.dot(normal, normal)
+                linear = wp.dot(normal, wp.cross(D1, F2) + wp.cross(F1, D2))
+                square = wp.dot(normal, wp.cross(D1, D2))
+                shortest = wp.min(shortest, first_zero(area, linear, square))
+        longest[i] = shortest
 
     @wp.func
     def shape_of(
@@ -387,4 +434,4 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                                 entry = entry_of(columns, begin, end, m)
                                 matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
 
-    return TangentKernels(linearise, product, inverse_blocks, assemble)
+    return TangentKernels(linearise, product, turning, inverse_blocks, assemble)

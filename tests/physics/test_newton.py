@@ -7,7 +7,7 @@ from curved_sheets import small_tube
 from helpers import GENT, square
 from small_runs import run, simulate
 
-from warp_pd import BodyForce, Fixed, Motion, Newton, Pressure, Relaxation
+from warp_pd import BodyForce, Fixed, Motion, Newton, Pressure, Relaxation, Sheet
 
 
 @pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "direct", "jacobi"])
@@ -73,6 +73,22 @@ def test_too_large_a_step_is_cut():
     result = run(sheet, Newton(), material=material, loads=[Fixed(sheet.edges("left")), motion])
     assert result.status == "finished"
     assert result.summary["solve"]["reached"] == 1.0
+
+
+@pytest.mark.parametrize("preconditioner", ["direct", "jacobi"])
+@pytest.mark.parametrize("stretch", [2.0, 2.5])
+def test_a_long_load_step_turns_no_family_inside_out(preconditioner, stretch):
+    """A notched strip, pulled at once or in six steps: beyond the barrier wait equilibria with families upside down."""
+    sheet = Sheet.rectangle(0.08, 0.16, thickness=1e-3, density=1000.0, points=(31, 62))
+    sheet = sheet.cut((-1.0, 0.08), (0.0175, 0.08))
+    pull = Motion(sheet.edges("top"), [0.0, 1.0], y=[0.0, 0.16 * (stretch - 1.0)])
+    in_plane = [Fixed(np.arange(sheet.size), "z"), Fixed(sheet.edges("bottom"), "y")]
+    loads = [*in_plane, Fixed([sheet.nearest(0.08, 0.0), sheet.nearest(0.08, 0.16)], "x"), pull]
+    once = run(sheet, Newton(preconditioner=preconditioner), loads=loads)
+    along = run(sheet, Newton(preconditioner="direct", load_steps=6), loads=loads)
+    assert once.status == along.status == "finished"
+    assert once.frame.displacement == pytest.approx(along.frame.displacement, abs=1e-7)
+    assert once.summary["solve"]["iterations"] <= 10
 
 
 def test_no_convergence_keeps_the_last_good_load_step():

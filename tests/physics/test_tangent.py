@@ -141,6 +141,31 @@ def test_the_tangent_is_the_derivative_of_the_force(case):
         assert inverse[point] @ blocks[point] == pytest.approx(np.eye(3), abs=1e-6)
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_a_family_turns_inside_out_at_the_longest_step(case):
+    """There the normal of one intersection is at a right angle to what it was; a shorter step keeps all closer."""
+    sheet, parts = CASES[case]
+    level = tangent_of(sheet, loads=[Fixed(left(sheet))], **{"assembled": False, **parts})
+    displacement, direction = moved(sheet), np.random.default_rng(5).normal(size=(sheet.size, 3)) * sheet.spacing
+    assign(level.direction, direction)
+
+    def normals(step):
+        assign(level.displacement, displacement + step * direction)
+        level.linearise(0.0)
+        return np.cross(*np.moveaxis(level.tangent.gradient.numpy(), -1, 0))
+
+    before = normals(0.0)
+    there = (before * before).sum(axis=-1) > 0.0
+    longest = level.longest_step()
+    assert 0.0 < longest < 10.0
+
+    def least(step):
+        return ((before * normals(step)).sum(axis=-1)[there] / (before * before).sum(axis=-1)[there]).min()
+
+    assert least(longest) == pytest.approx(0.0, abs=1e-9)
+    assert least(0.5 * longest) > 0.1
+
+
 @pytest.mark.parametrize("sheet", [square(11), small_tube(16, 1.5)], ids=["flat", "curved"])
 def test_follower_pressure_makes_the_tangent_unsymmetric(sheet):
     displacement = moved(sheet)

@@ -64,6 +64,13 @@ class Tangent(Protocol):
         """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         ...
 
+    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
+        """Add the launch that fills `longest`, (N,): the step along a direction [m] that turns a family inside out.
+
+        Return False, without a launch, if families may turn inside out.
+        """
+        ...
+
     def is_slack(self) -> bool:
         """Whether the state of the last linearisation has no stiffness in some direction."""
         ...

@@ -101,6 +101,10 @@ class BendingTangent(Tangent):
         self.law.add_product(stage, direction, change)
         self.add_bending(stage, direction, change)
 
+    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
+        """Add the launch of the law without bending."""
+        return self.law.add_turning(stage, direction, longest)
+
     def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
         """Add the launches that add the part of bending."""
         force = self.force

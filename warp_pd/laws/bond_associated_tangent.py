@@ -97,6 +97,21 @@ class BondAssociatedTangent:
         )  # fmt: skip
         force.add_gather(stage, force.pairs, change, softens=False)
 
+    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
+        """Add the launch that fills `longest`, (N,): the step along a direction [m] that turns a family inside out.
+
+        A material that goes slack may fold, and nothing is added.
+        """
+        force = self.force
+        if force.goes_slack:
+            return False
+        stage.launch(
+            OWNER, self.kernels.turning, force.points,
+            family=force.struct, intact=force.intact, direction=direction, gradient=self.gradient,
+            inverse_horizon=force.inverse_horizon, longest=longest,
+        )  # fmt: skip
+        return True
+
     def is_slack(self) -> bool:
         """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""
         return bool(np.abs(self.stress.numpy()).max() < SLACK_STRESS * self.modulus())

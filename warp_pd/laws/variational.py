@@ -41,6 +41,7 @@ class BondAssociatedLaw(Protocol):
     unit_force: float
     unit_stiffness: float
     damage: Array | None
+    goes_slack: bool
 
     @property
     def paths(self) -> Sequence[Any]:

@@ -20,6 +20,9 @@ from .static_rounds import MIN_LOAD
 # fraction of its start.
 MAX_OVERSHOOT = 0.5
 MAX_TRIALS = 12
+# A step is at most this fraction of the one that turns a family inside out: equilibria beyond it have families upside
+# down (after Smith and Schaefer, ACM Trans. Graph. 34, 2015).
+UNTURNED = 0.5
 # Nor may the unbalanced force grow by more than this factor: beyond an energy barrier that sign means nothing.
 MAX_GROWTH = 10.0
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
@@ -167,7 +170,8 @@ class Descent:
 
     def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
         """Move by an accepted fraction of the direction; None, with the state reset, if none is accepted."""
-        level, step_length = self.level, 1.0
+        level = self.level
+        step_length = min(1.0, UNTURNED * level.longest_step())
         for _ in range(MAX_TRIALS):
             level.step_to(step_length)
             new_norm, scale = level.evaluate()

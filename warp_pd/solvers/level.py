@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -63,6 +64,9 @@ class Level:
         tangent.add_linearise(linearise, self.displacement, self._tension)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
+        self._longest = context.array("longest_step", OWNER, t.real, shape=n)
+        turning = context.stage("turning", "every step of Newton")
+        self._turns = tangent.add_turning(turning, self.direction, self._longest)
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 
     @property
@@ -125,6 +129,13 @@ class Level:
         """Stiffness of contact at the last tangent [N/m], shape (N, 3, 3); None without contact."""
         blocks = [contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
         return -np.sum(blocks, axis=0) if blocks else None
+
+    def longest_step(self) -> float:
+        """Fraction of the direction at which the first family turns inside out; infinite if families may."""
+        if not self._turns:
+            return math.inf
+        self.run("turning")
+        return float(self._longest.numpy().min())
 
     def step_to(self, step_length: float) -> None:
         """Set displacement = base + step length x direction."""

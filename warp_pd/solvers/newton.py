@@ -38,9 +38,9 @@ class Newton(StaticSolver):
 
     A Newton step is accepted based on the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
     Meth. Eng. 14, 1979), unless that force grows tenfold. This needs no potential, so it also works for follower
-    pressure. Unsymmetric tangents are solved by GMRES, symmetric ones by conjugate gradients. If a step fails, or the
-    initial state is slack, an isotropic tension is added to the tangent (not to the force) and removed as steps
-    succeed.
+    pressure. No step turns a family inside out, unless the material goes slack. Unsymmetric tangents are solved by
+    GMRES, symmetric ones by conjugate gradients. If a step fails, or the initial state is slack, an isotropic tension
+    is added to the tangent (not to the force) and removed as steps succeed.
 
     Attributes:
         tolerance: Norm of the unbalanced force divided by the norm of loads and reactions at which equilibrium is
