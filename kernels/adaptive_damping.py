@@ -9,6 +9,7 @@ import functools
 
 import warp as wp
 
+from .block_sums import BLOCK
 from .effects import Kernel, kernel
 from .numeric import numeric
 
@@ -20,7 +21,7 @@ def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
     `following`: loads depend on the displacement; the external force is then part of the stiffness.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    real, vec3, block = types.real, types.vec3, BLOCK
 
     @kernel(per="block")
     def measure_motion(
@@ -29,7 +30,6 @@ def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
         velocity: wp.array(dtype=vec3),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
-        block: int,
         first: int,
         previous: wp.array(dtype=vec3),
         sums: wp.array2d(dtype=wp.float64),

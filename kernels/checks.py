@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .block_sums import BLOCK
 from .effects import Kernel, kernel
 from .numeric import numeric
-
-BLOCK = 256
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .block_sums import BLOCK
 from .effects import Kernel, kernel
 from .integrate import RIGID
 from .numeric import numeric
@@ -45,27 +46,12 @@ class PowerIteration:
     renew: Kernel
 
 
-@wp.func
-def add_blocks(sums: wp.array2d(dtype=wp.float64), begin: int, end: int):
-    """The results of `respond` over some blocks, in order."""
-    norm = wp.float64(0.0)
-    product = wp.float64(0.0)
-    image = wp.float64(0.0)
-    largest = wp.float64(0.0)
-    for b in range(begin, end):
-        norm += sums[0, b]
-        product += sums[1, b]
-        image += sums[2, b]
-        largest = wp.max(largest, sums[3, b])
-    return norm, product, image, largest
-
-
 @functools.cache
 def power_iteration(bits: int) -> PowerIteration:
     """Kernels of a precision."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    rigid = RIGID
+    rigid, block = RIGID, BLOCK
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
     noise_size = wp.constant(real(NOISE))
 
@@ -117,7 +103,6 @@ def power_iteration(bits: int) -> PowerIteration:
         plus: wp.array(dtype=vec3),
         reach: wp.array(dtype=real),
         direction: wp.array(dtype=vec3),
-        block: int,
         first: int,
         response: wp.array(dtype=vec3),
         sums: wp.array2d(dtype=wp.float64),
@@ -151,7 +136,15 @@ def power_iteration(bits: int) -> PowerIteration:
         momentum: wp.array(dtype=real),
         squared_frequency: wp.array(dtype=wp.float64),
     ):
-        norm, product, image, largest = add_blocks(sums, 0, sums.shape[1])
+        norm = wp.float64(0.0)
+        product = wp.float64(0.0)
+        image = wp.float64(0.0)
+        largest = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            norm += sums[0, b]
+            product += sums[1, b]
+            image += sums[2, b]
+            largest = wp.max(largest, sums[3, b])
         scale[0] = real(0.0)
         if largest > wp.float64(0.0):
             scale[0] = real(wp.float64(1.0) / largest)
@@ -178,14 +171,3 @@ def power_iteration(bits: int) -> PowerIteration:
         earlier[i] = scale[0] * v
 
     return PowerIteration(disturb, trial, respond, summarise, renew)
-
-
-@kernel(per="once")
-def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
-    """Sum the results of `respond` over groups of blocks, in order, for large sheets."""
-    g = wp.tid() + first
-    norm, product, image, largest = add_blocks(sums, g * group, wp.min((g + 1) * group, sums.shape[1]))
-    shorter[0, g] = norm
-    shorter[1, g] = product
-    shorter[2, g] = image
-    shorter[3, g] = largest

@@ -9,10 +9,9 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
+from ..kernels.block_sums import BLOCK
 from .horizon import Horizon
 
-# Sums over points go by whole blocks, and then are the same on any number of processes.
-BLOCK = 256
 # Width of the halo in horizons: forces on the owned points need the families of the first horizon outside, and these
 # families need the displacements of the second.
 HALO = 2

@@ -16,10 +16,10 @@ from ..device.cores import start_warp
 from ..device.fields import Array, Field, FieldRegister, Stored, to_host
 from ..device.graph import LaunchSequence, run_once
 from ..device.launches import Launch, Stage, compile_launches
-from ..families.partition import BLOCK as SUM_BLOCK
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import CoarseLattice
+from ..kernels import block_sums
 from ..kernels.effects import Kernel
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
@@ -209,7 +209,7 @@ class Context:
     def own_blocks(self) -> int:
         """Number of own blocks of points; sums are computed by block."""
         points = self.sheet.size if self.partition is None else self.partition.block_points
-        return -(-points // SUM_BLOCK)
+        return -(-points // block_sums.BLOCK)
 
     def launch_on_blocks(
         self,
@@ -248,7 +248,7 @@ class Context:
             self.communicator.gather_to_blocks([(array, brought[name]) for name, array in there.items()], partition)
         )
         if outputs:
-            blocks = -(-(partition.owned.stop - partition.owned.start) // SUM_BLOCK)
+            blocks = -(-(partition.owned.stop - partition.owned.start) // block_sums.BLOCK)
             unused = {
                 name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
                 for name, made in sums.items()
@@ -260,10 +260,25 @@ class Context:
         """Block sums [rows, blocks] gathered from all processes in a stage; the array itself for a single process."""
         if self.partition is None:
             return sums
-        shape = (sums.shape[0], -(-self.whole.size // SUM_BLOCK))
+        shape = (sums.shape[0], -(-self.whole.size // block_sums.BLOCK))
         everything = self.array(name, owner, sums.dtype, shape=shape, per="table")
         stage.call(self.communicator.gather_blocks(sums, everything, self.partition))
         return everything
+
+    def few_blocks(self, stage: Stage, sums: Array, name: str, owner: str, maxima: int = 0) -> Array:
+        """Like `all_blocks`, but many blocks are added up in groups; of the last `maxima` rows the largest is taken."""
+        found = self.all_blocks(stage, sums, name, owner)
+        rows, blocks = found.shape
+        if blocks <= block_sums.MANY_BLOCKS:
+            return found
+        shorter = self.array(
+            f"{name}_in_groups", owner, found.dtype, shape=(rows, -(-blocks // block_sums.GROUP)), per="table"
+        )
+        stage.launch(
+            owner, block_sums.add_groups, shorter.size, sums=found, maxima=maxima, group=block_sums.GROUP,
+            shorter=shorter,
+        )  # fmt: skip
+        return shorter
 
     def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
         """Copy a field of the whole sheet, or its `coarse` points, to the host; of several processes only in `root`."""

@@ -15,7 +15,8 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.checks import BLOCK, frame_checks
+from ..kernels.block_sums import BLOCK
+from ..kernels.checks import frame_checks
 from ..kernels.integrate import kinetic_energy
 
 OWNER = "frames"

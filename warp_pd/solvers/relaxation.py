@@ -21,7 +21,7 @@ from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
-from .stable_step import BLOCK, StableStep
+from .stable_step import StableStep
 from .static_rounds import MIN_LOAD, Kept, StaticRounds, copies, put_back
 
 OWNER = "Relaxation"
@@ -142,10 +142,8 @@ class BuiltRelaxation(BuiltSolver):
                 "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
                 "external": state.external, "previous": self._previous,
             }  # fmt: skip
-            context.launch_on_blocks(
-                stage, OWNER, measure_motion, arrays, {"sums": self._sums}, ["previous"], block=BLOCK
-            )
-            sums = context.all_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
+            context.launch_on_blocks(stage, OWNER, measure_motion, arrays, {"sums": self._sums}, ["previous"])
+            sums = context.few_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
             stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
 
     def prepare(self, system: System) -> None:

@@ -9,13 +9,8 @@ from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
-from ..kernels.stable_step import PowerIteration, power_iteration, shorten
+from ..kernels.stable_step import PowerIteration, power_iteration
 
-BLOCK = 256
-# Blocks up to which one thread sums all of them up: 4.2 million points.
-MANY_BLOCKS = 2**14
-# Blocks that a thread sums up then.
-GROUP = 256
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
 # force, far below what would change the tangent.
 TRIAL_STRAIN = 2e-3
@@ -70,10 +65,9 @@ class StableStep:
             "response": response,
         }  # fmt: skip
         context.launch_on_blocks(
-            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach,
-            block=BLOCK,
+            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach
         )  # fmt: skip
-        everything = self._in_groups(stage, context.all_blocks(stage, sums, "sums_of_all", OWNER))
+        everything = context.few_blocks(stage, sums, "sums_of_all", OWNER, maxima=1)
         stage.launch(
             OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
             squared_frequency=self._squared,
@@ -82,15 +76,6 @@ class StableStep:
             OWNER, kernels.renew, n, response=response, scale=scale, momentum=momentum,
             earlier=self._earlier, direction=direction,
         )  # fmt: skip
-
-    def _in_groups(self, stage: Stage, sums: Array) -> Array:
-        """Add sums over groups of blocks if a single thread would take too long for all blocks."""
-        if sums.shape[1] <= MANY_BLOCKS:
-            return sums
-        groups = -(-sums.shape[1] // GROUP)
-        shorter = self.context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
-        stage.launch(OWNER, shorten, groups, sums=sums, group=GROUP, shorter=shorter)
-        return shorter
 
     def disturb(self) -> None:
         """Add noise to the last direction, other noise in each estimate."""

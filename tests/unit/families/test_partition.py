@@ -10,7 +10,8 @@ from shared_scenes import SIZE, composed, scene, sheet_of
 from warp_pd import Sheet
 from warp_pd.families import Families, build_families
 from warp_pd.families.local_families import builds_alone, local_cloud_families, local_rows
-from warp_pd.families.partition import BLOCK, partition_sheet, sheet_on_partition
+from warp_pd.families.partition import partition_sheet, sheet_on_partition
+from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.kernels.stable_step import NOISE
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
@@ -77,8 +78,8 @@ def test_layers_around_a_halo_are_those_of_the_triangles(name):
 
 def test_more_processes_than_blocks_are_refused():
     sheet = Sheet.rectangle(1.0, 1.0, points=20, **SIZE)
-    with refused(match=r"^processes = 3: expected at most 2 on a sheet of 400 points"):
-        partition_sheet(sheet, 2.015, 0, 3)
+    with refused(match=r"^processes = 8: expected at most 7 on a sheet of 400 points"):
+        partition_sheet(sheet, 2.015, 0, 8)
 
 
 def test_indices_of_points_here():

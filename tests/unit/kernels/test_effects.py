@@ -58,7 +58,7 @@ from warp_pd import (
 )
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
-from warp_pd.solvers import stable_step
+from warp_pd.kernels import block_sums
 
 ROOT = Path(__file__).parents[3]
 SPEC = importlib.util.spec_from_file_location("compare_checkouts", ROOT / "tools" / "compare_checkouts.py")
@@ -182,14 +182,14 @@ def recorded(gpu_paths):
     Of kernels with equal names and arrays, such as those of two materials, the first; only these are compiled.
     """
     # The last case as on a large sheet.
-    small = stable_step.MANY_BLOCKS
+    small = block_sums.MANY_BLOCKS
     made, more = compare_checkouts.parts(), further()
     found = _launches_of(made[name]() for name in CASES) + _launches_of(more.values())
     try:
-        stable_step.MANY_BLOCKS = 0
+        block_sums.MANY_BLOCKS = 0
         found += _launches_of([more["bodies"]])
     finally:
-        stable_step.MANY_BLOCKS = small
+        block_sums.MANY_BLOCKS = small
     unique = {}
     for built, launch in [*found, *gpu_paths]:
         unique.setdefault((launch.name, tuple(_names(launch))), (built, launch))

@@ -6,7 +6,7 @@ from helpers import MU, NEO, array, build, square
 from scipy.sparse.linalg import LinearOperator, eigs
 
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Fixed, Neural, Nodal, Simulation
-from warp_pd.solvers import stable_step
+from warp_pd.kernels import block_sums
 from warp_pd.solvers.explicit import FIRST_ITERATIONS
 
 
@@ -67,13 +67,13 @@ def test_the_estimate_of_a_sheet_of_many_blocks_is_the_same(monkeypatch):
 
     def squared(groups):
         built = build(sheet, loads=[Fixed(sheet.edges("left"))])
-        assert ("sums_of_groups" in {stored.name for stored in built.context.fields}) == groups
+        assert ("sums_of_all_in_groups" in {stored.name for stored in built.context.fields}) == groups
         assert built.solver.stable_step.omega(40) > 0.0
         return built.solver.stable_step._squared.numpy()
 
     alone = squared(groups=False)
-    # Sheets of many blocks, in more than one group, have millions of points.
-    monkeypatch.setattr(stable_step, "MANY_BLOCKS", 5)
-    monkeypatch.setattr(stable_step, "GROUP", 3)
-    # 1681 points are 7 blocks, in 3 groups; the order of the sums differs.
+    # Sheets of many blocks have more points.
+    monkeypatch.setattr(block_sums, "MANY_BLOCKS", 5)
+    monkeypatch.setattr(block_sums, "GROUP", 3)
+    # 1681 points are 27 blocks, in 9 groups; the order of the sums differs.
     np.testing.assert_allclose(squared(groups=True), alone, rtol=1e-5)

@@ -22,9 +22,10 @@ from ...device.checks import InputError
 from ...device.cores import start_warp
 from ...device.fields import Array, Stored, to_host
 from ...device.launches import Call, Touched
-from ...families.partition import BLOCK, Partition
+from ...families.partition import Partition
 from ...geometry.triangulation import CoarseLattice
 from ...interfaces.communicator import Communicator, LostError
+from ...kernels.block_sums import BLOCK
 from ...laws.neural.torch_step import capture, release_graphs
 from .messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
 
