@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .division import division
 from .factories import FunctionFactory
 from .incompressible import named
 from .materials import NEWTON_STEPS, SHRINK, WIDTH_TOLERANCE, MaterialFunctions, invariants, volume
@@ -21,7 +22,7 @@ class Equations:
     """Warp functions of a material in one precision, with d = J^(2/3) - 1 and z = J^2 - 1.
 
     Attributes:
-        root_change: (tr C - 2, det C - 1, constants, guess) -> d.
+        root_change: (tr C - 2, det C - 1, 1 / det C, constants, guess) -> d.
         shear_of: (tr C - 2, C33 - 1, d, constants) -> g [Pa].
         stored: (I1b - 3, z, constants) -> Psi [J/m^3].
         balance: (d, z, C11 - 1, sqrt(C11), constants) -> four numbers for uniaxial tension: a residual that vanishes
@@ -47,13 +48,14 @@ def compressible(equations: Callable[[int], Equations], response: FunctionFactor
         real, mat22, parameters = types.real, types.mat22, types.parameters
         area_change, _, plane_stress = invariants(bits)
         root_change, shear_of, volume_of = equations(bits).root_change, equations(bits).shear_of, volume(bits)
+        quotient = division(bits)
 
         @wp.func
         def stress_near(G: mat22, constants: parameters, guess: real):
             area = area_change(G)
             trace = G[0, 0] + G[1, 1]
-            d = root_change(trace, area, constants, guess)
-            slope = real(1.0) / (real(1.0) + area)
+            slope = quotient(real(1.0), real(1.0) + area)
+            d = root_change(trace, area, slope, constants, guess)
             thinning = slope * (volume_of(d) - area)
             return plane_stress(G, slope, thinning, shear_of(trace, thinning, d, constants)), d
 
@@ -66,7 +68,7 @@ def compressible(equations: Callable[[int], Equations], response: FunctionFactor
         real, mat22, parameters = types.real, types.mat22, types.parameters
         area_change, _, _ = invariants(bits)
         root_change, stored, volume_of = equations(bits).root_change, equations(bits).stored, volume(bits)
-        stress_near = near(bits)
+        stress_near, quotient = near(bits), division(bits)
 
         @wp.func
         def stress(G: mat22, constants: parameters):
@@ -77,9 +79,10 @@ def compressible(equations: Callable[[int], Equations], response: FunctionFactor
         def energy(G: mat22, constants: parameters):
             area = area_change(G)
             trace = G[0, 0] + G[1, 1]
-            d = root_change(trace, area, constants, real(0.0))
+            slope = quotient(real(1.0), real(1.0) + area)
+            d = root_change(trace, area, slope, constants, real(0.0))
             z = volume_of(d)
-            thinning = (z - area) / (real(1.0) + area)
+            thinning = slope * (z - area)
             return stored((trace + thinning - real(3.0) * d) / (real(1.0) + d), z, constants)
 
         return stress, energy
@@ -88,11 +91,13 @@ def compressible(equations: Callable[[int], Equations], response: FunctionFactor
         types = numeric(bits)
         real, mat22, parameters = types.real, types.mat22, types.parameters
         area_change, _, _ = invariants(bits)
-        root_change, volume_of = equations(bits).root_change, volume(bits)
+        root_change, volume_of, quotient = equations(bits).root_change, volume(bits), division(bits)
 
         @wp.func
         def volume_change(G: mat22, constants: parameters):
-            return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
+            area = area_change(G)
+            slope = quotient(real(1.0), real(1.0) + area)
+            return volume_of(root_change(G[0, 0] + G[1, 1], area, slope, constants, real(0.0)))
 
         return volume_change
 

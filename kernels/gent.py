@@ -10,6 +10,7 @@ import functools
 import warp as wp
 
 from .compressible import Equations, compressible
+from .division import division
 from .materials import NEWTON_STEPS, RESTART, SHRINK, TOLERANCE, condensation, invariants, volume
 from .numeric import numeric
 
@@ -20,15 +21,14 @@ def gent_equations(bits: int) -> Equations:
     types = numeric(bits)
     real, parameters = types.real, types.parameters
     _, excess_invariant, _ = invariants(bits)
-    volume_of = volume(bits)
+    volume_of, quotient = volume(bits), division(bits)
     tolerance = TOLERANCE[bits]
     steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
 
     @wp.func
-    def root_change(trace: real, area: real, constants: parameters, guess: real):
+    def root_change(trace: real, area: real, slope: real, constants: parameters, guess: real):
         # Zero of (Jm - I1b + 3) J^(4/3) sigma_33, with room = (Jm - I1b + 3) J^(2/3).
         lock = constants[2]
-        slope = real(1.0) / (real(1.0) + area)
         third = constants[0] * lock / real(3.0)
         half = real(0.5) * constants[1]
         d = guess
@@ -46,7 +46,7 @@ def gent_equations(bits: int) -> Equations:
             residual = third * (real(2.0) * thinning - trace) + half * z * room
             floor = real(2.0) * third * slope * rise + half * rise * room
             tangent = floor + half * z * (lock - slope * rise + real(3.0))
-            new = wp.max(d - residual / wp.max(tangent, real(0.25) * floor), real(shrink) * root - real(1.0))
+            new = wp.max(d - quotient(residual, wp.max(tangent, real(0.25) * floor)), real(shrink) * root - real(1.0))
             change = wp.abs(new - d)
             d = new
             # The iteration converges quadratically only within a distance of the order of `room`, the room to the lock.
@@ -63,7 +63,7 @@ def gent_equations(bits: int) -> Equations:
         room = constants[2] * (real(1.0) + d) - trace - thinning + real(3.0) * d
         if room <= real(0.0):
             room = real(wp.nan)
-        return constants[0] * constants[2] / room
+        return quotient(constants[0] * constants[2], room)
 
     @wp.func
     def stored(excess: real, z: real, constants: parameters):

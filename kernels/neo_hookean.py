@@ -8,6 +8,7 @@ import functools
 import warp as wp
 
 from .compressible import Equations, compressible
+from .division import division
 from .materials import NEWTON_STEPS, RESTART, SHRINK, TOLERANCE, condensation, invariants, volume
 from .numeric import numeric
 
@@ -17,14 +18,13 @@ def neo_hookean_equations(bits: int) -> Equations:
     """The equations of the material."""
     types = numeric(bits)
     real, parameters = types.real, types.parameters
-    volume_of = volume(bits)
+    volume_of, quotient = volume(bits), division(bits)
     tolerance = TOLERANCE[bits]
     steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
 
     @wp.func
-    def root_change(trace: real, area: real, constants: parameters, guess: real):
+    def root_change(trace: real, area: real, slope: real, constants: parameters, guess: real):
         # Zero of J^(2/3) sigma_33: the factor makes it rise strictly with d, whatever the state.
-        slope = real(1.0) / (real(1.0) + area)
         third = constants[0] / real(3.0)
         quarter = real(0.25) * constants[1]
         d = guess
@@ -35,10 +35,10 @@ def neo_hookean_equations(bits: int) -> Equations:
             z = volume_of(d)
             q = root * root * root
             thinning = slope * (z - area)
-            r = real(1.0) / q
+            r = quotient(real(1.0), q)
             residual = third * (real(2.0) * thinning - trace) + quarter * root * z * (real(2.0) + z) * r
             tangent = real(6.0) * third * slope * root * root + quarter * (real(4.0) * q + real(2.0) * r)
-            new = wp.max(d - residual / tangent, real(shrink) * root - real(1.0))
+            new = wp.max(d - quotient(residual, tangent), real(shrink) * root - real(1.0))
             change = wp.abs(new - d)
             d = new
             if change <= real(tolerance) * root:
@@ -47,7 +47,7 @@ def neo_hookean_equations(bits: int) -> Equations:
 
     @wp.func
     def shear_of(trace: real, thinning: real, d: real, constants: parameters):
-        return constants[0] / (real(1.0) + d)
+        return quotient(constants[0], real(1.0) + d)
 
     @wp.func
     def stored(excess: real, z: real, constants: parameters):
