@@ -106,8 +106,8 @@ def kinematics(bits: int) -> Kinematics:
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
         """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on member k."""
-        F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-        F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+        F1 = vec3(real(1.0) + H1[0], H1[1], H1[2])
+        F2 = vec3(H2[0], real(1.0) + H2[1], H2[2])
         P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
         P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
         return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]

@@ -100,20 +100,19 @@ def undamaged_lattice_force(
             return second, -first
 
     @wp.func
-    def seen(v: vec3, cosine: int, sine: int):
-        """Components of a vector in axes rotated by a multiple of 90 degrees."""
-        c = real(cosine)
-        s = real(sine)
-        return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
+    def seen(v: vec3, cosine: real, sine: real, scale: real):
+        """Components of scale v in rotated axes, from the cosine and sine of the rotation, times scale."""
+        return vec3(cosine * v[0] + sine * v[1], cosine * v[1] - sine * v[0], scale * v[2])
 
     @wp.func
-    def rotated(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
-        """Displacement of the member (x, y) steps away, in axes rotated by a multiple of 90 degrees."""
-        across = cosine * x - sine * y
+    def member_at(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
+        """Displacement of the member (x, y) steps away in axes rotated by a multiple of 90 degrees."""
         if wp.static(gridded):
-            return point_of(displacement, places[wp.static(reach) + cosine * y + sine * x, i] + across)
+            line = places[wp.static(reach) + cosine * y + sine * x, i]
+            return point_of(displacement, line + cosine * x - sine * y)
         else:
-            return point_of(displacement, i + (cosine * y + sine * x) * places + across)
+            # Factors of x and y first: they are the same for all members.
+            return point_of(displacement, i + (sine * places + cosine) * x + (cosine * places - sine) * y)
 
     @kernel(gathers=("displacement",), fast_math=bits == 32)
     def undamaged_family_force(
@@ -156,10 +155,11 @@ def undamaged_lattice_force(
                 if wp.static(gridded):
                     if wp.static(begins_line[k]):
                         centre = places[wp.static(up[k] + reach), i]
-                    u = inverse_horizon * (displacement[centre + wp.static(right[k])] - origin)
+                    u = displacement[centre + wp.static(right[k])] - origin
                 else:
-                    u = inverse_horizon * (displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin)
+                    u = displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin
                 if wp.static(in_registers):
+                    u = inverse_horizon * u
                     U[k] = u
                 if wp.static(large and inside[0][k]):
                     M1 += wp.static(c1[k]) * u
@@ -176,8 +176,8 @@ def undamaged_lattice_force(
                         if wp.static(in_registers):
                             u = U[k]
                         else:
-                            u = inverse_horizon * (
-                                rotated(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
+                            u = (
+                                member_at(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
                                 - origin
                             )
                         G1 += wp.static(b1[j][k]) * u
@@ -186,11 +186,11 @@ def undamaged_lattice_force(
                     G1 = wp.static(K11[j]) * M1 + wp.static(K12[j]) * M2
                     G2 = wp.static(K12[j]) * M1 + wp.static(K22[j]) * M2
                 if wp.static(not in_registers):
-                    G1 = seen(G1, cosine, sine)
-                    G2 = seen(G2, cosine, sine)
+                    G1 = seen(G1, inverse_horizon * real(cosine), inverse_horizon * real(sine), inverse_horizon)
+                    G2 = seen(G2, inverse_horizon * real(cosine), inverse_horizon * real(sine), inverse_horizon)
                 S, guess = stress_near(green(G1, G2), constants, guess)
-                F1 = G1 + vec3(real(1.0), real(0.0), real(0.0))
-                F2 = G2 + vec3(real(0.0), real(1.0), real(0.0))
+                F1 = vec3(real(1.0) + G1[0], G1[1], G1[2])
+                F2 = vec3(G2[0], real(1.0) + G2[1], G2[2])
                 W = wp.static(weights[j])
                 P1 = (W * S[0, 0]) * F1 + (W * S[1, 0]) * F2
                 P2 = (W * S[0, 1]) * F1 + (W * S[1, 1]) * F2
@@ -204,8 +204,8 @@ def undamaged_lattice_force(
                         if wp.static(in_registers):
                             u = U[k]
                         else:
-                            u = inverse_horizon * (
-                                rotated(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
+                            u = (
+                                member_at(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
                                 - origin
                             )
                         if wp.static(enters[j][k]):
