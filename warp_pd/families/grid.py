@@ -145,7 +145,7 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
     reach = horizon.length * (1.0 + 1e-6)
     near_cuts = distance_from_segments(sheet.points, np.array(sheet.cuts), reach) <= reach
     apart = image.marked(np.flatnonzero(image.on & near_cuts))
-    apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
+    apart |= image.marked(_near_points_off_grid(sheet, image, reach))
     if sheet.barriers is not None and len(sheet.barriers):
         longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing
         # A bond of the family that crosses a barrier does so within reach, half a barrier at most from an end of it,
@@ -166,6 +166,18 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
         different, count = np.unique(factors[deep], return_counts=True)
         deep &= factors == different[count.argmax()]
     return np.asarray(deep)
+
+
+def _near_points_off_grid(sheet: Sheet, image: _Image, reach: float) -> np.ndarray:
+    """Indices of the points on the grid within a distance [m] of a point off it."""
+    from scipy.spatial import cKDTree
+
+    off = np.flatnonzero(~image.on)
+    around = np.flatnonzero(image.on & image.at_points(dilated(image.marked(off), image.reach + 1)))
+    if not len(around):
+        return around
+    distance, _ = cKDTree(sheet.points[off]).query(sheet.points[around], distance_upper_bound=2.0 * reach)
+    return np.asarray(around[distance <= reach])
 
 
 def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
