@@ -82,6 +82,7 @@ class FamilyFunctions:
         shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
         weight: (family, i, k) -> W_ik divided by the reference area.
         area: (family, i) -> a_i divided by the reference area.
+        entry: (family, i, k) -> index, of 32 bits, of the entry of a contiguous table [members, rows].
         family_area: (family, i) -> undamaged |H_i| divided by the reference area.
         chord: (family, i, k) -> X of the bond in space, divided by the horizon: vec3 if curved, otherwise xi, vec2.
         rise: (family, i, k) -> height of the member above the tangent plane divided by the horizon; zero if flat.
@@ -103,6 +104,7 @@ class FamilyFunctions:
     shape: wp.Function
     weight: wp.Function
     area: wp.Function
+    entry: wp.Function
     family_area: wp.Function
     chord: wp.Function
     rise: wp.Function
@@ -201,11 +203,15 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
         return family.class_area[family.family_class[i]]
 
     @wp.func
+    def entry(family: LatticeFamily, i: int, k: int):
+        return wp.uint32(k * family.class_area.shape[0] + family.family_class[i])
+
+    @wp.func
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
     return FamilyFunctions(
-        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
+        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
         chord=bond, **flat_functions(layout, LatticeFamily), of_bond=same_constants(LatticeFamily),
     )  # fmt: skip
 
@@ -216,11 +222,15 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     gridded, curved, by_point, remembers = layout.kind == "grid", layout.curved, layout.by_point, layout.remembers
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
+    index_of, number_of, triple_of = (entry_of(kind, 2, wp.uint32) for kind in (wp.int32, real, vec3))
+    mask_of = entry_of(wp.uint32, 3, wp.int64)
+
     # Members that a layout does not need have no array.
     @wp.struct
     class Family:
         members: wp.int32
         words: wp.int32
+        rows: wp.int32
         family_class: wp.array(dtype=wp.int32)
         centres: wp.array2d(dtype=wp.int32)
         stencil_line: wp.array(dtype=wp.int32)
@@ -250,16 +260,20 @@ def table_functions(layout: Layout) -> FamilyFunctions:
             return i
 
     @wp.func
+    def entry(family: Family, i: int, k: int):
+        return wp.uint32(k) * wp.uint32(family.rows) + wp.uint32(row_of(family, i))
+
+    @wp.func
     def neighbour(family: Family, i: int, k: int):
         row = row_of(family, i)
         if wp.static(gridded):
             if row == 0:
                 return family.centres[family.stencil_line[k], i] + family.stencil_right[k]
-        return family.neighbours[k, row]
+        return index_of(family.neighbours, entry(family, i, k))
 
     @wp.func
     def reverse(family: Family, i: int, k: int):
-        return family.reverses[k, row_of(family, i)]
+        return index_of(family.reverses, entry(family, i, k))
 
     @wp.func
     def bond(family: Family, i: int, k: int):
@@ -271,7 +285,9 @@ def table_functions(layout: Layout) -> FamilyFunctions:
 
     @wp.func
     def common(family: Family, i: int, k: int, word: int):
-        return family.commons[k, word, row_of(family, i)]
+        return mask_of(
+            family.commons, wp.int64(k * family.words + word) * wp.int64(family.rows) + wp.int64(row_of(family, i))
+        )
 
     @wp.func
     def initial(family: Family, i: int, word: int):
@@ -279,11 +295,11 @@ def table_functions(layout: Layout) -> FamilyFunctions:
 
     @wp.func
     def shape(family: Family, i: int, k: int):
-        return family.shapes[k, row_of(family, i)]
+        return triple_of(family.shapes, entry(family, i, k))
 
     @wp.func
     def weight(family: Family, i: int, k: int):
-        return family.weights[k, row_of(family, i)]
+        return number_of(family.weights, entry(family, i, k))
 
     @wp.func
     def area(family: Family, i: int):
@@ -339,7 +355,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         return own
 
     return FamilyFunctions(
-        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
+        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
         chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
         of_bond=of_bond if layout.regions or by_point or remembers else same_constants(Family),
     )  # fmt: skip
@@ -424,6 +440,10 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
         return family.areas[i]
 
     @wp.func
+    def entry(family: CompactFamily, i: int, k: int):
+        return wp.uint32(k * family.points + i)
+
+    @wp.func
     def shape(family: CompactFamily, i: int, k: int):
         K = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
@@ -445,7 +465,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
         return family.family_areas[i]
 
     return FamilyFunctions(
-        CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area,
+        CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
         chord=bond, **flat_functions(layout, CompactFamily), of_bond=same_constants(CompactFamily),
     )  # fmt: skip
 

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from .entries import entry_of
 from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
@@ -11,7 +12,12 @@ from .stiffness_left import stiffness_left
 
 @functools.cache
 def gather_reverse_bonds(
-    layout: Layout, members: int, steps: tuple[tuple[int, int], ...] | None, turns_over: bool, listed: bool
+    layout: Layout,
+    members: int,
+    steps: tuple[tuple[int, int], ...] | None,
+    turns_over: bool,
+    listed: bool,
+    by_entry: bool,
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
@@ -26,6 +32,8 @@ def gather_reverse_bonds(
             cloud.
         turns_over: Whether `bond_force` is a ring buffer with fewer columns than points.
         listed: Whether a list of other points was used; the stage then empties it.
+        by_entry: Whether `entries` [members, points] has the index of the reverse bond's entry in `bond_force`, which
+            is half of what member and reverse bond take; nonexistent bonds have that of an entry that is zero.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -38,6 +46,7 @@ def gather_reverse_bonds(
     left = stiffness_left(layout.bits)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
     reach = max(up, default=0)
+    pair_of, number_of = entry_of(vec3, 2), entry_of(wp.int32, 2)
 
     @wp.struct
     class GatherFromReverseBonds:
@@ -46,6 +55,7 @@ def gather_reverse_bonds(
         bond_force: wp.array2d(dtype=vec3)
         damage: wp.array(dtype=real)
         other_count: wp.array(dtype=wp.int32)
+        entries: wp.array2d(dtype=wp.int32)
         first_point: int
         force: wp.array(dtype=vec3)
 
@@ -77,7 +87,13 @@ def gather_reverse_bonds(
                             line = a.family.centres[wp.static(up[k] + reach), i]
                             part = left(a.damage[line + wp.static(right[k])]) * part
                         push += part
-            if not deep:
+            if wp.static(by_entry):
+                for k in range(wp.static(n)):
+                    part = pair_of(a.bond_force, number_of(a.entries, wp.static(k) * a.entries.shape[1] + i))
+                    if wp.static(layout.softened):
+                        part = left(a.damage[wp.max(f.neighbour(a.family, i, k), 0)]) * part
+                    push += part
+            elif not deep:
                 for k in range(wp.static(n)):
                     if wp.static(lattice):
                         # A bond across an edge of the lattice leads to a point whose reverse bond is not there either

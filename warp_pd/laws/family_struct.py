@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..device.checks import InputError
 from ..families import Families, pack
 from ..families.tables import in_blocks
 from ..interfaces.context import Context
 from ..kernels.families import EVALUATED, family_functions
 
+# Tables are read with indices of 32 bits.
+MAX_ENTRIES = 2**32
 # Differences of indices below this have 16 bits.
 NEAR = 2**15
 
@@ -69,6 +72,12 @@ def family_struct(
     if context.layout.compact:
         _put_compact(s, families, context, put, weights)
         return s
+    s.rows = len(families.exists)
+    if s.rows * s.members >= MAX_ENTRIES:
+        raise InputError(
+            f"{s.rows} families of up to {s.members} members: expected fewer than 2^32 entries in each table; "
+            "choose a shorter horizon or fewer points"
+        )
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
         steps[: len(families.steps)] = families.steps

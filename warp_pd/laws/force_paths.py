@@ -24,7 +24,7 @@ from ..kernels.bond_state import energy_of_families
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
-from ..kernels.family_blocks import block_force, families_together, threads_of_family
+from ..kernels.family_blocks import FamilyBlock, block_force
 from ..kernels.family_rows import family_rows
 from ..kernels.reference_force import published_force, reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
@@ -44,6 +44,10 @@ class Tuning:
     rows_members: int = 256
     # Largest family that is divided among a block of threads; larger ones compile slowly.
     block_members: int = 64
+    # Bonds of a thread of a block; more where that leaves enough threads to fill a GPU, which takes this many bonds.
+    bonds_of_thread: int = 2
+    many_bonds_of_thread: int = 4
+    block_bonds: int = 2_000_000
     # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
     # one thread a point.
     lattice_bonds: int = 300_000
@@ -242,6 +246,7 @@ class BondForces:
     def __init__(self, law: BondAssociatedLaw, ring: int | None) -> None:
         self.law = law
         here, points = whole_families(law), law.points
+        self.entries = reverse_entries(law)
         self.strips = [Strip(here.start, here.stop, 0, points)]
         if ring is not None and points > 2 * ring:
             self.strips = strips_of(here, points, law.families.index_reach(), ring)
@@ -251,19 +256,39 @@ class BondForces:
         shape = (law.families.members, ring)
         self.array = law.context.array("bond_force_ring", law.owner, law.context.types.vec3, shape=shape, per="bond")
 
+    @property
+    def turns_over(self) -> bool:
+        """Whether strips reuse the columns of earlier ones."""
+        return len(self.strips) > 1
+
     def add_gather(self, stage: Stage, strip: Strip, force: Array, other_count: Array | None = None) -> None:
         """Add the stage that gathers the forces of a strip, and empties the list of other families if given."""
         law = self.law
         steps = law.families.steps
         gather = gather_reverse_bonds(
             law.layout, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            len(self.strips) > 1, other_count is not None,
+            self.turns_over, other_count is not None, self.entries is not None,
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, family=law.struct,
             columns=law.lattice_columns, bond_force=self.array, damage=law.damage, other_count=other_count,
-            first_point=strip.gather_begin, force=force,
+            entries=self.entries, first_point=strip.gather_begin, force=force,
         )  # fmt: skip
+
+
+def reverse_entries(law: BondAssociatedLaw) -> Array | None:
+    """Index of the entry of each bond's reverse bond in [members, points], int32; None where it is of no use.
+
+    Bonds that do not exist have their own index: the force of their family on them is zero.
+    """
+    families, points = law.families, law.points
+    many = families.members * points >= 2**31
+    if families.layout != "cloud" or law.layout.compact or law.context.partition is not None or many:
+        return None
+    assert families.neighbours is not None
+    own = np.arange(points, dtype=np.int32) + points * np.arange(families.members, dtype=np.int32)[:, None]
+    to = families.reverses.T.astype(np.int32) * points + families.neighbours.T
+    return law.context.array("reverse_entries", law.owner, wp.int32, np.where(families.exists.T, to, own), per="table")
 
 
 def whole_families(law: BondAssociatedLaw) -> slice:
@@ -349,15 +374,17 @@ class FamilyBlocks(Reference):
         listed = chosen.points is not None
         if not count:
             return
-        together, threads = families_together(members), threads_of_family(members)
-        blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
-        kernel = block_force(law.layout, self.near, members, listed)
+        # By the whole sheet: several processes get the bits of one.
+        many = not listed and law.context.bits == 32 and law.context.whole.size * members > TUNING.block_bonds
+        block = FamilyBlock(members, TUNING.many_bonds_of_thread if many else TUNING.bonds_of_thread)
+        blocks = min(-(-count // block.together), TUNING.listed_blocks if listed else TUNING.blocks)
+        kernel = block_force(law.layout, self.near, block, listed, self.forces.turns_over)
         stage.launch(
-            law.owner, kernel, blocks * together * threads, block_dim=together * threads, family=law.struct,
+            law.owner, kernel, blocks * block.threads, block_dim=block.threads, family=law.struct,
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_force, blocks=blocks,
-            bond_force=self.forces.array, force=force, span=None if listed else Span(together, TUNING.blocks),
+            bond_force=self.forces.array, force=force, span=None if listed else Span(block.together, TUNING.blocks),
         )  # fmt: skip
 
 

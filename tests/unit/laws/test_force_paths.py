@@ -7,6 +7,7 @@ from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
 from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, Simulation, TearingEnergy, Visco
+from warp_pd.device.checks import InputError
 from warp_pd.families import pack
 from warp_pd.laws import family_struct
 from warp_pd.laws.force_paths import TUNING, strips_of
@@ -133,6 +134,23 @@ def test_one_thread_per_bond(gpu_paths, sheet):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 2.015, 64, cut_through)
     assert "family_block_force" in quick and "undamaged_family_force" not in quick
+
+
+@pytest.mark.parametrize(
+    ("sheet", "horizon", "bits", "tear"),
+    [
+        (jittered(13), 3.15, 32, None),
+        (jittered(13), 2.015, 64, cut_through),
+        (holed(19), 1.5, 64, None),
+        (small_tube(), 2.5, 64, tear),
+    ],
+    ids=["cloud", "torn cloud", "grid", "torn tube"],
+)
+def test_four_bonds_per_thread(gpu_paths, tune, sheet, horizon, bits, tear):
+    """A GPU takes large sheets so."""
+    tune(block_bonds=0)
+    quick, _ = compare(sheet, horizon, bits, tear)
+    assert "family_block_force" in quick
 
 
 def shuffled(points=13):
@@ -268,6 +286,12 @@ def test_strips_cover_a_sheet_once(points, ring):
 
 def test_sheets_of_few_strips_or_distant_bonds_are_whole():
     assert len(strips_of(slice(0, 400), 400, 20, 200)) == 1 == len(strips_of(slice(0, 1000), 1000, 80, 200))
+
+
+def test_tables_with_too_many_entries_are_refused(monkeypatch):
+    monkeypatch.setattr(family_struct, "MAX_ENTRIES", 1000)
+    with pytest.raises(InputError, match=r"^169 families of up to \d+ members: expected fewer than 2\^32 entries"):
+        build(jittered(13))
 
 
 def test_large_families_deep_inside_a_grid(large_on_gpu):
