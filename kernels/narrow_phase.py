@@ -132,13 +132,16 @@ def clearances(distance: wp.Function) -> wp.Kernel:
         lower, upper = box_around(x, reach, of)
         query = wp.bvh_query_aabb(of.tree, lower, upper)
         entry = int(0)  # noqa: RUF046
+        # Variables, so that the loops are not unrolled: this runs once.
+        pairs = int(5)  # noqa: RUF046
+        sides = int(3)  # noqa: RUF046
         while wp.bvh_query_next(query, entry):
-            for pair in range(5):
+            for pair in range(pairs):
                 w, spot, _counts = nearest_pair(pair, x, entry, of)
                 least = wp.min(least, wp.length(wp.transpose(x) * w - spot))
             if passes_through(x, entry, of):
                 least = wp.float64(-1.0)
-        for k in range(3):
+        for k in range(sides):
             begin = x[k]
             end = x[(k + 1) % 3]
             far = wp.length(begin) + wp.length(end) + of.size

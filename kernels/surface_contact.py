@@ -189,9 +189,10 @@ def surface_contact(
             lower, upper = box_around(x, reach, a.segments)
             query = wp.bvh_query_aabb(a.segments.tree, lower, upper)
             entry = int(0)  # noqa: RUF046
+            pairs = int(5)  # noqa: RUF046 - a variable, so that the loop is not unrolled
             while wp.bvh_query_next(query, entry):
                 passes = passes_through(x, entry, a.segments)
-                for pair in range(5):
+                for pair in range(pairs):
                     w, spot, counts = nearest_pair(pair, x, entry, a.segments)
                     away = wp.transpose(x) * w - spot
                     gap = wp.length(away)

@@ -338,8 +338,9 @@ class Stage:
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     """Compile or load every kernel now, several modules in parallel."""
-    # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-    modules = {(launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches}
+    # A launch on a CPU has blocks of one thread; a module built for another block size would be built again. They begin
+    # in the order of the launches: first those of the force, which take longest, last the small ones of the frames.
+    modules = dict.fromkeys((launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches)
     for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
         loaded.result()
 
