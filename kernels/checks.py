@@ -34,8 +34,9 @@ def frame_checks(bits: int) -> FrameChecks:
     """Kernels for a precision."""
     vec3 = numeric(bits).vec3
     block = BLOCK
+    module = f"frame_checks_{bits}"
 
-    @kernel(per="block")
+    @kernel(per="block", module=module)
     def watch_motion(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -56,7 +57,7 @@ def frame_checks(bits: int) -> FrameChecks:
         not_finite[b] = lowest
         fastest[b] = largest
 
-    @kernel(per="block")
+    @kernel(per="block", module=module)
     def sum_blocks(values: wp.array(dtype=wp.float64), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.float64(0.0)
@@ -64,7 +65,7 @@ def frame_checks(bits: int) -> FrameChecks:
             total += values[i]
         sums[row, b] = total
 
-    @kernel(per="block")
+    @kernel(per="block", module=module)
     def sum_vectors(values: wp.array(dtype=vec3), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -56,16 +57,24 @@ class Kernel:
 
 
 def warp_kernel(
-    function: Callable[..., None], *, launch_bounds: tuple[int, int] | None = None, fast_math: bool = False
+    function: Callable[..., None],
+    *,
+    launch_bounds: tuple[int, int] | None = None,
+    fast_math: bool = False,
+    module: str = "unique",
 ) -> wp.Kernel:
-    """Make a Warp kernel in a separate module named by a hash of its content.
+    """Make a Warp kernel, by default in a separate module named by a hash of its content.
 
     All scenes that use the same kernel share its compiled code, and a change recompiles only the kernels it affects.
     """
+    options: dict[str, Any] = {"fast_math": fast_math, "cpu_compiler_flags": CPU_FLAGS}
+    unique = module == "unique"
+    if not unique:
+        wp.get_module(module).options.update(options)
     made: wp.Kernel = wp.kernel(
         function,
-        module="unique",
-        module_options={"fast_math": fast_math, "cpu_compiler_flags": CPU_FLAGS},
+        module=module,
+        module_options=options if unique else None,
         enable_backward=False,
         launch_bounds=launch_bounds,
     )
@@ -85,6 +94,7 @@ def kernel(
     launch_bounds: tuple[int, int] | None = None,
     name: str | None = None,
     fast_math: bool = False,
+    module: str = "unique",
 ) -> Callable[[Callable[..., None]], Kernel]:
     """Decorator that makes a kernel of the step, see `warp_kernel`.
 
@@ -96,6 +106,8 @@ def kernel(
         name: Name of the kernel; defaults to the name of the function.
         fast_math: Whether a GPU may use approximate divisions, roots and exponentials. float32 divisions are then
             accurate to two units in the last place; the error against float64 does not grow.
+        module: Name of a module of small kernels that are always used together, which compile faster in one module. It
+            tells their options.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:
@@ -107,7 +119,7 @@ def kernel(
                 f"kernel {function.__name__}: expected an argument `first` between what it reads and writes"
             )
         written = frozenset([*names[names.index("first") + 1 :], *writes])
-        made = warp_kernel(function, launch_bounds=launch_bounds, fast_math=fast_math)
+        made = warp_kernel(function, launch_bounds=launch_bounds, fast_math=fast_math, module=module)
         return Kernel(made, Effects(per, written, frozenset(gathers)))
 
     return declare

@@ -54,6 +54,7 @@ def power_iteration(bits: int) -> PowerIteration:
     rigid, block = RIGID, BLOCK
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
     noise_size = wp.constant(real(NOISE))
+    module = f"power_iteration_{bits}"
 
     @wp.func
     def without_held(v: vec3, held: int):
@@ -62,7 +63,7 @@ def power_iteration(bits: int) -> PowerIteration:
                 v[c] = real(0.0)
         return v
 
-    @kernel()
+    @kernel(module=module)
     def disturb(
         held_mask: wp.array(dtype=wp.uint8),
         numbers: wp.array(dtype=int),
@@ -84,7 +85,7 @@ def power_iteration(bits: int) -> PowerIteration:
         direction[i] += noise
         earlier[i] = vec3()
 
-    @kernel()
+    @kernel(module=module)
     def trial(
         displacement: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
@@ -96,7 +97,7 @@ def power_iteration(bits: int) -> PowerIteration:
         i = wp.tid() + first
         out[i] = displacement[i] + (sign * reach[0]) * direction[i]
 
-    @kernel(per="block")
+    @kernel(per="block", module=module)
     def respond(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
@@ -128,7 +129,7 @@ def power_iteration(bits: int) -> PowerIteration:
         sums[2, b] = image
         sums[3, b] = wp.float64(largest)
 
-    @kernel(per="once")
+    @kernel(per="once", module=module)
     def summarise(
         sums: wp.array2d(dtype=wp.float64),
         first: int,
@@ -156,7 +157,7 @@ def power_iteration(bits: int) -> PowerIteration:
             squared_frequency[1] = wp.sqrt(image / norm)
             momentum[0] = real(quarter * image / norm)
 
-    @kernel()
+    @kernel(module=module)
     def renew(
         response: wp.array(dtype=vec3),
         scale: wp.array(dtype=real),

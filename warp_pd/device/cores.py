@@ -14,6 +14,9 @@ from typing import Any
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
 STDERR = 2
+# Threads that compile for a GPU. Its compiler (NVRTC) parses one kernel at a time; with a thread for each of 32 cores
+# those that wait take three times the time of the work.
+GPU_COMPILERS = 4
 
 _pool: ThreadPoolExecutor | None = None
 
@@ -30,6 +33,16 @@ def cores() -> ThreadPoolExecutor:
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
     return _pool
+
+
+@contextlib.contextmanager
+def compilers(device: Any) -> Iterator[ThreadPoolExecutor]:
+    """Threads that compile for a device: those of `cores` on a CPU, a few for a GPU."""
+    if device.is_cpu:
+        yield cores()
+        return
+    with ThreadPoolExecutor(min(GPU_COMPILERS, available_cores())) as pool:
+        yield pool
 
 
 def load_kernel(kernel: Any, device: Any) -> None:

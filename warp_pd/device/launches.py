@@ -18,7 +18,7 @@ import warp as wp
 
 from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn
-from .cores import cores
+from .cores import compilers
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
@@ -341,8 +341,9 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     # A launch on a CPU has blocks of one thread; a module built for another block size would be built again. They begin
     # in the order of the launches: first those of the force, which take longest, last the small ones of the frames.
     modules = dict.fromkeys((launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches)
-    for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
-        loaded.result()
+    with compilers(device) as pool:
+        for loaded in [pool.submit(module.load, device, block_dim) for module, block_dim in modules]:
+            loaded.result()
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:

@@ -17,20 +17,21 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.block_sums import BLOCK
 from ..kernels.checks import frame_checks
+from ..kernels.clock import clock
 from ..kernels.integrate import kinetic_energy
 
 OWNER = "frames"
 
 
-def begin_loading_checks(context: Context) -> None:
-    """Begin to compile or load the kernels of the checks, which every run has, beside the set-up of the rest.
+def begin_loading_common(context: Context) -> None:
+    """Begin to compile or load kernels that every run has, one in each of two threads, beside the set-up of the rest.
 
     The threads that compile on a CPU have then read Warp's header when the other kernels follow. The compiler of a GPU
     reads it once for all threads.
     """
     if context.device.is_cpu:
-        checks = frame_checks(context.bits)
-        begin_loading((checks.watch_motion.kernel, checks.sum_blocks.kernel, checks.sum_vectors.kernel), context.device)
+        common = (frame_checks(context.bits).watch_motion, clock(context.bits))
+        begin_loading([each.kernel for each in common], context.device)
 
 
 class FrameChecks(BuiltPart):

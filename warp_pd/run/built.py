@@ -19,7 +19,7 @@ from ..interfaces.phases import SETUP, Phase
 from ..laws.bending import with_bending
 from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
-from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_checks
+from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
 from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
 from .scene import Scene
@@ -88,7 +88,7 @@ def compose(
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
     context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
     if runs:
-        begin_loading_checks(context)
+        begin_loading_common(context)
     constraints = constraints_here(constraints, context)
     law = with_bending(scene.force.build(context), context, scene.bending)
     built = [part.build(context, law) for part in parts_here(parts, context)]
