@@ -219,6 +219,17 @@ def test_a_path_of_a_ball_ends_where_newtons_method_does():
     assert (np.diff(forces) > 0.0).all()
 
 
+@pytest.mark.parametrize("solver", [Newton(most_cuts=0), Relaxation(tolerance=1e-6)], ids=["Newton", "Relaxation"])
+def test_a_ball_whose_centre_passes_beside_the_sheet_does_not_pass(solver):
+    """Its side passes through points near the edge, in one load step: both ends of it are in equilibrium."""
+    sheet = square(21)
+    path = BodyPath([0.0, 1.0], [(-0.02, 0.05, 0.0401), (-0.02, 0.05, -0.06)])
+    ball = RigidBody(Sphere(0.08), path, name="ball")
+    result = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=ball)
+    assert result.status == "not converged"
+    assert any("'ball': load steps refused because it passed through" in note for note in result.summary["notes"])
+
+
 def test_derivatives_at_equilibrium_refuse_contact():
     with refused(match="contact: expected None for derivatives at equilibrium"):
         require_newton(lowered(*disc(9)))

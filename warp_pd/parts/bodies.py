@@ -21,7 +21,7 @@ from ..interfaces.phases import Phase
 from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
-from .body_checks import passes
+from .body_checks import passes, sweeps
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -37,6 +37,9 @@ EDGE_TRAVEL = 0.05
 SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
+# Static contact: depth inside a body, over its thickness, at which a point between two equilibria counts as passing
+# through; a point that slides along a sphere may go 80 degrees around.
+PASSING = 0.125
 # Static contact: factor by which the stiffness grows from round to round, and largest distance of a point from the
 # surface in float64 and float32 [spacings].
 STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
@@ -367,12 +370,21 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         torn, now = None, self._from_centre()
         if self._intact is not None and self._law.intact is not None:
             torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))
-        found = passes(self._before, now, self.context.sheet.triangles, torn)
+        found = passes(self._before, now, self.context.sheet.triangles, torn) or self._sweeps(now, torn)
         if found:
             self._refused += 1
         else:
             self._before = now
         return found
+
+    def _sweeps(self, now: np.ndarray, torn: np.ndarray | None) -> bool:
+        """Whether free points with all their bonds moved through the body to positions `now`."""
+        shape, rotation, centre = self.part.shape, self.motion.rotation.numpy()[0], np.zeros(3)
+        depth = min(self.context.sheet.spacing, PASSING * shape.thinnest())
+        chosen = self.context.held == 0 if torn is None else (self.context.held == 0) & ~torn
+        return sweeps(
+            self._before[chosen], now[chosen], shape, depth, lambda places: self._distances(places, centre, rotation)
+        )
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Note on load steps in which the body would have passed through the sheet."""

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
 
 from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History, Solid
 from ..interfaces.context import Context
+from .body_shapes import BodyShape
 from .contact import MIN_DIAMETER
 
 # Round-off of a point on a side of a triangle.
 ON_A_SIDE = 1e-9
+# Places looked at while a point moves by the thickness of a body, and at most.
+PLACES, MOST_PLACES = 8, 1000
 # Halvings of the time at which the plane of a triangle crosses the centre of a body.
 BISECTIONS = 40
 
@@ -157,3 +160,31 @@ def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.nd
     turns = np.cross(met, np.roll(met, -1, axis=1))
     along = np.einsum("fc,fkc->fk", turns.sum(axis=1), turns)
     return bool((along >= -ON_A_SIDE * np.abs(along).max(axis=1, keepdims=True)).all(axis=1).any())
+
+
+def sweeps(
+    before: np.ndarray,
+    now: np.ndarray,
+    shape: BodyShape,
+    depth: float,
+    distances: Callable[[np.ndarray], np.ndarray],
+) -> bool:
+    """Whether points came from one side of a body to another through it.
+
+    Args:
+        before: Positions of points relative to the centre [m], shape (N, 3).
+        now: The same later; the points moved straight.
+        shape: The body.
+        depth: How deep inside it they are on their way, at least [m].
+        distances: Signed distances [m], shape (N,), of places, shape (N, 3), relative to the centre.
+    """
+    thickness, way = shape.thinnest(), now - before
+    length = np.linalg.norm(way, axis=1)
+    nearest = np.clip(-(before * way).sum(axis=1) / np.maximum(length, 1e-30) ** 2, 0.0, 1.0)
+    close = np.linalg.norm(before + nearest[:, None] * way, axis=1) < shape.radius() - depth
+    if not close.any():
+        return False
+    before, way = before[close], way[close]
+    places = min(MOST_PLACES, 1 + int(PLACES * length[close].max() / thickness))
+    parts = (np.arange(places) + 0.5) / places
+    return any(bool((distances(before + part * way) < -depth).any()) for part in parts)
