@@ -1,4 +1,4 @@
-"""Cracks that run, branch and meet."""
+"""Cracks that run and branch."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from warp_pd import (
     Explicit,
     Fixed,
     Measure,
-    Motion,
-    NeoHookean,
     Sheet,
     Simulation,
     TearingEnergy,
@@ -156,49 +154,6 @@ def other_rubber(points: int, device: str | None) -> Mapping[str, float]:
     }
 
 
-# Two cracks that pass each other.
-WIDE, HIGH, NOTCH, OFFSET = 0.1, 0.1, 0.02, 0.016
-
-
-def lens(points: int, device: str | None) -> Sequence[float]:
-    """Length over width of the piece that two cracks cut out, in the sheet at rest; NaN if none comes off."""
-    rows = round(points * HIGH / WIDE)
-    sheet = Sheet.filled(WIDE, HIGH, thickness=1e-3, density=1000.0, points=(points, rows))
-    low, high = 0.5 * (HIGH - OFFSET), 0.5 * (HIGH + OFFSET)
-    sheet = sheet.cut((-WIDE, low), (NOTCH, low)).cut((WIDE - NOTCH, high), (2.0 * WIDE, high))
-    top, bottom = sheet.edges("top"), sheet.edges("bottom")
-    ends = sheet.where(lambda x, y: abs(y - 0.5 * HIGH) > 0.42 * HIGH)
-    times, travel = [0.0, 2.0], [0.0, 0.09 * HIGH]
-    result = Simulation(
-        sheet,
-        force=BondAssociated(TensionField(NeoHookean(1e3, 1e5)), horizon=2.015),
-        loads=[
-            Motion(top, times=times, x=0.0, y=travel, z=0.0),
-            Motion(bottom, times=times, x=0.0, y=[-way for way in travel], z=0.0),
-        ],
-        damage=TearingEnergy(2.0, length=3.0 * sheet.spacing, spared=ends),
-        initial_displacement=rough_surface(sheet, 1e-3, 0, np.concatenate([top, bottom])),
-        solver=Explicit(duration=2.0, frames=40, damping=10.0),
-    ).run(device=device, usd=False, pictures=False)
-    return [_aspect(sheet, result.frame.intact_faces, np.concatenate([top, bottom]))]
-
-
-def _aspect(sheet: Sheet, intact: np.ndarray, held: np.ndarray) -> float:
-    """Extent along x over that along y of the largest piece that does not hang on the given points."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    faces = sheet.triangles[intact]
-    ends = np.repeat(faces[:, 0], 2), faces[:, 1:].ravel()
-    _, label = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(sheet.size,) * 2), directed=False)
-    free = ~np.isin(label, label[held])
-    if not free.any():
-        return float("nan")
-    piece = sheet.points[label == np.bincount(label[free]).argmax()]
-    extent = np.ptp(piece, axis=0)
-    return float(extent[0] / extent[1]) if min(extent) > 3.0 * sheet.spacing else float("nan")
-
-
 def limits(points: int, device: str | None) -> Mapping[str, float]:
     """Growth of the crack's length over the advance of its tip, at all overloads."""
     return {f"length over advance at {g:g} Gc": running(points, g, device)[1] for g in OVERLOADS}
@@ -213,5 +168,4 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
         "shear", EQUAL, (1.0,) * len(EQUAL), TALL, (100,), (100, 150), speed_over_shear, other_rubber, False
     ),
-    lambda: Comparison("lens", ("offset notches",), (2.0,), WIDE, (100,), (150, 200), lens),
 )

@@ -1,0 +1,163 @@
+"""Paths of cracks: the kink of an inclined crack, and two cracks that pass each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from validation.comparison import Comparison, UnfinishedError
+from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation, TearingEnergy
+
+MU, BULK, DENSITY, THICKNESS = 1e3, 1e5, 1000.0, 1e-3
+# Small against MU times any length here, as the sheets of both sources hardly stretch [J/m^2].
+TEARING_ENERGY = 0.2
+WIDE = 0.1
+
+# An inclined crack: angles to the line across the load, half its length, length of the damage field [m].
+ANGLES = (15.0, 30.0, 45.0, 60.0)
+HALF, FIELD = 0.015, 1.9e-3
+# Distances from the tip, in lengths of the field, between which the new crack has its direction: farther away it turns
+# until it is across the load. Damage of the band that counts as the crack.
+NEAR, FAR, CRACKED = 1.0, 3.0, 0.6
+
+# Two cracks that pass each other: a sheet pulled at its short sides, with a notch in each long one.
+HIGH, NOTCH, OFFSET = 0.24, 0.025, 0.026
+
+
+def torn(
+    sheet: Sheet, travel: float, length: float, load_steps: int, device: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damage and intact faces of a sheet whose upper and lower edges were moved apart.
+
+    Newton's method and the damage field take turns, so cracks have no inertia: they are slow also where the load would
+    have to fall.
+
+    Args:
+        sheet: Cut or notched.
+        travel: Of the edges [m].
+        length: Of the damage field [m].
+        load_steps: Number of equal parts of the travel.
+        device: Where it runs.
+    """
+    top, bottom = sheet.edges("top"), sheet.edges("bottom")
+    high = sheet.points[:, 1].max()
+    times, way = [0.0, 1.0], [0.0, 0.5 * travel]
+    result = Simulation(
+        sheet,
+        force=BondAssociated(NeoHookean(MU, BULK), horizon=1.5),
+        loads=[
+            Fixed(np.arange(sheet.size), "z"),
+            Motion(top, times=times, x=0.0, y=way),
+            Motion(bottom, times=times, x=0.0, y=[-y for y in way]),
+        ],
+        damage=TearingEnergy(
+            TEARING_ENERGY, length=length, spared=sheet.where(lambda x, y: abs(y - 0.5 * high) > 0.44 * high)
+        ),
+        solver=Newton(load_steps=load_steps),
+    ).run(device=device, usd=False, pictures=False)
+    if result.status != "finished":
+        raise UnfinishedError(f"a sheet of {sheet.size} points: the run ended {result.status!r}")
+    return result.frame.damage, result.frame.intact_faces
+
+
+def kink(points: int, angle: float, device: str | None, turn: float = 0.0) -> float:
+    """Angle between an inclined crack and its growth, the mean of both tips [degrees].
+
+    Args:
+        points: Along each edge of the square sheet.
+        angle: Of the crack to the line across the load [degrees].
+        device: Where it runs.
+        turn: Of the grid [degrees].
+    """
+    sheet = Sheet.filled(WIDE, WIDE, thickness=THICKNESS, density=DENSITY, points=(points, points), turn=turn)
+    along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    tips = {sign: 0.5 * WIDE + sign * HALF * along for sign in (-1.0, 1.0)}
+    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), 0.12 * WIDE, FIELD, 12, device)
+    found = []
+    for sign, tip in tips.items():
+        place = sign * (sheet.points[:, :2] - tip)
+        distance = np.hypot(*place.T) / FIELD
+        grown = (distance > NEAR) & (distance < FAR) & (place @ along > 0.0) & (damage > CRACKED)
+        x, y = place[grown].sum(axis=0)
+        found.append(angle - np.rad2deg(np.arctan2(y, x)))
+    return float(np.mean(found))
+
+
+def kinks(points: int, device: str | None) -> Sequence[float]:
+    """Kinks at ANGLES."""
+    return [kink(points, angle, device) for angle in ANGLES]
+
+
+def on_turned_grid(points: int, device: str | None) -> Mapping[str, float]:
+    """The crack of 30 degrees, whose growth runs across a turned grid."""
+    return {"at 30 degrees on a grid turned by 20 degrees": kink(points, 30.0, device, turn=20.0)}
+
+
+def largest_tangential_stress(angle: float) -> float:
+    """Direction of the largest tangential stress at the tip of an inclined crack in tension [degrees].
+
+    Its stress intensities have the ratio K_II / K_I = tan(angle).
+    """
+    ratio = np.tan(np.deg2rad(angle))
+    return float(2.0 * np.rad2deg(np.arctan(((1.0 + 8.0 * ratio**2) ** 0.5 - 1.0) / (4.0 * ratio))))
+
+
+def passed(points: int, device: str | None, high: float = HIGH, length: float = 0.1 * OFFSET) -> Sequence[float]:
+    """Length over width of the piece that two cracks cut out: along the notches, and along its own axes.
+
+    Args:
+        points: Across the sheet.
+        device: Where it runs.
+        high: Length of the sheet along the load [m].
+        length: Of the damage field [m].
+    """
+    size = points, round(points * high / WIDE)
+    sheet = Sheet.filled(WIDE, high, thickness=THICKNESS, density=DENSITY, points=size)
+    low, up = 0.5 * (high - OFFSET), 0.5 * (high + OFFSET)
+    sheet = sheet.cut((-WIDE, low), (NOTCH, low)).cut((WIDE - NOTCH, up), (2.0 * WIDE, up))
+    _, intact = torn(sheet, 1.7 * OFFSET, length, 20, device)
+    return aspects(sheet, intact)
+
+
+def aspects(sheet: Sheet, intact: np.ndarray) -> Sequence[float]:
+    """Length over width of the largest loose piece, at rest: along x and y, and along its principal axes.
+
+    NaN if there is none. Half of the torn row of faces on either side belongs to the piece.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    faces = sheet.triangles[intact]
+    ends = np.repeat(faces[:, 0], 2), faces[:, 1:].ravel()
+    _, label = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(sheet.size,) * 2), directed=False)
+    loose = ~np.isin(label, label[np.concatenate([sheet.edges("top"), sheet.edges("bottom")])])
+    if not loose.any():
+        return [float("nan")] * 2
+    piece = sheet.points[label == np.bincount(label[loose]).argmax(), :2]
+    if min(np.ptp(piece, axis=0)) < 3.0 * sheet.spacing:
+        return [float("nan")] * 2
+    centred = piece - piece.mean(axis=0)
+    across, along = (centred @ np.linalg.eigh(centred.T @ centred)[1]).T
+    lengths = [np.ptp(places) + sheet.spacing for places in (*piece.T, along, across)]
+    return [float(lengths[0] / lengths[1]), float(lengths[2] / lengths[3])]
+
+
+def other_lengths(points: int, device: str | None) -> Mapping[str, float]:
+    """Along the notches and along its own axes: a square sheet; a damage field of a fifth of the offset."""
+    square, wide = passed(points, device, high=WIDE), passed(points // 2, device, length=0.2 * OFFSET)
+    return {
+        "along the notches of a square sheet": square[0],
+        "along its own axes there": square[1],
+        "with a damage field of a fifth of the offset": wide[0],
+    }
+
+
+ROWS: tuple[Callable[[], Comparison], ...] = (
+    lambda: Comparison(
+        "kink", ANGLES, tuple(map(largest_tangential_stress, ANGLES)), WIDE, (101,), (101, 143), kinks, on_turned_grid
+    ),
+    lambda: Comparison(
+        "lens", ("along the notches", "along its own axes"), (2.0, 2.0), WIDE, (73,), (73, 103), passed, other_lengths
+    ),
+)
