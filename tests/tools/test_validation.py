@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from study import load_rows
-from validation import __main__, bulges, comparison, page, printed, relaxation, spread
+from validation import __main__, bulges, comparison, crack_paths, page, printed, relaxation, spread
 
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.fitting import nominal_stress
@@ -75,6 +75,35 @@ def test_strips_that_give_constants_are_not_compared():
     assert len(rows["breaking"].at) == len(compared)
     strokes, forces = printed.measured("read", "holed")
     assert rows["holed"].at == pytest.approx(1e3 * strokes) and rows["holed"].theirs == pytest.approx(forces)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 35.0])
+def test_a_loose_piece_has_a_length_and_a_width(degrees):
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=301)
+    angle = np.deg2rad(degrees)
+    axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    place = np.abs((sheet.points[:, :2] - 0.05) @ axes)
+    inside = (place[:, 0] < 0.0301) & (place[:, 1] < 0.0151)
+    intact = np.flatnonzero(np.ptp(inside[sheet.triangles].astype(int), axis=1) == 0)
+    along_x, own = crack_paths.aspects(sheet, intact)
+    assert own == pytest.approx(2.0, rel=0.03)
+    box = (2.0 * np.cos(angle) + np.sin(angle)) / (2.0 * np.sin(angle) + np.cos(angle))
+    assert along_x == pytest.approx(box, rel=0.03)
+
+
+def test_a_sheet_in_two_parts_has_no_loose_piece():
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=11)
+    above = sheet.points[:, 1] > 0.055
+    intact = np.flatnonzero(np.ptp(above[sheet.triangles].astype(int), axis=1) == 0)
+    assert np.isnan(crack_paths.aspects(sheet, intact)).all()
+
+
+def test_largest_tangential_stress_is_where_the_shear_stress_vanishes():
+    """K_I sin(x) + K_II (3 cos(x) - 1) = 0 with x < 0; 70.53 degrees if K_I is zero."""
+    for angle in crack_paths.ANGLES:
+        x = -np.deg2rad(crack_paths.largest_tangential_stress(angle))
+        assert np.sin(x) + np.tan(np.deg2rad(angle)) * (3.0 * np.cos(x) - 1.0) == pytest.approx(0.0, abs=1e-12)
+    assert crack_paths.largest_tangential_stress(89.999) == pytest.approx(np.rad2deg(np.arccos(1.0 / 3.0)), abs=1e-2)
 
 
 def test_fits_of_the_page_are_those_of_the_laws():

@@ -18,15 +18,17 @@ WIDE = 0.1
 ANGLES = (15.0, 30.0, 45.0, 60.0)
 HALF, FIELD = 0.015, 1.9e-3
 # Distances from the tip, in lengths of the field, between which the new crack has its direction: farther away it turns
-# until it is across the load. Damage of the band that counts as the crack.
-NEAR, FAR, CRACKED = 1.0, 3.0, 0.6
+# until it is across the load. It need not grow beyond GROWN. Damage of the band that counts as the crack.
+NEAR, FAR, GROWN, CRACKED = 1.0, 3.0, 6.0, 0.6
+# Pull over that at which the largest tangential stress has the intensity of TEARING_ENERGY.
+OVERLOAD = 1.35
 
 # Two cracks that pass each other: a sheet pulled at its short sides, with a notch in each long one.
 HIGH, NOTCH, OFFSET = 0.24, 0.025, 0.026
 
 
 def torn(
-    sheet: Sheet, travel: float, length: float, load_steps: int, device: str | None
+    sheet: Sheet, travel: float, length: float, spared: np.ndarray, load_steps: int, device: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Damage and intact faces of a sheet whose upper and lower edges were moved apart.
 
@@ -37,11 +39,11 @@ def torn(
         sheet: Cut or notched.
         travel: Of the edges [m].
         length: Of the damage field [m].
+        spared: Points that do not tear.
         load_steps: Number of equal parts of the travel.
         device: Where it runs.
     """
     top, bottom = sheet.edges("top"), sheet.edges("bottom")
-    high = sheet.points[:, 1].max()
     times, way = [0.0, 1.0], [0.0, 0.5 * travel]
     result = Simulation(
         sheet,
@@ -51,9 +53,7 @@ def torn(
             Motion(top, times=times, x=0.0, y=way),
             Motion(bottom, times=times, x=0.0, y=[-y for y in way]),
         ],
-        damage=TearingEnergy(
-            TEARING_ENERGY, length=length, spared=sheet.where(lambda x, y: abs(y - 0.5 * high) > 0.44 * high)
-        ),
+        damage=TearingEnergy(TEARING_ENERGY, length=length, spared=spared),
         solver=Newton(load_steps=load_steps),
     ).run(device=device, usd=False, pictures=False)
     if result.status != "finished":
@@ -73,12 +73,14 @@ def kink(points: int, angle: float, device: str | None, turn: float = 0.0) -> fl
     sheet = Sheet.filled(WIDE, WIDE, thickness=THICKNESS, density=DENSITY, points=(points, points), turn=turn)
     along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     tips = {sign: 0.5 * WIDE + sign * HALF * along for sign in (-1.0, 1.0)}
-    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), 0.12 * WIDE, FIELD, 12, device)
+    distance = {sign: np.hypot(*(sheet.points[:, :2] - tip).T) / FIELD for sign, tip in tips.items()}
+    far = np.flatnonzero(np.minimum(distance[-1.0], distance[1.0]) > GROWN)
+    strain = OVERLOAD * (TEARING_ENERGY / (3.0 * MU * np.pi * HALF)) ** 0.5 / intensity(angle)
+    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), strain * WIDE, FIELD, far, 5, device)
     found = []
     for sign, tip in tips.items():
         place = sign * (sheet.points[:, :2] - tip)
-        distance = np.hypot(*place.T) / FIELD
-        grown = (distance > NEAR) & (distance < FAR) & (place @ along > 0.0) & (damage > CRACKED)
+        grown = (distance[sign] > NEAR) & (distance[sign] < FAR) & (place @ along > 0.0) & (damage > CRACKED)
         x, y = place[grown].sum(axis=0)
         found.append(angle - np.rad2deg(np.arctan2(y, x)))
     return float(np.mean(found))
@@ -103,6 +105,13 @@ def largest_tangential_stress(angle: float) -> float:
     return float(2.0 * np.rad2deg(np.arctan(((1.0 + 8.0 * ratio**2) ** 0.5 - 1.0) / (4.0 * ratio))))
 
 
+def intensity(angle: float) -> float:
+    """Intensity of the largest tangential stress over that of a crack across the load."""
+    half = np.deg2rad(0.5 * largest_tangential_stress(angle))
+    opening, sliding = np.cos(np.deg2rad(angle)) ** 2, np.sin(np.deg2rad(2.0 * angle)) / 2.0
+    return float(np.cos(half) ** 2 * (opening * np.cos(half) + 3.0 * sliding * np.sin(half)))
+
+
 def passed(points: int, device: str | None, high: float = HIGH, length: float = 0.1 * OFFSET) -> Sequence[float]:
     """Length over width of the piece that two cracks cut out: along the notches, and along its own axes.
 
@@ -116,7 +125,8 @@ def passed(points: int, device: str | None, high: float = HIGH, length: float = 
     sheet = Sheet.filled(WIDE, high, thickness=THICKNESS, density=DENSITY, points=size)
     low, up = 0.5 * (high - OFFSET), 0.5 * (high + OFFSET)
     sheet = sheet.cut((-WIDE, low), (NOTCH, low)).cut((WIDE - NOTCH, up), (2.0 * WIDE, up))
-    _, intact = torn(sheet, 1.7 * OFFSET, length, 20, device)
+    ends = sheet.where(lambda x, y: abs(y - 0.5 * high) > 0.44 * high)
+    _, intact = torn(sheet, 1.7 * OFFSET, length, ends, 20, device)
     return aspects(sheet, intact)
 
 
@@ -145,7 +155,7 @@ def aspects(sheet: Sheet, intact: np.ndarray) -> Sequence[float]:
 
 def other_lengths(points: int, device: str | None) -> Mapping[str, float]:
     """Along the notches and along its own axes: a square sheet; a damage field of a fifth of the offset."""
-    square, wide = passed(points, device, high=WIDE), passed(points // 2, device, length=0.2 * OFFSET)
+    square, wide = passed(points, device, high=WIDE), passed(points // 2 + 1, device, length=0.2 * OFFSET)
     return {
         "along the notches of a square sheet": square[0],
         "along its own axes there": square[1],

@@ -69,11 +69,12 @@ def summary(found: dict[str, Runs]) -> str:
     bounds = sum(not ROWS[name].counts for name in found)
     failed = len(found) - bounds - len(known)
     median, median_of_blind = (percent(float(np.median(values))) for values in (list(known.values()), blind))
+    fails = f"ours fails in {failed} more, and {bounds}" if failed else f"{bounds} more"
     return (
         f"Against {len(known)} published results ({tests} tests, {len(known) - tests} formulas, laws and "
         f"computations), no constant tuned: median deviation {median}, the worst {percent(known[worst])} "
         f"({ROWS[worst].title[0].lower()}{ROWS[worst].title[1:]}); {len(blind)} of them were blind, median "
-        f"{median_of_blind}; ours fails in {failed} more, and {bounds} give a bound: [validation](docs/validation.md)."
+        f"{median_of_blind}; {fails} give a bound: [validation](docs/validation.md)."
     )
 
 
