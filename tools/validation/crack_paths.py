@@ -142,9 +142,9 @@ def passed(
     low, up = 0.5 * (high - OFFSET), 0.5 * (high + OFFSET)
     sheet = sheet.cut((-WIDE, low), (NOTCH, low)).cut((WIDE - NOTCH, up), (2.0 * WIDE, up))
     ends = sheet.where(lambda x, y: abs(y - 0.5 * high) > 0.44 * high)
-    travels = [*(start * high for start in STARTS), 1.7 * OFFSET]
-    steps = (1, 1, STEPS[-1]) if overloaded else STEPS
-    _, intact = torn(sheet, travels[overloaded:], steps[overloaded:], length, ends, device)
+    starts, steps = (STARTS[1:], (1, STEPS[-1])) if overloaded else (STARTS, STEPS)
+    travels = [*(start * high for start in starts), 1.7 * OFFSET]
+    _, intact = torn(sheet, travels, steps, length, ends, device)
     return aspects(sheet, intact)
 
 
