@@ -171,7 +171,7 @@ def aspects(sheet: Sheet, intact: np.ndarray) -> Sequence[float]:
     return [float(lengths[0] / lengths[1]), float(lengths[2] / lengths[3])]
 
 
-def joined(points: int, device: str | None) -> Mapping[str, float]:
+def other_conditions(points: int, device: str | None) -> Mapping[str, float]:
     """Along the notches: from an overloaded start; with a damage field of a fifth of the offset."""
     return {
         "along the notches from an overloaded start": passed(points, device, overloaded=True)[0],
@@ -184,6 +184,13 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
         "kink", ANGLES, tuple(map(largest_tangential_stress, ANGLES)), WIDE, (101,), (101, 143), kinks, on_turned_grid
     ),
     lambda: Comparison(
-        "lens", ("along the notches", "along its own axes"), (2.0, 2.0), WIDE, (73,), (73, 103), passed, joined
+        "lens",
+        ("along the notches", "along its own axes"),
+        (2.0, 2.0),
+        WIDE,
+        (73,),
+        (73, 103),
+        passed,
+        other_conditions,
     ),
 )
