@@ -27,7 +27,7 @@ OVERLOAD = 1.35
 HIGH, NOTCH, OFFSET = 0.2, 0.025, 0.026
 # Pull over the length of the sheet, and load steps up to it: small where the cracks start, which leaves them little
 # overload.
-STARTS, STEPS = (0.026, 0.036), (2, 10, 18)
+STARTS, STEPS = (0.026, 0.036), (2, 10, 23)
 
 
 def torn(
@@ -143,7 +143,7 @@ def passed(
     sheet = sheet.cut((-WIDE, low), (NOTCH, low)).cut((WIDE - NOTCH, up), (2.0 * WIDE, up))
     ends = sheet.where(lambda x, y: abs(y - 0.5 * high) > 0.44 * high)
     starts, steps = (STARTS[1:], (1, STEPS[-1])) if overloaded else (STARTS, STEPS)
-    travels = [*(start * high for start in starts), 1.7 * OFFSET]
+    travels = [*(start * high for start in starts), 2.1 * OFFSET]
     _, intact = torn(sheet, travels, steps, length, ends, device)
     return aspects(sheet, intact)
 
