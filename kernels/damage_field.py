@@ -26,9 +26,7 @@ A sheet of lower strength uses the g of Lorentz (Int. J. Fract. 207, 2017), whic
 m = 2 gives the g above. The energy of a tear and the damage profile around it are unchanged. Force kernels get 1 -
 sqrt(g) instead of d, so they need only one form of g.
 
-Damage may change at points that are damaged, have a damaged neighbour, or exceed the energy limit. These are listed in
-every step; a GPU lists them in arbitrary order, which affects no result. CPU threads have no atomics: each makes a
-separate list, and one thread concatenates them.
+All this happens at the points that kernels/damage_list.py lists.
 
 A bond breaks permanently where d has reached `severed_at` at one of its ends, or at a common member within NEAR
 spacings of the line between its ends. No fitted deformation gradient then spans the faces of a tear. `severed_at` is
@@ -45,22 +43,20 @@ from typing import Any
 import warp as wp
 
 from .bits import bit_of
+from .damage_list import listing
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
+from .grid_barrier import wait_for_blocks
 from .numeric import numeric
-from .rupture import energy_over_step, reference_and_deformed
+from .rupture import energy_over_step
 from .stiffness_left import degradation, stiffness_left
 
 NEAR = 0.55
 # Limits above which a point is severed that a tear has passed, see above.
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
-# Points that a CPU thread looks at to list them.
-TOGETHER = 256
 # Threads that share a family on a GPU: a warp, or half of one if the family has no more members.
 WARP = 32
-# Value of `driving` at points that are not listed, for processes that have them as ghost points.
-UNLISTED = -2.0
 
 
 _SUM_OF_LANES = """
@@ -98,9 +94,10 @@ class DamageFieldKernels:
         pack: Concatenates the lists of all threads, on a CPU.
         drive: Fills `driving` with y of the listed points (-1 where damage cannot change) and `before` with their
             damage.
-        sweep: One sweep over the listed points.
+        sweep: Sweeps over the listed points.
         finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the released energy.
-        rouse: Marks points that are damaged or have a damaged neighbour as awake.
+        rouse: Marks points that are damaged or have a damaged neighbour as awake, and points with damage in their
+            family.
         fracture_energy: Energy of the field at each point [J].
         shown: The damage of each point in float32, for frames.
     """
@@ -117,133 +114,13 @@ class DamageFieldKernels:
 
 
 @functools.cache
-def listing(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int
-) -> tuple[Kernel, Kernel, Kernel, Kernel]:
-    """Kernels `empty`, `wake`, `pack` and `rouse`, which list points; arguments as for `damage_field`."""
-    types = layout.types
-    real, vec3 = types.real, types.vec3
-    f = family_functions(layout)
-    Family, word_size = f.struct, WORD
-    bond_vectors = reference_and_deformed(layout)
-    together = 1 if atomics else TOGETHER
-
-    @wp.func
-    def outside(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
-        shortest: real,
-        longest: real,
-        i: int,
-        k: int,
-    ):
-        """Whether the squared stretch of an intact bond is outside a range; False for a broken bond."""
-        word = k // word_size
-        m = wp.where(bit_of(intact[word, i], k - word * word_size), f.neighbour(family, i, k), i)
-        X, Y = bond_vectors(family, displacement, horizon, i, k, m)
-        there = wp.dot(X, X)
-        now = wp.dot(Y, Y)
-        return m != i and (now > longest * there or now < shortest * there)
-
-    @wp.func
-    def stretched(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
-        looked_at: wp.array(dtype=wp.int32),
-        shortest: real,
-        longest: real,
-        i: int,
-    ):
-        """Whether a checked bond's squared stretch leaves the range in which the energy stays below the limit."""
-        found = bool(False)
-        if wp.static(few > 0):
-            # Unrolled: a thread of a GPU then waits for all positions at once.
-            for n in range(wp.static(few)):
-                found = outside(family, displacement, intact, horizon, shortest, longest, i, looked_at[n]) or found
-        else:
-            for n in range(looked_at.shape[0]):
-                found = outside(family, displacement, intact, horizon, shortest, longest, i, looked_at[n]) or found
-        return found
-
-    @wp.func
-    def touches_damage(damage: wp.array(dtype=real), neighbours: wp.array2d(dtype=wp.int32), i: int):
-        """Whether the point or a neighbour is damaged."""
-        most = damage[i]
-        for k in range(neighbours.shape[0]):
-            most = wp.max(most, damage[neighbours[k, i]])
-        return most > real(0.0)
-
-    @kernel(gathers=("damage",))
-    def rouse(
-        neighbours: wp.array2d(dtype=wp.int32),
-        damage: wp.array(dtype=real),
-        first: int,
-        awake: wp.array(dtype=wp.uint8),
-    ):
-        i = wp.tid() + first
-        awake[i] = wp.where(touches_damage(damage, neighbours, i), wp.uint8(1), wp.uint8(0))
-
-    @kernel(per="once")
-    def empty(first: int, count: wp.array(dtype=wp.int32)):
-        count[0] = 0
-
-    @kernel(per="list", gathers=("displacement",))
-    def wake(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
-        looked_at: wp.array(dtype=wp.int32),
-        shortest: real,
-        longest: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        awake: wp.array(dtype=wp.uint8),
-        start: int,
-        stop: int,
-        first: int,
-        listed: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        found: wp.array(dtype=wp.int32),
-    ):
-        thread = wp.tid() + first
-        place = thread * wp.static(together)
-        for i in range(start + place, wp.min(start + place + wp.static(together), stop)):
-            wakes = bool(True)
-            if wp.static(spared):
-                wakes = spared_mask[i] == wp.uint8(0)
-            if wp.static(screened):
-                if wakes and awake[i] == wp.uint8(0):
-                    wakes = stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i)
-            if wakes:
-                if wp.static(atomics):
-                    listed[wp.atomic_add(count, 0, 1)] = i
-                else:
-                    listed[place] = i
-                    place += 1
-        if wp.static(not atomics):
-            found[thread] = place - thread * wp.static(together)
-
-    @kernel(per="once")
-    def pack(
-        found: wp.array(dtype=wp.int32), first: int, listed: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)
-    ):
-        total = wp.int32(0)
-        for thread in range(found.shape[0]):
-            for k in range(found[thread]):
-                listed[total] = listed[thread * wp.static(together) + k]
-                total += 1
-        count[0] = total
-
-    return empty, wake, pack, rouse
-
-
-@functools.cache
 def driving_force(
-    layout: Layout, weak: bool, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int
+    layout: Layout,
+    weak: bool,
+    driving_energy: wp.Function,
+    partial_energy: wp.Function | None,
+    lanes: int,
+    near: int,
 ) -> tuple[Kernel, Kernel]:
     """Kernels `drive` and `sweep`, which change the damage; arguments as for `damage_field`."""
     types = layout.types
@@ -252,6 +129,8 @@ def driving_force(
     Family, word_size = f.struct, WORD
     _, fall, curvature = degradation(layout.bits, weak)
     sum_lanes = sum_of_lanes(layout.bits)
+    Indices = wp.types.vector(length=near, dtype=wp.int32)
+    Couplings = wp.types.vector(length=near, dtype=real)
 
     @wp.func
     def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
@@ -309,37 +188,111 @@ def driving_force(
                     if fraction_broken(family, intact, i) >= enough:
                         severed_at[i] = damage[i]
 
-    @kernel(per="list", gathers=("source",))
-    def sweep(
+    @wp.func
+    def couplings_of(neighbours: wp.array2d(dtype=wp.int32), couplings: wp.array2d(dtype=real), i: int):
+        m, c = Indices(), Couplings()
+        for k in range(wp.static(near)):
+            m[k] = neighbours[k, i]
+            c[k] = couplings[k, i]
+        return m, c
+
+    @wp.func
+    def swept(
+        source: wp.array(dtype=real),
+        m: Indices,
+        c: Couplings,
+        y: real,
+        d: real,
+        earlier: real,
+        least: real,
+        fastest: real,
+        relaxation: real,
+    ):
+        """Damage of a point after a sweep, from that of the last sweep and of the one before."""
+        if y < real(0.0):
+            return d
+        above = fall(d, fastest) * y - real(1.0)
+        below = curvature(d, fastest) * y
+        for k in range(wp.static(near)):
+            above += c[k] * (source[m[k]] - d)
+            below += c[k]
+        # A factor of 1 must leave no trace of the earlier damage.
+        return wp.clamp(relaxation * (d + above / below) + (real(1.0) - relaxation) * earlier, least, real(1.0))
+
+    @wp.func
+    def sweep_list(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
         fastest: real,
         relaxation: real,
+        listed: wp.array(dtype=wp.int32),
+        begin: int,
+        end: int,
+        stride: int,
         source: wp.array(dtype=real),
+        target: wp.array(dtype=real),
+    ):
+        """Sweep over points of the list; on entry `target` holds the damage of the last sweep but one."""
+        for n in range(begin, end, stride):
+            i = listed[n]
+            m, c = couplings_of(neighbours, couplings, i)
+            target[i] = swept(source, m, c, driving[i], source[i], target[i], before[i], fastest, relaxation)
+
+    @kernel(per="list", gathers=("damage", "other"))
+    def sweep(
+        neighbours: wp.array2d(dtype=wp.int32),
+        couplings: wp.array2d(dtype=real),
+        driving: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+        fastest: real,
+        relaxations: wp.array(dtype=real),
+        sweep_begin: int,
+        sweep_end: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         stride: int,
         first: int,
-        target: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        other: wp.array(dtype=real),
+        arrived: wp.array(dtype=wp.int32),
     ):
-        """Run one sweep; on entry `target` holds the damage of the last sweep but one."""
-        for n in range(wp.tid() + first, count[0], stride):
-            i = listed[n]
-            d = source[i]
-            y = driving[i]
-            if y >= real(0.0):
-                above = fall(d, fastest) * y - real(1.0)
-                below = curvature(d, fastest) * y
-                for k in range(neighbours.shape[0]):
-                    c = couplings[k, i]
-                    above += c * (source[neighbours[k, i]] - d)
-                    below += c
-                # A factor of 1 must leave no trace of the target.
-                d = relaxation * (d + above / below) + (real(1.0) - relaxation) * target[i]
-                d = wp.clamp(d, before[i], real(1.0))
-            target[i] = d
+        """Run the sweeps `sweep_begin` to `sweep_end` - 1: one on a CPU, whose threads cannot wait for each other."""
+        thread = wp.tid() + first
+        end = count[0]
+        blocks = (wp.min(end, stride) + wp.block_dim() - 1) // wp.block_dim()
+        if thread // wp.block_dim() < blocks:
+            # What a thread needs of its first point stays in its registers.
+            i = listed[wp.min(thread, end - 1)]
+            m, c = couplings_of(neighbours, couplings, i)
+            y, least = driving[i], before[i]
+            even = sweep_begin % 2 == 0
+            now = wp.where(even, damage[i], other[i])
+            earlier = wp.where(even, other[i], damage[i])
+            for number in range(sweep_begin, sweep_end):
+                if number > sweep_begin:
+                    wait_for_blocks(arrived, blocks)
+                relaxation = relaxations[number]
+                new = now
+                if number % 2 == 0:
+                    new = swept(damage, m, c, y, now, earlier, least, fastest, relaxation)
+                    if thread < end:
+                        other[i] = new
+                    sweep_list(
+                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread + stride, end,
+                        stride, damage, other,
+                    )  # fmt: skip
+                else:
+                    new = swept(other, m, c, y, now, earlier, least, fastest, relaxation)
+                    if thread < end:
+                        damage[i] = new
+                    sweep_list(
+                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread + stride, end,
+                        stride, other, damage,
+                    )  # fmt: skip
+                earlier = now
+                now = new
 
     return drive, sweep
 
@@ -431,6 +384,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
+        near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
     ):
@@ -440,6 +394,10 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                 awake[i] = wp.uint8(1)
                 for k in range(neighbours.shape[0]):
                     awake[neighbours[k, i]] = wp.uint8(1)
+                near_damage[i] = wp.uint8(1)
+                for k in range(family.members):
+                    if bit_of(f.initial(family, i, k // word_size), k % word_size):
+                        near_damage[f.neighbour(family, i, k)] = wp.uint8(1)
             if wp.static(weak):
                 softening[i] = real(1.0) - wp.sqrt(left(damage[i], fastest))
             grows = damage[i] > before[i]
@@ -477,7 +435,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
 @functools.cache
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int,
+    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int, near: int,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -495,6 +453,7 @@ def damage_field(
         partial_energy: Warp function of what a thread adds to the driving energy, if several threads share a family
             in `drive`.
         lanes: Number of these threads, or 1.
+        near: Number of neighbours in the tables of couplings.
     """
     real = layout.types.real
 
@@ -521,7 +480,7 @@ def damage_field(
         out[i] = wp.float32(damage[i])
 
     empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few)
-    drive, sweep = driving_force(layout, weak, driving_energy, partial_energy, lanes)
+    drive, sweep = driving_force(layout, weak, driving_energy, partial_energy, lanes, near)
     finish = finishing(layout, spared, tracked, weak, earlier_energy)
     return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)
 
@@ -537,40 +496,3 @@ def soften(bits: int, value: Any) -> Kernel:
         values[i] = value(left(damage[i])) * values[i]
 
     return soften
-
-
-@functools.cache
-def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
-    """Kernels of one of several processes, which sweeps over ghost points as their owners do.
-
-    Returns:
-        A kernel that removes own points from the list before others are listed; a kernel (one CPU thread) that lists
-        ghost points like their owners, after `driving` and `damage` have been received from them.
-    """
-    real = numeric(bits).real
-
-    @kernel()
-    def unlist(first: int, driving: wp.array(dtype=real)):
-        driving[wp.tid() + first] = real(UNLISTED)
-
-    @kernel(per="list")
-    def list_ghosts(
-        driving: wp.array(dtype=real),
-        damage: wp.array(dtype=real),
-        own_begin: int,
-        own_end: int,
-        stride: int,
-        first: int,
-        other: wp.array(dtype=real),
-        before: wp.array(dtype=real),
-        listed: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-    ):
-        for n in range(wp.tid() + first, damage.shape[0] - own_end + own_begin, stride):
-            i = wp.where(n < own_begin, n, n + own_end - own_begin)
-            other[i] = damage[i]
-            before[i] = damage[i]
-            if driving[i] != real(UNLISTED):
-                listed[wp.atomic_add(count, 0, 1)] = i
-
-    return unlist, list_ghosts

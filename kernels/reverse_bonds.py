@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from .bits import bit_of
 from .entries import entry_of
 from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
@@ -22,6 +23,7 @@ def gather_reverse_bonds(
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
     In a softened layout the force of each family is reduced by the damage of its point, see kernels/damage_field.py.
+    Points without damage in their family are summed as in an undamaged sheet; the others, in a second loop.
     Broken bonds have zero force, so the stage runs over all bonds of the undamaged sheet. The loop over members is
     unrolled and has no branches, so a thread has the loads of all members in flight.
 
@@ -54,10 +56,28 @@ def gather_reverse_bonds(
         columns: int
         bond_force: wp.array2d(dtype=vec3)
         damage: wp.array(dtype=real)
+        near_damage: wp.array(dtype=wp.uint8)
         other_count: wp.array(dtype=wp.int32)
         entries: wp.array2d(dtype=wp.int32)
         first_point: int
         force: wp.array(dtype=vec3)
+
+    @wp.func
+    def in_ring(a: GatherFromReverseBonds, column: int):
+        if wp.static(turns_over):
+            ring = a.bond_force.shape[1]
+            return column + wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
+        return column
+
+    @wp.func
+    def softened_push(a: GatherFromReverseBonds, i: int, place: int):
+        push = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(a.family.members):
+            if bit_of(f.initial(a.family, i, k // word_size), k % word_size):
+                m = f.neighbour(a.family, i, k)
+                column = in_ring(a, place + m - i)
+                push += left(a.damage[m]) * a.bond_force[f.reverse(a.family, i, k), column]
+        return push
 
     @pointwise(GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force", "damage"))
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
@@ -78,21 +98,11 @@ def gather_reverse_bonds(
                     for k in range(wp.static(len(right))):
                         if wp.static(begins_line[k]):
                             centre = place + a.family.centres[wp.static(up[k] + reach), i] - i
-                        column = centre + wp.static(right[k])
-                        if wp.static(turns_over):
-                            ring = a.bond_force.shape[1]
-                            column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                        part = a.bond_force[wp.static(reverses[k]), column]
-                        if wp.static(layout.softened):
-                            line = a.family.centres[wp.static(up[k] + reach), i]
-                            part = left(a.damage[line + wp.static(right[k])]) * part
-                        push += part
+                        column = in_ring(a, centre + wp.static(right[k]))
+                        push += a.bond_force[wp.static(reverses[k]), column]
             if wp.static(by_entry):
                 for k in range(wp.static(n)):
-                    part = pair_of(a.bond_force, number_of(a.entries, wp.static(k) * a.entries.shape[1] + i))
-                    if wp.static(layout.softened):
-                        part = left(a.damage[wp.max(f.neighbour(a.family, i, k), 0)]) * part
-                    push += part
+                    push += pair_of(a.bond_force, number_of(a.entries, wp.static(k) * a.entries.shape[1] + i))
             elif not deep:
                 for k in range(wp.static(n)):
                     if wp.static(lattice):
@@ -101,24 +111,19 @@ def gather_reverse_bonds(
                         shift = wp.static(up[k]) * a.columns + wp.static(right[k])
                         there = i + shift >= 0 and i + shift < a.force.shape[0]
                         row = wp.static(reverses[k])
-                        m = i + wp.where(there, shift, 0)
                         column = place + wp.where(there, shift, 0)
                     else:
                         members_here = f.initial(a.family, i, wp.static(k // word_size))
                         there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                         row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
-                        m = wp.where(there, f.neighbour(a.family, i, wp.static(k)), i)
-                        column = place + m - i
-                    if wp.static(turns_over):
-                        ring = a.bond_force.shape[1]
-                        column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
+                        column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
                     factor = wp.where(there, real(1.0), real(0.0))
-                    if wp.static(layout.softened):
-                        factor = factor * left(a.damage[m])
-                    push += factor * a.bond_force[row, column]
+                    push += factor * a.bond_force[row, in_ring(a, column)]
             own = a.force[i]
             if wp.static(layout.softened):
-                own = left(a.damage[i]) * own
+                if a.near_damage[i] != wp.uint8(0):
+                    push = softened_push(a, i, place)
+                    own = left(a.damage[i]) * own
             a.force[i] = own - push
 
     return gather_from_reverse_bonds

@@ -167,16 +167,16 @@ def test_torch_in_the_graph_is_the_fused_network(device, precision):
     close(results[0].frame.displacement, results[1].frame.displacement, {32: 1e-4, 64: 1e-11}[precision])
 
 
-@pytest.mark.parametrize(("cloud", "precision"), [(False, 32), (True, 64)])
-def test_a_damage_field_is_that_of_a_cpu(device, cloud, precision):
-    """On a GPU several threads add up the energy that drives the damage of a family."""
-    sheet = square(17).cut((0.0, 0.05), (0.04, 0.05))
+@pytest.mark.parametrize(("points", "cloud", "precision"), [(17, False, 32), (17, True, 64), (81, False, 32)])
+def test_a_damage_field_is_that_of_a_cpu(device, points, cloud, precision):
+    """On a GPU several threads share a family, and sweeps a launch, in which 81 x 81 points take several blocks."""
+    sheet = square(points).cut((0.0, 0.05), (0.04, 0.05))
     pulled = (0.3 * rough(sheet) + 0.4 * sheet.positions * (0.0, 1.0, 0.0)).astype(f"f{precision // 8}")
     fields = []
     for where in (device, device, "cpu"):
         built = build(
             sheet.as_cloud() if cloud else sheet, horizon=3.15, material=GENT, precision=precision, device=where,
-            damage=TearingEnergy(2.0),
+            damage=TearingEnergy(32.0 / (points - 1)),
         )  # fmt: skip
         damage = built.context.fields.kept()["damage_field"]
         at_start = damage.numpy().copy()

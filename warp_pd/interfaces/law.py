@@ -169,8 +169,10 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
+
+        `near`, (N,) uint8, is not 0 at all points that have damage in their family.
 
         Raises:
             InputError: if the law does not support it.

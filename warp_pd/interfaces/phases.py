@@ -30,6 +30,7 @@ class Phase(enum.Enum):
 
     # Outside the step.
     START = "state of the force law at the initial displacement"
+    RESTORE = "what follows from the arrays of a restart file"
     SCHEDULES = "schedules at the present time"
     FRAME = "what frames and the history hold"
 
@@ -51,4 +52,4 @@ STEP = (
     Phase.SEPARATE,
 )
 # Forces that belong to the displacement, before the first step or after a restart.
-SETUP = (Phase.SCHEDULES, Phase.INTERNAL_FORCE, Phase.EXTERNAL_FORCE)
+SETUP = (Phase.RESTORE, Phase.SCHEDULES, Phase.INTERNAL_FORCE, Phase.EXTERNAL_FORCE)

@@ -323,9 +323,9 @@ class BendingForce(BuiltLaw):
         lost = self.law.lost_energy()
         return lost if self.lost is None else {**lost, "bending_lost": self.lost}
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of the law, and of triangles by the damage of their corners, (N,)."""
-        self.law.soften(damage)
+        self.law.soften(damage, near)
         self._softening = damage
         left = (1.0 - damage.numpy()[self.context.sheet.triangles].max(axis=1)) ** 2
         self.plate.left.assign(left)

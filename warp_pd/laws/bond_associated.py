@@ -214,7 +214,7 @@ class BondAssociatedForce(FamilyLaw):
         shown.add_principal(stage, kernel, factors=factors(self.context), terms=self.terms, state=self.state)
         shown.add_counts(stage)
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,).
 
         Raises:
@@ -222,7 +222,7 @@ class BondAssociatedForce(FamilyLaw):
         """
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with TearingEnergy")
-        self.damage = damage
+        self.damage, self.near_damage = damage, near
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""

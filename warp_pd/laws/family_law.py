@@ -86,6 +86,7 @@ class FamilyLaw(BuiltLaw):
     shown_stress: Material | None = None
     shown: ShownFields | None = None
     damage: Array | None = None
+    near_damage: Array | None = None
     takes_curved: bool = False
     takes_graded: bool = False
     takes_tension_field: bool = False
@@ -211,7 +212,7 @@ class FamilyLaw(BuiltLaw):
             intact=self.intact, bond_force=bond_force, damage=self.damage, force=force,
         )  # fmt: skip
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
 
         Raises:

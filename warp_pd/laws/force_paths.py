@@ -271,8 +271,8 @@ class BondForces:
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, family=law.struct,
-            columns=law.lattice_columns, bond_force=self.array, damage=law.damage, other_count=other_count,
-            entries=self.entries, first_point=strip.gather_begin, force=force,
+            columns=law.lattice_columns, bond_force=self.array, damage=law.damage, near_damage=law.near_damage,
+            other_count=other_count, entries=self.entries, first_point=strip.gather_begin, force=force,
         )  # fmt: skip
 
 

@@ -87,9 +87,9 @@ class NodalForce(PointLaw):
         self.add_launch(stage, self._force, displacement, unit_force=self.unit_force, bond_force=self.pairs)
         self.add_gather(stage, self.pairs, out)
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,)."""
-        self.damage = damage
+        self.damage, self.near_damage = damage, near
 
     def represented_areas(self) -> np.ndarray:
         """Area of each point [m^2], shape (N,)."""

@@ -173,7 +173,7 @@ class ViscoForce(ViscousForce):
         work = self.viscous_work
         work.assign(to_host(work) - to_host(self.viscous))
 
-    def soften(self, damage: Array) -> None:
+    def soften(self, damage: Array, near: Array) -> None:
         """Raise InputError: Prony terms do not support a damage field."""
         raise InputError("damage = TearingEnergy: expected Visco with branches, not prony, or another criterion")
 

@@ -16,7 +16,7 @@ from ..device.fields import Array, to_host
 from ..device.launches import Call, Stage
 from ..geometry.couplings import gradient_couplings
 from ..interfaces.context import Context
-from ..kernels.damage_field import ghost_kernels
+from ..kernels.damage_list import ghost_kernels
 
 # Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.
 LAYERS = 8

@@ -12,14 +12,15 @@ import warp as wp
 
 from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
 from ..device.fields import Array, to_host
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, TOGETHER, damage_field, lanes_of
+from ..kernels.damage_field import NEAR, damage_field, lanes_of
+from ..kernels.damage_list import TOGETHER, screen_struct
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import FieldConstants
 from .rupture import AT_REST, Damaged
@@ -37,10 +38,12 @@ INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
 # Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0
-# Members that the screen looks at one by one.
-FEW = 4
+# Members that the screen looks at one by one, and the margin for round-off when it does.
+FEW, ROUND_OFF = 4, 1e-4
 # Threads that share the list of points: as many as a GPU holds at once, and few on a CPU, where they take turns.
 GPU_THREADS, CPU_THREADS = 2**15, 64
+# Threads of a block that sweeps, and the number of which that of the neighbours is a multiple.
+SWEEP_BLOCK, NEIGHBOURS = 256, 4
 # Families whose driving energy a GPU computes at once, each by several threads.
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
@@ -161,21 +164,20 @@ class DamageField(Damaged):
         finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         # Without acceleration their number grows with the square of the length.
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
-        looked_at, self._shortest, self._longest = self._looked_at(law)
-        self._looked = context.array("looked_at", self.owner, wp.int32, looked_at, per="table")
+        self._screen, few = self._screen_of(law)
         shared = context.device.is_cuda and law.partial_energy is not None
         self._lanes = lanes_of(law.families.members) if shared else 1
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
-            len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
+            few, self.released is not None, weak, law.earlier_energy,
             law.driving_energy or law.earlier_energy,
-            law.partial_energy, self._lanes,
+            law.partial_energy, self._lanes, len(self._neighbours),
         )  # fmt: skip
         self._softening = self.field
         if weak:
             softened = self.constants.softened(self._least)
             self._softening = context.array("softening", self.owner, real, softened, restart=True, own_exchange=True)
-        law.soften(self._softening)
+        law.soften(self._softening, self._near)
         self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
 
     def _declare(self, profile: np.ndarray) -> None:
@@ -185,10 +187,15 @@ class DamageField(Damaged):
         self._other = context.array("damage_after_sweep", owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", owner, real, shape=n)
         self._driving = context.array("driving", owner, real, shape=n, own_exchange=True)
-        self._awake = context.array("awake", owner, wp.uint8, shape=n, restart=True)
+        self._awake = context.array("awake", owner, wp.uint8, shape=n)
+        self._near = context.array("near_damage", owner, wp.uint8, shape=n)
         self._listed = context.array("listed_points", owner, wp.int32, shape=n, per="table")
         self._count = context.array("listed_count", owner, wp.int32, shape=1, per="once")
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
+        # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
+        blocks = min(context.device.sm_count, -(-n // SWEEP_BLOCK))
+        self._sweepers = blocks * SWEEP_BLOCK if context.device.is_cuda else self._threads
+        self._arrived = context.array("arrived_sweepers", owner, wp.int32, shape=1, per="once")
         self._found: Array | None = None
         if not context.device.is_cuda:
             threads = -(-(self._own.stop - self._own.start) // TOGETHER)
@@ -209,6 +216,10 @@ class DamageField(Damaged):
         per_area = unit * sheet.thickness
         if isinstance(per_area, np.ndarray):
             couplings *= 0.5 * (1.0 + per_area[neighbours] / per_area)
+        # Kernels are compiled for numbers of neighbours: for few of these, missing ones are the point itself.
+        more = -len(neighbours) % NEIGHBOURS
+        neighbours = np.vstack([neighbours, np.tile(np.arange(sheet.size, dtype=np.int32), (more, 1))])
+        couplings = np.vstack([couplings, np.zeros((more, sheet.size))])
         self._neighbours = context.array("field_neighbours", self.owner, wp.int32, neighbours, per="bond")
         self._couplings = context.array("field_couplings", self.owner, real, couplings, per="bond")
         relative = sheet.thickness / context.whole.mean_thickness
@@ -261,6 +272,22 @@ class DamageField(Damaged):
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage, ahead
 
+    def _screen_of(self, law: BuiltLaw) -> tuple[Any, int]:
+        """The screen of `wake`, and the number of members that it checks without their tables, or 0."""
+        members, shortest, longest = self._looked_at(law)
+        checked = self.context.array("looked_at", self.owner, wp.int32, members, per="table")
+        values: dict[str, Any] = {"members": checked, "shortest": shortest, "longest": longest}
+        families, few = law.families, 0
+        if families.shift is not None and families.bonds is not None and len(members) <= FEW:
+            few, at, vector = len(members), np.resize(members, 4), self.context.types.parameters
+            x, y = families.horizon * families.bonds[at].T
+            squared = x**2 + y**2
+            values["shifts"] = wp.vec4i(families.shift[at].tolist())
+            values["x"], values["y"] = vector(x.tolist()), vector(y.tolist())
+            values["least"] = vector(((1.0 - ROUND_OFF) * shortest * squared).tolist())
+            values["most"] = vector(((1.0 + ROUND_OFF) * longest * squared).tolist())
+        return with_values(screen_struct(self.context.bits)(), values), few
+
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
         """Members to check for high energy, and the squared stretches between which the energy is low.
 
@@ -293,6 +320,8 @@ class DamageField(Damaged):
             self._add_rousing(stage)
             self._add_list(stage)
             self._add_empty(stage)
+        if phase is Phase.RESTORE:
+            self._add_rousing(stage)
         if phase is Phase.FRAME:
             self._add_energy(stage)
 
@@ -314,7 +343,9 @@ class DamageField(Damaged):
         self._add_empty(damage)
         self._add_rousing(damage)
         self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
-        self._add_severing(self.context.stage("rupture", AT_REST))
+        rupture = self.context.stage("rupture", AT_REST)
+        self._add_severing(rupture)
+        self._add_rousing(rupture)
         self._add_energy(self.context.stage("energy of the damage", AT_REST))
 
     def break_at_rest(self, again: bool) -> bool:
@@ -365,13 +396,12 @@ class DamageField(Damaged):
     def _add_rousing(self, stage: Stage) -> None:
         """Add the launch that marks awake points."""
         stage.launch(
-            self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours, damage=self.field,
-            awake=self._awake,
+            self.owner, self.kernels.rouse, self.context.sheet.size, family=self.law.struct,
+            neighbours=self._neighbours, damage=self.field, awake=self._awake, near_damage=self._near,
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
         """Add the launches that list points and sweep over them."""
-        k, shared = self.kernels, self._shared()
         self._add_list(stage)
         if self._ghosts is not None:
             self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
@@ -379,16 +409,19 @@ class DamageField(Damaged):
                 stage, self._threads, driving=self._driving, damage=self.field, other=self._other, before=self._before,
                 listed=self._listed, count=self._count,
             )  # fmt: skip
-        source, target = self.field, self._other
-        for number, relaxation in enumerate(self._relaxations(sweeps)):
-            if self._ghosts is not None and number and number % LAYERS == 0:
-                self._ghosts.add_exchange(stage, source, target)
+        together = 1 if self._found is not None else sweeps if self._ghosts is None else LAYERS
+        relaxations = self.context.array(
+            f"relaxations_{stage.name}", self.owner, self.context.types.real, self._relaxations(sweeps), per="table"
+        )
+        for begin in range(0, sweeps, together):
+            if self._ghosts is not None and begin and begin % LAYERS == 0:
+                self._ghosts.add_exchange(stage, self.field, self._other)
             stage.launch(
-                self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, before=self._before, fastest=self._fastest, relaxation=relaxation, source=source,
-                target=target, **shared,
+                self.owner, self.kernels.sweep, self._sweepers, neighbours=self._neighbours, couplings=self._couplings,
+                driving=self._driving, before=self._before, fastest=self._fastest, relaxations=relaxations,
+                sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field, other=self._other,
+                arrived=self._arrived, block_dim=SWEEP_BLOCK, **{**self._shared(), "stride": self._sweepers},
             )  # fmt: skip
-            source, target = target, source
 
     def _relaxations(self, sweeps: int) -> list[float]:
         """Relaxation factors of the sweeps, for which the error is reduced by the square of a Chebyshev polynomial.
@@ -411,7 +444,7 @@ class DamageField(Damaged):
         stage.launch(
             self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
-            awake=self._awake, softening=self._softening, **given, **self._shared(),
+            awake=self._awake, near_damage=self._near, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
 
@@ -438,8 +471,7 @@ class DamageField(Damaged):
             self._ghosts.add_unlisting(stage, self._driving)
         stage.launch(
             self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
-            start=own.start, stop=own.stop, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
-            awake=self._awake, found=self._found, **listing,
+            start=own.start, stop=own.stop, screen=self._screen, awake=self._awake, found=self._found, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:
