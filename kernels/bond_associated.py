@@ -31,7 +31,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .bits import lowest_bit, without_lowest_bit
+from .bits import bit_of, lowest_bit, number_of_bits, without_lowest_bit
 from .bond_state import bond_state
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
@@ -50,6 +50,7 @@ class FamilyMechanics:
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
             flat sheet.
+        visit_at_once: Like `visit`, for a GPU that has few families to visit.
         visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
             intact, displacement, velocity, back, inverse_horizon, i, j, undamaged).
         green: (H1, H2, tilt) -> C - I.
@@ -69,6 +70,7 @@ class FamilyMechanics:
     is_undamaged: wp.Function
     is_intact: wp.Function
     visit: wp.Function
+    visit_at_once: wp.Function
     visit_earlier: wp.Function
     green: wp.Function
     gradient: wp.Function
@@ -129,7 +131,30 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         else:
             return remaining_inverse(shape, undamaged_inverse), size
 
-    def declare_intersection(name, earlier):
+    def declare_intersection(name, earlier, at_once):
+        @wp.func(name=f"{name}_member")
+        def member(
+            family: Family,
+            displacement: wp.array(dtype=vec3),
+            velocity: wp.array(dtype=vec3),
+            back: real,
+            i: int,
+            k: int,
+            there: bool,
+        ):
+            """c_k X_k, X_k, U_k and a_k of a member; c_k and a_k are zero if it is not there."""
+            m = f.neighbour(family, i, k)
+            xi = f.bond(family, i, k)
+            c = f.influence(family, i, k)
+            if wp.static(at_once):
+                m = wp.where(there, m, i)
+                c = wp.where(there, c, real(0.0))
+            a = f.area(family, m)
+            stretch = displacement[m] - displacement[i]
+            if wp.static(earlier):
+                stretch -= back * (velocity[m] - velocity[i])
+            return c * a * xi, xi, stretch, wp.where(there, a, real(0.0))
+
         @wp.func(name=name)
         def intersection(
             family: Family,
@@ -143,9 +168,9 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         ):
             """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|, tilt.
 
-            With `earlier`, these are for the displacement at a time `back` before now.
+            With `earlier`, these are for the displacement at a time `back` before now. With `at_once` the loop over
+            members has no branches, so a thread of a GPU has the loads of several members in flight.
             """
-            ui = displacement[i]
             first = vec3(real(0.0), real(0.0), real(0.0))
             second = vec3(real(0.0), real(0.0), real(0.0))
             shape = vec3(real(0.0), real(0.0), real(0.0))
@@ -153,16 +178,19 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             moment = vec2(real(0.0), real(0.0))
             for word in range(family.words):
                 members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                while members != wp.uint32(0):
-                    k = word * word_size + lowest_bit(members)
-                    members = without_lowest_bit(members)
-                    m = f.neighbour(family, i, k)
-                    a = f.area(family, m)
-                    xi = f.bond(family, i, k)
-                    cxi = f.influence(family, i, k) * a * xi
-                    stretch = displacement[m] - ui
-                    if wp.static(earlier):
-                        stretch -= back * (velocity[m] - velocity[i])
+                begin = word * word_size
+                number = number_of_bits(members)
+                if wp.static(at_once):
+                    number = wp.min(word_size, family.members - begin)
+                for n in range(number):
+                    k = begin + n
+                    there = bool(True)
+                    if wp.static(at_once):
+                        there = bit_of(members, n)
+                    else:
+                        k = begin + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                    cxi, xi, stretch, a = member(family, displacement, velocity, back, i, k, there)
                     first += cxi[0] * stretch
                     second += cxi[1] * stretch
                     if not undamaged:
@@ -233,8 +261,8 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
-    def declare_visit(name, earlier):
-        intersection = declare_intersection(f"intersection_{name}", earlier)
+    def declare_visit(name, earlier, at_once=False):
+        intersection = declare_intersection(f"intersection_{name}", earlier, at_once)
 
         @wp.func(name=name)
         def visit(
@@ -267,26 +295,30 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
 
         return visit
 
-    visit_now, visit_earlier = declare_visit("visit_now", False), declare_visit("visit_earlier", True)
+    def declare_visit_now(name, at_once):
+        visit_now = declare_visit(f"{name}_now", False, at_once)
 
-    @wp.func
-    def visit(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        field: wp.array(dtype=vec3),
-        inverse_horizon: real,
-        i: int,
-        j: int,
-        undamaged: bool,
-    ):
-        return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
+        @wp.func(name=name)
+        def visit(
+            family: Family,
+            intact: wp.array2d(dtype=wp.uint32),
+            field: wp.array(dtype=vec3),
+            inverse_horizon: real,
+            i: int,
+            j: int,
+            undamaged: bool,
+        ):
+            return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
+
+        return visit
 
     return FamilyMechanics(
         intact_members,
         is_undamaged,
         is_intact,
-        visit,
-        visit_earlier,
+        declare_visit_now("visit", False),
+        declare_visit_now("visit_at_once", True),
+        declare_visit("visit_earlier", True),
         green,
         gradient,
         stress_on_members,
@@ -302,8 +334,8 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
 def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[wp.Function, wp.Function]:
     """Warp functions `earlier_energy`, as for `energy_of_families`, and `partial_energy`.
 
-    The latter is what every n-th member adds to the energy of a family, so that several threads can share one, and to
-    its sum of weights. `material` is a factory of (stress, energy).
+    The latter is what every n-th member adds to the energy of a family of the variational form, so that several threads
+    can share one. `material` is a factory of (stress, energy).
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
@@ -317,26 +349,22 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
         constants: Constants,
         inverse_horizon: real,
         i: int,
         lane: int,
         lanes: int,
     ):
-        """Sums of W_ij w_ij and W_ij over the members j = lane, lane + lanes, ..., at a time `back` before now."""
+        """Sum of W_ij w_ij over the members j = lane, lane + lanes, ..."""
         undamaged = law.is_undamaged(family, intact, i)
         stored = real(0.0)
-        total = real(0.0)
         for j in range(lane, family.members, lanes):
-            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
-                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+            there, H1, H2, _inverse, weight, tilt = law.visit_at_once(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
             )
             if there:
                 stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
-                total += weight
-        return stored, total
+        return stored
 
     @wp.func
     def earlier_energy(
@@ -350,9 +378,16 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        stored, total = partial_energy(
-            family, intact, displacement, velocity, back, constants, inverse_horizon, i, wp.int32(0), wp.int32(1)
-        )
+        undamaged = law.is_undamaged(family, intact, i)
+        stored = real(0.0)
+        total = real(0.0)
+        for j in range(family.members):
+            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
+                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                total += weight
         return stored * law.family_scale(family, i, total)
 
     return earlier_energy, partial_energy

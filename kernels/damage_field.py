@@ -170,10 +170,9 @@ def driving_force(
             i = listed[n]
             stored = real(0.0)
             if wp.static(lanes > 1):
-                part, _weight = partial_energy(
-                    family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i, lane,
-                    wp.static(lanes),
-                )  # fmt: skip
+                part = partial_energy(
+                    family, intact, displacement, constants, inverse_horizon, i, lane, wp.static(lanes)
+                )
                 stored = sum_lanes(part, wp.static(lanes))
             else:
                 stored = driving_energy(

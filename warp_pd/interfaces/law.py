@@ -106,8 +106,7 @@ class BuiltLaw(BuiltPart, Protocol):
         earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
         driving_energy: The same for the part that drives a damage field; None if it is the whole.
         energy_constants: The constants that these take.
-        partial_energy: Warp function of what every n-th member adds to this energy, and to the sum of weights, if the
-            law has one.
+        partial_energy: Warp function of what every n-th member adds to this energy, if the law has one.
         needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
         goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
