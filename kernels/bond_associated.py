@@ -31,11 +31,12 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .bits import bit_of, lowest_bit, number_of_bits, without_lowest_bit
+from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
+from .lanes import value_of_lane
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,12 @@ class FamilyMechanics:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
+        gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> of D_ij the displacement gradient
+            times the horizon (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over its members.
         visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> whether the bond is intact and its
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
             flat sheet.
-        visit_at_once: Like `visit`, for a GPU that has few families to visit.
         visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
             intact, displacement, velocity, back, inverse_horizon, i, j, undamaged).
         green: (H1, H2, tilt) -> C - I.
@@ -69,8 +71,8 @@ class FamilyMechanics:
     intact_members: wp.Function
     is_undamaged: wp.Function
     is_intact: wp.Function
+    gradient_over: wp.Function
     visit: wp.Function
-    visit_at_once: wp.Function
     visit_earlier: wp.Function
     green: wp.Function
     gradient: wp.Function
@@ -131,30 +133,31 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         else:
             return remaining_inverse(shape, undamaged_inverse), size
 
-    def declare_intersection(name, earlier, at_once):
-        @wp.func(name=f"{name}_member")
-        def member(
-            family: Family,
-            displacement: wp.array(dtype=vec3),
-            velocity: wp.array(dtype=vec3),
-            back: real,
-            i: int,
-            k: int,
-            there: bool,
-        ):
-            """c_k X_k, X_k, U_k and a_k of a member; c_k and a_k are zero if it is not there."""
-            m = f.neighbour(family, i, k)
-            xi = f.bond(family, i, k)
-            c = f.influence(family, i, k)
-            if wp.static(at_once):
-                m = wp.where(there, m, i)
-                c = wp.where(there, c, real(0.0))
-            a = f.area(family, m)
-            stretch = displacement[m] - displacement[i]
-            if wp.static(earlier):
-                stretch -= back * (velocity[m] - velocity[i])
-            return c * a * xi, xi, stretch, wp.where(there, a, real(0.0))
+    @wp.func
+    def gradient_over(
+        family: Family,
+        i: int,
+        j: int,
+        undamaged: bool,
+        first: vec3,
+        second: vec3,
+        shape: vec3,
+        size: real,
+        moment: vec2,
+    ):
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij| and tilt from sums over D_ij."""
+        inverse = f.shape(family, i, j)
+        tilt = f.tilt(family, i, j)
+        if not undamaged:
+            inverse, size = damaged_inverse(shape, inverse, size)
+            if wp.static(curved):
+                tilt = tilt_of(motion.times(inverse, moment))
+        G1, G2 = motion.columns(first, second, inverse)
+        if wp.static(curved):
+            G1, G2 = level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
+        return G1, G2, inverse, size, tilt
 
+    def declare_intersection(name, earlier):
         @wp.func(name=name)
         def intersection(
             family: Family,
@@ -168,9 +171,9 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         ):
             """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|, tilt.
 
-            With `earlier`, these are for the displacement at a time `back` before now. With `at_once` the loop over
-            members has no branches, so a thread of a GPU has the loads of several members in flight.
+            With `earlier`, these are for the displacement at a time `back` before now.
             """
+            ui = displacement[i]
             first = vec3(real(0.0), real(0.0), real(0.0))
             second = vec3(real(0.0), real(0.0), real(0.0))
             shape = vec3(real(0.0), real(0.0), real(0.0))
@@ -178,19 +181,16 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             moment = vec2(real(0.0), real(0.0))
             for word in range(family.words):
                 members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                begin = word * word_size
-                number = number_of_bits(members)
-                if wp.static(at_once):
-                    number = wp.min(word_size, family.members - begin)
-                for n in range(number):
-                    k = begin + n
-                    there = bool(True)
-                    if wp.static(at_once):
-                        there = bit_of(members, n)
-                    else:
-                        k = begin + lowest_bit(members)
-                        members = without_lowest_bit(members)
-                    cxi, xi, stretch, a = member(family, displacement, velocity, back, i, k, there)
+                while members != wp.uint32(0):
+                    k = word * word_size + lowest_bit(members)
+                    members = without_lowest_bit(members)
+                    m = f.neighbour(family, i, k)
+                    a = f.area(family, m)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * a * xi
+                    stretch = displacement[m] - ui
+                    if wp.static(earlier):
+                        stretch -= back * (velocity[m] - velocity[i])
                     first += cxi[0] * stretch
                     second += cxi[1] * stretch
                     if not undamaged:
@@ -198,16 +198,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
                         size += a
                         if wp.static(curved):
                             moment += f.rise(family, i, k) * cxi
-            inverse = f.shape(family, i, j)
-            tilt = f.tilt(family, i, j)
-            if not undamaged:
-                inverse, size = damaged_inverse(shape, inverse, size)
-                if wp.static(curved):
-                    tilt = tilt_of(motion.times(inverse, moment))
-            G1, G2 = motion.columns(first, second, inverse)
-            if wp.static(curved):
-                G1, G2 = level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
-            return G1, G2, inverse, size, tilt
+            return gradient_over(family, i, j, undamaged, first, second, shape, size, moment)
 
         return intersection
 
@@ -261,8 +252,8 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
-    def declare_visit(name, earlier, at_once=False):
-        intersection = declare_intersection(f"intersection_{name}", earlier, at_once)
+    def declare_visit(name, earlier):
+        intersection = declare_intersection(f"intersection_{name}", earlier)
 
         @wp.func(name=name)
         def visit(
@@ -295,30 +286,27 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
 
         return visit
 
-    def declare_visit_now(name, at_once):
-        visit_now = declare_visit(f"{name}_now", False, at_once)
+    visit_now, visit_earlier = declare_visit("visit_now", False), declare_visit("visit_earlier", True)
 
-        @wp.func(name=name)
-        def visit(
-            family: Family,
-            intact: wp.array2d(dtype=wp.uint32),
-            field: wp.array(dtype=vec3),
-            inverse_horizon: real,
-            i: int,
-            j: int,
-            undamaged: bool,
-        ):
-            return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
-
-        return visit
+    @wp.func
+    def visit(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        field: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        i: int,
+        j: int,
+        undamaged: bool,
+    ):
+        return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
 
     return FamilyMechanics(
         intact_members,
         is_undamaged,
         is_intact,
-        declare_visit_now("visit", False),
-        declare_visit_now("visit_at_once", True),
-        declare_visit("visit_earlier", True),
+        gradient_over,
+        visit,
+        visit_earlier,
         green,
         gradient,
         stress_on_members,
@@ -335,12 +323,13 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
     """Warp functions `earlier_energy`, as for `energy_of_families`, and `partial_energy`.
 
     The latter is what every n-th member adds to the energy of a family of the variational form, so that several threads
-    can share one. `material` is a factory of (stress, energy).
+    of a GPU, at most a warp, can share one. `material` is a factory of (stress, energy).
     """
     types = layout.types
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f, law = family_functions(layout), family_mechanics(layout, form)
-    Family = f.struct
+    Family, word_size = f.struct, WORD
+    of_lane = value_of_lane(layout.bits)
     _, energy = material(layout.bits)
     Constants = constants_of(energy)
 
@@ -355,15 +344,54 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         lane: int,
         lanes: int,
     ):
-        """Sum of W_ij w_ij over the members j = lane, lane + lanes, ..."""
+        """Sum of W_ij w_ij over the members j = lane, lane + lanes, ...; members are read once for all threads."""
         undamaged = law.is_undamaged(family, intact, i)
+        last = family.members - 1
         stored = real(0.0)
-        for j in range(lane, family.members, lanes):
-            there, H1, H2, _inverse, weight, tilt = law.visit_at_once(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
-            if there:
-                stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+        for block in range(0, family.members, lanes):
+            j = wp.min(block + lane, last)
+            first = vec3(real(0.0), real(0.0), real(0.0))
+            second = vec3(real(0.0), real(0.0), real(0.0))
+            shape = vec3(real(0.0), real(0.0), real(0.0))
+            size = real(0.0)
+            moment = vec2(real(0.0), real(0.0))
+            for begin in range(0, family.members, lanes):
+                k = wp.min(begin + lane, last)
+                m = wp.where(law.is_intact(family, intact, i, k), f.neighbour(family, i, k), i)
+                xi = f.bond(family, i, k)
+                a = f.area(family, m)
+                c = f.influence(family, i, k) * a
+                stretch = displacement[m] - displacement[i]
+                rise = f.rise(family, i, k)
+                word = begin // word_size
+                members = f.common(family, i, j, word) & law.intact_members(family, intact, i, word)
+                for n in range(wp.min(lanes, family.members - begin)):
+                    # All threads of the family take part, whatever their own intersection.
+                    U = vec3(
+                        of_lane(stretch[0], n, lanes), of_lane(stretch[1], n, lanes), of_lane(stretch[2], n, lanes)
+                    )
+                    X = vec2(of_lane(xi[0], n, lanes), of_lane(xi[1], n, lanes))
+                    weight = of_lane(c, n, lanes)
+                    area = of_lane(a, n, lanes)
+                    height = rise
+                    if wp.static(layout.curved):
+                        height = of_lane(rise, n, lanes)
+                    if bit_of(members, begin + n - word * word_size):
+                        cX = weight * X
+                        first += cX[0] * U
+                        second += cX[1] * U
+                        shape += vec3(cX[0] * X[0], cX[0] * X[1], cX[1] * X[1])
+                        size += area
+                        if wp.static(layout.curved):
+                            moment += height * cX
+            if block + lane < family.members and law.is_intact(family, intact, i, j):
+                G1, G2, inverse, size, tilt = law.gradient_over(
+                    family, i, j, undamaged, first, second, shape, size, moment
+                )
+                if inverse[0] > real(0.0):
+                    strain = law.green(inverse_horizon * G1, inverse_horizon * G2, tilt)
+                    weight = law.area_weight(family, i, j, undamaged, size)
+                    stored += weight * energy(strain, f.of_bond(family, i, j, constants))
         return stored
 
     @wp.func

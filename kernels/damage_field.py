@@ -48,6 +48,7 @@ from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .grid_barrier import wait_for_blocks
+from .lanes import sum_of_lanes
 from .numeric import numeric
 from .rupture import energy_over_step
 from .stiffness_left import degradation, stiffness_left
@@ -55,33 +56,6 @@ from .stiffness_left import degradation, stiffness_left
 NEAR = 0.55
 # Limits above which a point is severed that a tear has passed, see above.
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
-# Threads that share a family on a GPU: a warp, or half of one if the family has no more members.
-WARP = 32
-
-
-_SUM_OF_LANES = """
-#if defined(__CUDA_ARCH__)
-    const unsigned own = ((1ull << lanes) - 1u) << (threadIdx.x % 32u / lanes * lanes);
-    for (int apart = lanes / 2; apart > 0; apart /= 2) value += __shfl_xor_sync(own, value, apart);
-#endif
-    return value;
-"""
-
-
-def lanes_of(members: int) -> int:
-    """Number of threads of a GPU that share a family."""
-    return WARP // 2 if 2 * members <= WARP else WARP
-
-
-@functools.cache
-def sum_of_lanes(bits: int) -> wp.Function:
-    """Function (value, lanes) -> sum over adjacent threads of a warp, in the same order for all of them."""
-    real = numeric(bits).real
-
-    @wp.func_native(_SUM_OF_LANES)
-    def summed(value: real, lanes: int) -> real: ...
-
-    return summed
 
 
 @dataclass(frozen=True)

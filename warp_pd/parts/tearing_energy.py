@@ -19,8 +19,9 @@ from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, damage_field, lanes_of
+from ..kernels.damage_field import NEAR, damage_field
 from ..kernels.damage_list import TOGETHER, screen_struct
+from ..kernels.lanes import lanes_of
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import FieldConstants
 from .rupture import AT_REST, Damaged
