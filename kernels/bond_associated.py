@@ -47,8 +47,8 @@ class FamilyMechanics:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
-        gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> of D_ij the displacement gradient
-            times the horizon (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over its members.
+        gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> the displacement gradient times
+            the horizon over D_ij (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over D_ij.
         visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> whether the bond is intact and its
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a

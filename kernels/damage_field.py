@@ -42,7 +42,7 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_of
+from .bits import bit_of, number_of_bits
 from .damage_list import listing
 from .effects import Kernel, kernel
 from .factories import constants_of
@@ -111,11 +111,10 @@ def driving_force(
         """Fraction of the bonds of a point that are broken."""
         broken = wp.int32(0)
         members = wp.int32(0)
-        for k in range(family.members):
-            if bit_of(f.initial(family, i, k // word_size), k % word_size):
-                members += wp.int32(1)
-                if not bit_of(intact[k // word_size, i], k % word_size):
-                    broken += wp.int32(1)
+        for word in range(family.words):
+            initial = f.initial(family, i, word)
+            members += number_of_bits(initial)
+            broken += number_of_bits(initial & ~intact[word, i])
         return real(broken) / real(wp.max(members, 1))
 
     @kernel(per="list", gathers=("displacement",))

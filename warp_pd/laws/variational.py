@@ -42,6 +42,7 @@ class BondAssociatedLaw(Protocol):
     unit_stiffness: float
     damage: Array | None
     goes_slack: bool
+    near_damage: Array | None
 
     @property
     def paths(self) -> Sequence[Any]:
