@@ -100,7 +100,7 @@ def driving_force(
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
     f = family_functions(layout)
-    Family, word_size = f.struct, WORD
+    Family = f.struct
     _, fall, curvature = degradation(layout.bits, weak)
     sum_lanes = sum_of_lanes(layout.bits)
     Indices = wp.types.vector(length=near, dtype=wp.int32)
