@@ -45,6 +45,8 @@ FEW, ROUND_OFF = 4, 1e-4
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Threads of a block that sweeps, and the number of which that of the neighbours is a multiple.
 SWEEP_BLOCK, NEIGHBOURS = 256, 4
+# Threads of a GPU that look for points to list.
+GPU_LOOKS = 2**18
 # Families whose driving energy a GPU computes at once, each by several threads.
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
@@ -470,9 +472,10 @@ class DamageField(Damaged):
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         if self._ghosts is not None:
             self._ghosts.add_unlisting(stage, self._driving)
+        threads = min(own.stop - own.start, GPU_LOOKS) if self._found is None else len(self._found)
         stage.launch(
-            self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
-            start=own.start, stop=own.stop, screen=self._screen, awake=self._awake, found=self._found, **listing,
+            self.owner, k.wake, threads, start=own.start, stop=own.stop, stride=threads, screen=self._screen,
+            awake=self._awake, found=self._found, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:
