@@ -24,7 +24,7 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 6
+VERSION = 7
 # Numbers of the recorder that a restart keeps.
 NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
