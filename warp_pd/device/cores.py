@@ -14,8 +14,7 @@ from typing import Any
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
 STDERR = 2
-# Threads that compile for a GPU. Its compiler (NVRTC) parses one kernel at a time; with a thread for each of 32 cores
-# those that wait take three times the time of the work.
+# Threads that compile for a GPU. Most of its compiler (NVRTC) is behind one lock, for which more threads only wait.
 GPU_COMPILERS = 4
 
 _pool: ThreadPoolExecutor | None = None
