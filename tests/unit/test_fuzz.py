@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 from helpers import NEO, square
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import warp_pd
@@ -79,6 +79,7 @@ def used(name, made):
 
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(calls())
+@example(("TearingEnergy", TearingEnergy, {"energy": 5.0, "strength": 1e-308}))
 def test_wrong_arguments_are_one_line_or_can_be_built(call):
     name, called, arguments = call
     try:

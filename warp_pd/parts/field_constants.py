@@ -91,7 +91,8 @@ class FieldConstants:
             return None
         # length * bias(length) = 3 Gc / (16 strength)
         whole = 3.0 * self._least_energy / (16.0 * self._strength) - BIAS[0] * self._horizon
-        return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * BIAS[1] * self._horizon**2, 0.0))))
+        # A power overflows with an error of Python, a product does not.
+        return 0.5 * (whole + float(np.sqrt(max(whole * whole - 4.0 * BIAS[1] * self._horizon**2, 0.0))))
 
     def resolving_length(self) -> float:
         """Length that follows from the strength [m] on a sheet whose spacing just resolves that length."""

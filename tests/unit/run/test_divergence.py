@@ -24,6 +24,7 @@ from warp_pd import (
 )
 from warp_pd.__main__ import build_scene
 from warp_pd.families.partition import partition_sheet
+from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.parts.frame_checks import FrameChecks
 from warp_pd.run.divergence import DivergedError
 from warp_pd.run.recorder import Recorder
@@ -41,15 +42,16 @@ def test_the_first_point_that_is_not_finite_is_named(field, bad):
 
 
 def test_the_first_bad_point_of_several_processes_has_its_number_in_the_whole_sheet():
-    """Each process tells of each of its blocks of 256 points the first bad one of its own, or too large a number."""
-    sheet, begins = square(33), 256 * np.arange(5)
+    """Each process tells of each of its blocks of points the first bad one of its own, or too large a number."""
+    sheet = square(33)
+    begins = np.arange(0, sheet.size, BLOCK)
     partition = partition_sheet(sheet, 2.015, 1, 3)
     first = partition.bounds[partition.block_owner_of(begins)]
     checks = FrameChecks.__new__(FrameChecks)
     for bad in ([0], [255, 256], [767, 800], [1000, 1088], []):
-        checks.not_finite = np.full(5, sheet.size)
+        checks.not_finite = np.full(len(begins), sheet.size)
         for point in bad[::-1]:
-            checks.not_finite[point // 256] = point - first[point // 256]
+            checks.not_finite[point // BLOCK] = point - first[point // BLOCK]
         checks.context = SimpleNamespace(partition=partition, whole=sheet, whole_array=np.copy)
         assert checks.first_not_finite() == min(bad, default=None)
 
