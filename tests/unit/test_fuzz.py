@@ -79,7 +79,7 @@ def used(name, made):
 
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(calls())
-@example(("TearingEnergy", TearingEnergy, {"energy": 5.0, "strength": 1e-308}))
+@example(("TearingEnergy", warp_pd.TearingEnergy, {"energy": 5.0, "strength": 1e-308}))
 def test_wrong_arguments_are_one_line_or_can_be_built(call):
     name, called, arguments = call
     try:
