@@ -11,6 +11,7 @@ import warp as wp
 
 from .block_sums import BLOCK
 from .effects import Kernel, kernel
+from .integrate import free_components
 from .numeric import numeric
 
 
@@ -22,6 +23,7 @@ def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
     """
     types = numeric(bits)
     real, vec3, block = types.real, types.vec3, BLOCK
+    without_held = free_components(bits)
 
     @kernel(per="block")
     def measure_motion(
@@ -40,9 +42,7 @@ def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
         for i in range(b * block, wp.min((b + 1) * block, velocity.shape[0])):
             v = velocity[i]
             if held_mask:
-                for c in range(3):
-                    if (wp.int32(held_mask[i]) & (1 << c)) != 0:
-                        v[c] = real(0.0)
+                v = without_held(held_mask[i], 0, v)
             total = force[i]
             if wp.static(following):
                 total += external[i]

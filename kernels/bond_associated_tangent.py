@@ -54,17 +54,29 @@ class TangentKernels:
 
 
 @functools.cache
+def columns_of_gradient(bits: int) -> wp.Function:
+    """Function F -> its two columns."""
+    types = numeric(bits)
+    vec3, mat32 = types.vec3, types.mat32
+
+    @wp.func
+    def columns_of(F: mat32):
+        return vec3(F[0, 0], F[1, 0], F[2, 0]), vec3(F[0, 1], F[1, 1], F[2, 1])
+
+    return columns_of
+
+
+@functools.cache
 def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Warp functions `block_of`, the stiffness of an intersection, and `inverse_of`, of a 3x3 block."""
     types = numeric(bits)
     real, vec2, vec3, vec6, mat32, mat33 = types.real, types.vec2, types.vec3, types.vec6, types.mat32, types.mat33
-    min_stiffness = MIN_STIFFNESS
+    min_stiffness, columns_of = MIN_STIFFNESS, columns_of_gradient(bits)
 
     @wp.func
     def block_of(F: mat32, S: vec3, T: vec6, g: vec2):
         """Stiffness of an intersection when one point moves and contributes v (x) g to dF."""
-        F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
-        F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+        F1, F2 = columns_of(F)
         b1 = real(2.0) * g[0] * F1
         b2 = real(2.0) * g[1] * F2
         b3 = g[1] * F1 + g[0] * F2
@@ -124,6 +136,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     Constants = constants_of(response_of)
     word_size = WORD
     block_of, inverse_of = block_functions(bits)
+    columns_of = columns_of_gradient(bits)
     far = wp.constant(real(FAR))
     left = stiffness_left(bits)
 
@@ -195,9 +208,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             there, H1, H2, inverse, _weight, tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
             if there:
                 D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
-                F = gradient[j, i]
-                F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
-                F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                F1, F2 = columns_of(gradient[j, i])
                 S = stress[j, i]
                 T = moduli[j, i]
                 c11 = real(2.0) * wp.dot(F1, D1)
@@ -234,9 +245,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             there, H1, H2, _inverse, _weight, _tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
             if there:
                 D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
-                F = gradient[j, i]
-                F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
-                F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                F1, F2 = columns_of(gradient[j, i])
                 # The normal of the deformed sheet is (F1 + s D1) x (F2 + s D2); its component along that of s = 0 is
                 # area + linear s + square s^2.
                 normal = wp.cross(F1, F2)
@@ -401,8 +410,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                         F = gradient[j, q]
                         S = stress[j, q]
                         T = moduli[j, q]
-                        F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
-                        F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                        F1, F2 = columns_of(F)
                         b1 = real(2.0) * g[0] * F1
                         b2 = real(2.0) * g[1] * F2
                         b3 = g[1] * F1 + g[0] * F2

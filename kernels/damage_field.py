@@ -192,7 +192,7 @@ def driving_force(
         return wp.clamp(relaxation * (d + above / below) + (real(1.0) - relaxation) * earlier, least, real(1.0))
 
     @wp.func
-    def sweep_list(
+    def sweep_points(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
@@ -200,17 +200,33 @@ def driving_force(
         fastest: real,
         relaxation: real,
         listed: wp.array(dtype=wp.int32),
-        begin: int,
+        thread: int,
         end: int,
         stride: int,
         source: wp.array(dtype=real),
         target: wp.array(dtype=real),
+        i: int,
+        m: Indices,
+        c: Couplings,
+        y: real,
+        now: real,
+        earlier: real,
+        least: real,
     ):
-        """Sweep over points of the list; on entry `target` holds the damage of the last sweep but one."""
-        for n in range(begin, end, stride):
-            i = listed[n]
-            m, c = couplings_of(neighbours, couplings, i)
-            target[i] = swept(source, m, c, driving[i], source[i], target[i], before[i], fastest, relaxation)
+        """Sweep over the points of a thread; on entry `target` holds the damage of the last sweep but one.
+
+        What belongs to its first point, i, is given. The result is the damage there.
+        """
+        new = swept(source, m, c, y, now, earlier, least, fastest, relaxation)
+        if thread < end:
+            target[i] = new
+        for n in range(thread + stride, end, stride):
+            j = listed[n]
+            near_j, couplings_j = couplings_of(neighbours, couplings, j)
+            target[j] = swept(
+                source, near_j, couplings_j, driving[j], source[j], target[j], before[j], fastest, relaxation
+            )
+        return new
 
     @kernel(per="list", gathers=("damage", "other"))
     def sweep(
@@ -248,20 +264,14 @@ def driving_force(
                 relaxation = relaxations[number]
                 new = now
                 if number % 2 == 0:
-                    new = swept(damage, m, c, y, now, earlier, least, fastest, relaxation)
-                    if thread < end:
-                        other[i] = new
-                    sweep_list(
-                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread + stride, end,
-                        stride, damage, other,
+                    new = sweep_points(
+                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                        damage, other, i, m, c, y, now, earlier, least,
                     )  # fmt: skip
                 else:
-                    new = swept(other, m, c, y, now, earlier, least, fastest, relaxation)
-                    if thread < end:
-                        damage[i] = new
-                    sweep_list(
-                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread + stride, end,
-                        stride, other, damage,
+                    new = sweep_points(
+                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                        other, damage, i, m, c, y, now, earlier, least,
                     )  # fmt: skip
                 earlier = now
                 now = new

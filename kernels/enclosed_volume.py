@@ -16,7 +16,7 @@ from .effects import Kernel, kernel
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
-# Triangles that one thread sums, and block sums that one thread of the next launch sums.
+# Triangles that one thread sums.
 BLOCK = 64
 
 # A law of pressure is a Warp function (volume [m^3], factor, constants) -> p and dp/dV, all in float64.
@@ -42,11 +42,11 @@ def prescribed_volume(volume: wp.float64, target: wp.float64, constants: wp.vec4
 
 
 @functools.cache
-def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
-    """Kernels `sum_triangles` and `sum_sums`.
+def enclosed_volume(bits: int, rate: bool) -> Kernel:
+    """Kernel `sum_triangles`.
 
-    sum_triangles fills row 0 of `sums` [2, blocks] with six times the volume of blocks of triangles and, with `rate`,
-    row 1 with six times its derivative along a direction; a thread of sum_sums adds BLOCK blocks.
+    It fills row 0 of `sums` [2, blocks] with six times the volume of blocks of triangles and, with `rate`, row 1 with
+    six times its derivative along a direction; groups of blocks are added by kernels/block_sums.py.
     """
     vec3 = numeric(bits).vec3
     block = BLOCK
@@ -75,18 +75,7 @@ def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
         sums[0, block_index] = volume
         sums[1, block_index] = change
 
-    @kernel(per="block")
-    def sum_sums(blocks: wp.array2d(dtype=wp.float64), first: int, sums: wp.array2d(dtype=wp.float64)):
-        block_index = wp.tid() + first
-        volume = wp.float64(0.0)
-        change = wp.float64(0.0)
-        for b in range(block_index * block, wp.min((block_index + 1) * block, blocks.shape[1])):
-            volume += blocks[0, b]
-            change += blocks[1, b]
-        sums[0, block_index] = volume
-        sums[1, block_index] = change
-
-    return sum_triangles, sum_sums
+    return sum_triangles
 
 
 @functools.cache

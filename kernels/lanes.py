@@ -9,17 +9,20 @@ from .numeric import numeric
 # Threads that share a family: a warp, or half of one if the family has no more members.
 WARP = 32
 
-_SUM_OF_LANES = """
+# Mask of the threads of a warp that share the family of a thread.
+_OWN = "const unsigned own = ((1ull << lanes) - 1u) << (threadIdx.x % 32u / lanes * lanes);"
+
+_SUM_OF_LANES = f"""
 #if defined(__CUDA_ARCH__)
-    const unsigned own = ((1ull << lanes) - 1u) << (threadIdx.x % 32u / lanes * lanes);
+    {_OWN}
     for (int apart = lanes / 2; apart > 0; apart /= 2) value += __shfl_xor_sync(own, value, apart);
 #endif
     return value;
 """
 
-_VALUE_OF_LANE = """
+_VALUE_OF_LANE = f"""
 #if defined(__CUDA_ARCH__)
-    const unsigned own = ((1ull << lanes) - 1u) << (threadIdx.x % 32u / lanes * lanes);
+    {_OWN}
     return __shfl_sync(own, value, lane, lanes);
 #else
     return value;

@@ -15,7 +15,7 @@ import warp as wp
 
 from .block_sums import BLOCK
 from .effects import Kernel, kernel
-from .integrate import RIGID
+from .integrate import RIGID, free_components
 from .numeric import numeric
 
 # Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to
@@ -54,14 +54,8 @@ def power_iteration(bits: int) -> PowerIteration:
     rigid, block = RIGID, BLOCK
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
     noise_size = wp.constant(real(NOISE))
+    without_held = free_components(bits)
     module = f"power_iteration_{bits}"
-
-    @wp.func
-    def without_held(v: vec3, held: int):
-        for c in range(3):
-            if (held & ((1 << c) | rigid)) != 0:
-                v[c] = real(0.0)
-        return v
 
     @kernel(module=module)
     def disturb(
@@ -81,7 +75,7 @@ def power_iteration(bits: int) -> PowerIteration:
         for c in range(3):
             noise[c] = noise_size * real(wp.randf(random, -1.0, 1.0))
         if held_mask:
-            noise = without_held(noise, wp.int32(held_mask[i]))
+            noise = without_held(held_mask[i], rigid, noise)
         direction[i] += noise
         earlier[i] = vec3()
 
@@ -116,7 +110,7 @@ def power_iteration(bits: int) -> PowerIteration:
         for i in range(b * block, wp.min((b + 1) * block, direction.shape[0])):
             r = (response[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
             if held_mask:
-                r = without_held(r, wp.int32(held_mask[i]))
+                r = without_held(held_mask[i], rigid, r)
             response[i] = r
             v = direction[i]
             m = wp.float64(mass[i])

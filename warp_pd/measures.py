@@ -11,6 +11,7 @@ import numpy as np
 from .device.checks import InputError, point_indices
 from .families import unpack
 from .geometry.sheet import Sheet
+from .geometry.topology import components, joined_points
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -120,12 +121,8 @@ class TearLine:
 
     def pieces(self, intact: np.ndarray, least_fraction: float = 0.01) -> int:
         """Number of pieces with at least `least_fraction` of the sheet's area; faces that share a point are of one."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        whole, n = self.sheet.triangles[intact], self.sheet.size
-        ends = np.repeat(whole[:, 0], 2), whole[:, 1:].ravel()
-        _, label = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
+        whole = self.sheet.triangles[intact]
+        label = joined_points(self.sheet.size, whole)
         area = np.bincount(label[whole[:, 0]], self.areas[intact])
         return int((area >= least_fraction * self.areas.sum()).sum())
 
@@ -154,13 +151,8 @@ class TearLine:
 
     def _joined(self, intact: np.ndarray, areas: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Piece of each face, shape (F,), and area of each piece [m^2]; torn faces are in pieces of zero area."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        joined = self._beside[intact[self._beside].all(axis=1)]
-        n = len(intact)
-        graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
-        count, label = connected_components(graph, directed=False)
+        label = components(len(intact), self._beside[intact[self._beside].all(axis=1)])
+        count = int(label.max()) + 1
         return label, np.bincount(label[intact], (self.areas if areas is None else areas)[intact], minlength=count)
 
 

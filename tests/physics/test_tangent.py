@@ -54,6 +54,7 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if state.external is not None:
         built.external.add_force(stage, state.displacement, state.external)
     level.add_residual(stage, None)
+    level.add_turning()
     return level
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from validation.comparison import Comparison, UnfinishedError
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation, TearingEnergy
+from warp_pd.geometry.topology import joined_points
 
 MU, BULK, DENSITY, THICKNESS = 1e3, 1e5, 1000.0, 1e-3
 # Small against MU times any length here, as the sheets of both sources hardly stretch [J/m^2].
@@ -153,12 +154,7 @@ def aspects(sheet: Sheet, intact: np.ndarray) -> Sequence[float]:
 
     NaN if there is none. Half of the torn row of faces on either side belongs to the piece.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    faces = sheet.triangles[intact]
-    ends = np.repeat(faces[:, 0], 2), faces[:, 1:].ravel()
-    _, label = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(sheet.size,) * 2), directed=False)
+    label = joined_points(sheet.size, sheet.triangles[intact])
     loose = ~np.isin(label, label[np.concatenate([sheet.edges("top"), sheet.edges("bottom")])])
     if not loose.any():
         return [float("nan")] * 2

@@ -7,8 +7,8 @@ import functools
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
@@ -46,16 +46,15 @@ def compilers(device: Any) -> Iterator[ThreadPoolExecutor]:
 
 def load_kernel(kernel: Any, device: Any) -> None:
     """Compile or load a kernel in one of these threads: each thread that compiles first takes seconds for headers."""
-    cores().submit(kernel.module.load, device, 1 if device.is_cpu else None).result()
+    begin_loading(kernel, device).result()
 
 
-def begin_loading(kernels: Iterable[Any], device: Any) -> None:
-    """Begin to compile or load kernels in these threads, without waiting.
+def begin_loading(kernel: Any, device: Any) -> Future[Any]:
+    """Begin to compile or load a kernel in these threads, without waiting.
 
-    Threads that compile first then read their headers beside what the caller goes on with.
+    A thread that compiles first then reads its headers beside what the caller goes on with.
     """
-    for kernel in kernels:
-        cores().submit(kernel.module.load, device, 1 if device.is_cpu else None)
+    return cores().submit(kernel.module.load, device, 1 if device.is_cpu else None)
 
 
 def start_warp() -> None:

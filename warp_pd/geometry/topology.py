@@ -135,6 +135,11 @@ def components(count: int, pairs: np.ndarray) -> np.ndarray:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
+def joined_points(count: int, triangles: np.ndarray) -> np.ndarray:
+    """Index of the connected piece of each of `count` points, shape (count,); triangles join their corners."""
+    return components(count, np.column_stack([np.repeat(triangles[:, 0], 2), triangles[:, 1:].ravel()]))
+
+
 def joined(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Index of the connected patch of each of some points, shape (P,); edges of triangles between them connect them."""
     edges = directed_edges(triangles)

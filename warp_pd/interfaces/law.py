@@ -64,10 +64,10 @@ class Tangent(Protocol):
         """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         ...
 
-    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
-        """Add the launch that fills `longest`, (N,): the step along a direction [m] that turns a family inside out.
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
+        """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
 
-        Return False, without a launch, if families may turn inside out.
+        Return None, without a launch or an array, if families may turn inside out.
         """
         ...
 

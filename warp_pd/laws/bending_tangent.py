@@ -101,9 +101,9 @@ class BendingTangent(Tangent):
         self.law.add_product(stage, direction, change)
         self.add_bending(stage, direction, change)
 
-    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
         """Add the launch of the law without bending."""
-        return self.law.add_turning(stage, direction, longest)
+        return self.law.add_turning(stage, direction)
 
     def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
         """Add the launches that add the part of bending."""

@@ -97,20 +97,21 @@ class BondAssociatedTangent:
         )  # fmt: skip
         force.add_gather(stage, force.pairs, change, softens=False)
 
-    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
-        """Add the launch that fills `longest`, (N,): the step along a direction [m] that turns a family inside out.
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
+        """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
 
         A material that goes slack may fold, and nothing is added.
         """
         force = self.force
         if force.goes_slack:
-            return False
+            return None
+        longest = self.context.array("longest_step", OWNER, self.context.types.real, shape=force.points)
         stage.launch(
             OWNER, self.kernels.turning, force.points,
             family=force.struct, intact=force.intact, direction=direction, gradient=self.gradient,
             inverse_horizon=force.inverse_horizon, longest=longest,
         )  # fmt: skip
-        return True
+        return longest
 
     def is_slack(self) -> bool:
         """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""

@@ -75,9 +75,8 @@ class BondBasedTangent:
         slack = SLACK_TENSION * min(relative, 1.0) if goes_slack else 0.0
         return max(slack, MIN_TENSION) * self.modulus()
 
-    def add_turning(self, stage: Stage, direction: Array, longest: Array) -> bool:
-        """False: bonds have no orientation."""
-        return False
+    def add_turning(self, stage: Stage, direction: Array) -> None:
+        """Nothing: bonds have no orientation."""
 
     def is_slack(self) -> bool:
         """Whether the sheet has no out-of-plane stiffness, being flat and without tension."""

@@ -17,6 +17,7 @@ from ..geometry.enclosure import cap_of, edge_rings, other_diagonals, triangles_
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.damage import face_damage
 from ..kernels.enclosed_volume import (
     BLOCK,
@@ -238,7 +239,7 @@ class BuiltEnclosed(BuiltLoad):
         """Allocate the partial sums of the volume: blocks of triangles, and blocks of blocks."""
         context, blocks = self.context, -(-triangles // BLOCK)
         self._blocks = context.array("volume_of_blocks", self.owner, wp.float64, shape=(2, blocks), per="block")
-        self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // BLOCK)), per="block")
+        self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // GROUP)), per="block")
         self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
 
     def _allocate_leak(self, faces: int, leaks: bool) -> None:
@@ -247,7 +248,7 @@ class BuiltEnclosed(BuiltLoad):
         if leaks:
             context, blocks = self.context, -(-faces // BLOCK)
             self._open_blocks = context.array("open_areas", self.owner, wp.float64, shape=(2, blocks), per="block")
-            shape = (2, -(-blocks // BLOCK))
+            shape = (2, -(-blocks // GROUP))
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
 
     def _caps(self) -> list[np.ndarray]:
@@ -273,18 +274,21 @@ class BuiltEnclosed(BuiltLoad):
     def add_pressure(self, stage: Stage, displacement: Array, direction: Array | None = None) -> None:
         """Add the launches that fill `enclosed` at a displacement [m]."""
         context = self.context
-        sum_triangles, sum_sums = enclosed_volume(context.bits, direction is not None)
         stage.launch(
-            self.owner, sum_triangles, self._blocks.shape[1],
+            self.owner, enclosed_volume(context.bits, direction is not None), self._blocks.shape[1],
             triangles=self._triangles, positions=self._table["positions"], displacement=displacement,
             direction=direction, sums=self._blocks,
         )  # fmt: skip
-        stage.launch(self.owner, sum_sums, self._sums.shape[1], blocks=self._blocks, sums=self._sums)
+        self._add_groups(stage, self._blocks, self._sums)
         stage.launch(
             self.owner, self._set_pressure, 1,
             sums=self._sums, coefficient=self._coefficient, chamber=self._extra, constants=self.constants,
             factors=context.clock.scheduled, schedule=self._schedule or 0, left=self.left, enclosed=self.enclosed,
         )  # fmt: skip
+
+    def _add_groups(self, stage: Stage, blocks: Array, sums: Array) -> None:
+        """Add the launch that adds up groups of blocks."""
+        stage.launch(self.owner, add_groups, sums.size, sums=blocks, maxima=0, group=GROUP, shorter=sums)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches of the volume, its pressure, and the force on the points."""
@@ -310,7 +314,6 @@ class BuiltEnclosed(BuiltLoad):
         context, displacement = self.context, self.context.state.displacement
         assert self._open_blocks is not None and self._open is not None
         sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None)
-        _, sum_sums = enclosed_volume(context.bits, False)
         self.add_pressure(stage, displacement)
         self._add_torn(stage)
         stage.launch(
@@ -318,7 +321,7 @@ class BuiltEnclosed(BuiltLoad):
             triangles=self._edges, intact_faces=self._intact, positions=self._table["positions"],
             displacement=displacement, sums=self._open_blocks,
         )  # fmt: skip
-        stage.launch(self.owner, sum_sums, self._open.shape[1], blocks=self._open_blocks, sums=self._open)
+        self._add_groups(stage, self._open_blocks, self._open)
         stage.launch(
             self.owner, lose_gas, 1,
             sums=self._open, enclosed=self.enclosed, discharge=6.0 * self._coefficient * self._outflow[0],

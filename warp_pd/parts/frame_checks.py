@@ -30,8 +30,8 @@ def begin_loading_common(context: Context) -> None:
     reads it once for all threads.
     """
     if context.device.is_cpu:
-        common = (frame_checks(context.bits).watch_motion, clock(context.bits))
-        begin_loading([each.kernel for each in common], context.device)
+        for common in (frame_checks(context.bits).watch_motion, clock(context.bits)):
+            begin_loading(common.kernel, context.device)
 
 
 class FrameChecks(BuiltPart):

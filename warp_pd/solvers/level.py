@@ -64,9 +64,7 @@ class Level:
         tangent.add_linearise(linearise, self.displacement, self._tension)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
-        self._longest = context.array("longest_step", OWNER, t.real, shape=n)
-        turning = context.stage("turning", "every step of Newton")
-        self._turns = tangent.add_turning(turning, self.direction, self._longest)
+        self._longest: Array | None = None
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 
     @property
@@ -78,6 +76,11 @@ class Level:
     def held(self) -> np.ndarray:
         """Mask of held components, shape (N, 3)."""
         return np.asarray((self.context.held[:, None] >> np.arange(3)) & 1 == 1)
+
+    def add_turning(self) -> None:
+        """Add the stage that finds the longest step, which only the finest level takes."""
+        stage = self.context.stage("turning", "every step of Newton")
+        self._longest = self.tangent.add_turning(stage, self.direction)
 
     def add_residual(self, stage: Stage, dead: Array | None) -> None:
         """Add the residual to the stage "evaluate", after the launches of internal and external force.
@@ -132,7 +135,7 @@ class Level:
 
     def longest_step(self) -> float:
         """Fraction of the direction at which the first family turns inside out; infinite if families may."""
-        if not self._turns:
+        if self._longest is None:
             return math.inf
         self.run("turning")
         return float(self._longest.numpy().min())

@@ -75,6 +75,7 @@ class StaticSystem(BuiltSolver):
         if state.external is not None:
             system.external.add_force(stage, state.displacement, state.external)
         finest.add_residual(stage, dead)
+        finest.add_turning()
         self.good = context.array("last_load_step", OWNER, context.types.vec3, shape=context.sheet.size)
         self.preconditioner = self._preconditioner()
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
