@@ -18,6 +18,7 @@ from typing import Any
 
 from ..device.checks import InputError, kind_and_text, one_of, user_code
 from .arguments import converted, is_plain, plain
+from .scene_text import WrittenBuild
 
 
 def scene_names() -> list[str]:
@@ -67,7 +68,7 @@ def _said_in(path: Path, error: Exception) -> str:
 
 
 def require_settings(name: str, settings: Mapping[str, Any]) -> None:
-    """Check settings against the parameters that the file of a scene gives its `build`, without importing the file.
+    """Check settings against the text of a scene's file, without importing it: see `scene_text.WrittenBuild`.
 
     So a wrong setting is refused without waiting for Warp. A file whose parameters cannot be told from its text is
     checked by `build_scene` alone.
@@ -77,39 +78,9 @@ def require_settings(name: str, settings: Mapping[str, Any]) -> None:
         file = Path(name)
     else:
         file = Path(importlib.import_module("warp_pd.scenes").__path__[0]) / f"{name}.py"
-    parameters = _written_parameters(file)
-    if parameters is not None:
-        _values(name, settings, parameters)
-
-
-def _written_parameters(file: Path) -> dict[str, inspect.Parameter] | None:
-    """Parameters of the function `build` in the text of a file; None if a default is an expression, or there is no
-    plain function of that name.
-    """
-    try:
-        tree = ast.parse(file.read_text("utf-8"))
-    except (SyntaxError, ValueError):
-        return None
-    found = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build"]
-    if len(found) != 1 or found[0].decorator_list or found[0].args.vararg or found[0].args.kwarg:
-        return None
-    given = found[0].args
-    places, keywords = [*given.posonlyargs, *given.args], given.kwonlyargs
-    none = [None] * (len(places) - len(given.defaults))
-    try:
-        return {
-            argument.arg: inspect.Parameter(
-                argument.arg,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=inspect.Parameter.empty if default is None else ast.literal_eval(default),
-                annotation="" if argument.annotation is None else ast.unparse(argument.annotation),
-            )
-            for argument, default in zip(
-                [*places, *keywords], [*none, *given.defaults, *given.kw_defaults], strict=True
-            )
-        }
-    except ValueError:
-        return None
+    written = WrittenBuild.of(file)
+    if written is not None:
+        written.check(_values(name, settings, written.parameters))
 
 
 def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:

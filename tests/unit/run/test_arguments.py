@@ -140,14 +140,70 @@ def test_parameters_that_the_text_does_not_tell_are_left_to_the_import(text, tmp
     require_settings(str(path), {"whatever": "1"})
 
 
-def test_wrong_settings_are_refused_before_warp_is_imported():
-    program = """
+CHECKED = """raise RuntimeError("imported")
+from warp_pd.device.checks import count, one_of, positive
+def build(points=9, speed=1.0, length: float | None = None, grip="clamp", seed=1, late=1, own=1, least=3):
+    least = max(least, 1)
+    frames = count("points", points, 3) * positive("speed", speed)
+    if one_of("grip", grip, ("clamp", "pin")) == "pin":
+        positive("length", length)
+        frames += 1
+    frames = [positive("seed", seed) for _ in range(0)] if seed else 0
+    count("own", own, least)
+    count("least", least, 10)
+    def inner():
+        return 1
+    if frames:
+        return None
+    count("late", late, 3)
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"points": 2}, "points = 2: expected a whole number of 3 or more"),
+        ({"speed": "-1"}, "speed = -1.0: expected a positive number"),
+        ({"grip": "pinn"}, "grip = 'pinn': expected one of 'clamp', 'pin' (did you mean 'pin'?)"),
+    ],
+)
+def test_values_are_checked_as_the_text_of_a_scene_checks_them(settings, said, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(CHECKED)
+    with refused(said):
+        require_settings(str(path), settings)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"length": "-1"}, {"seed": -1}, {"late": 1}, {"least": 2}, {"own": 1}, {"points": 3, "grip": "pin"}],
+    ids=lambda settings: next(iter(settings)),
+)
+def test_checks_that_a_scene_may_not_make_are_left_to_it(settings, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(CHECKED)
+    require_settings(str(path), settings)
+
+
+@pytest.mark.parametrize("name", ["points", "speed", "grip"])
+def test_checks_of_other_names_are_not_those_of_the_package(name, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(CHECKED.replace("from warp_pd.device.checks import", "from mine_too import"))
+    require_settings(str(path), {name: "-1" if name == "speed" else "2"})
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [("nonsense=1", "nonsense is not an argument"), ("points=-3", "points = -3: expected a whole number of 3 or more")],
+)
+def test_wrong_settings_are_refused_before_warp_is_imported(setting, said):
+    program = f"""
 import sys
 from warp_pd.__main__ import main
 try:
-    main(["run", "ball_penetration", "--set", "nonsense=1"])
+    main(["run", "ball_penetration", "--set", "{setting}"])
 except SystemExit as left:
     print(left.code, "warp" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.split() == ["2", "False"] and "nonsense is not an argument" in done.stderr
+    assert done.stdout.split() == ["2", "False"] and said in done.stderr
