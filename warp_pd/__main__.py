@@ -45,6 +45,11 @@ class OneLineGroup(click.Group):
             sys.stderr.flush()
             # What still waits for the other process would hang.
             os._exit(LOST)
+        except KeyboardInterrupt:
+            from .device.checks import INTERRUPTED
+
+            _say("interrupted")
+            ctx.exit(INTERRUPTED)
         except (InputError, MemoryError) as error:
             code = _refused(str(error))
             if isinstance(error, OutputError):
@@ -229,9 +234,6 @@ def run(
     except DivergedError as error:
         _say(str(error))
         sys.exit(DIVERGED)
-    except KeyboardInterrupt:
-        _say("interrupted before the first frame")
-        sys.exit(INTERRUPTED)
     if not quiet:
         for line in report(result):
             click.echo(line)

@@ -22,6 +22,8 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
 
 WRONG_LINES = [
     (["run", "ball_penetratoin"], "did you mean 'ball_penetration'"),
+    (["run", "nowhere/at_all"], "expected a name from `warp-pd list`, or a Python file"),
+    (["run", os.path.splitext(__file__)[0]], f"did you mean {__file__!r}"),
     (["run", "pressure", "--set", "presure=3"], "did you mean 'pressure'"),
     (["run", "pressure", "--set", "points=many"], "points = 'many': expected a whole number"),
     (["run", "pressure", "--set", "pressure"], "--set 'pressure': expected name=value"),
@@ -62,6 +64,15 @@ def test_wrong_input_ends_with_one_line(arguments, text, tmp_path, monkeypatch):
     assert len(lines) == 1 and text in lines[0]
     left = list(tmp_path.rglob("*"))
     assert not [p for p in left if p.is_file()]
+
+
+def test_ctrl_c_before_a_run_ends_with_one_line(monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warp_pd.__main__.require_scene", interrupt)
+    done = cli("run", "pressure")
+    assert done.exit_code == 130 and done.output.splitlines() == ["warp-pd: interrupted"]
 
 
 def test_list_and_info(ball):

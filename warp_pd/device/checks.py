@@ -60,8 +60,8 @@ def said(value: Any) -> str:
 
 
 def kind_and_text(error: Exception) -> str:
-    """Text like "ValueError: what was wrong"."""
-    return f"{type(error).__name__}: {error}"
+    """Text like "ValueError: what was wrong"; the type alone where the error says nothing."""
+    return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
 def finite(name: str, value: Any) -> float:
@@ -156,8 +156,8 @@ def called(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarr
 def corners(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as the corners of triangles, int32, shape (F, 3)."""
     found = np.asarray(value)
-    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
-        raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3)")
+    if found.ndim != 2 or found.shape[1] != 3 or not len(found) or found.dtype.kind not in "iu":
+        raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3) with F >= 1")
     _require_points(name, found, points)
     return found.astype(np.int32)
 

@@ -61,7 +61,7 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
 def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
     """Copy a shape without the points of a mask, shape (N,); also return the mask of kept points, shape (N,)."""
     if not inside.any():
-        raise InputError(f"{name} contains no points: expected a larger one")
+        raise InputError(f"{name} contains no points of the sheet: expected a larger one, or one inside the sheet")
     triangles, areas = _triangulation_without(inside, shape)
     grid = shape.grid if shape.lattice is None else _square_grid(shape.lattice)
     kept = np.zeros(shape.size, bool)

@@ -24,7 +24,8 @@ def existing_file(path: Any) -> Path:
         raise InputError(f"path = {said(path)}: expected the path of a file")
     found = Path(path)
     if not found.is_file():
-        raise InputError(f"path = {str(path)!r}: the file does not exist")
+        what = "expected a file, not a folder" if found.is_dir() else "the file does not exist"
+        raise InputError(f"path = {str(path)!r}: {what}")
     return found
 
 

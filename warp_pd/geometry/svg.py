@@ -176,6 +176,8 @@ def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: flo
             continue
         small = CLOSE * float(np.ptp(np.concatenate(placed), axis=0).max())
         longer = [k for k, piece in enumerate(placed) if np.ptp(piece, axis=0).max() > small]
+        if not longer:
+            raise InputError(f"{where}: {name} has no extent, or a coordinate that is no number: expected a curve")
         placed, segments = [placed[k] for k in longer], [segments[k] for k in longer]
         start, end = placed[0][0], placed[-1][-1]
         if np.linalg.norm(end - start) > small:

@@ -102,9 +102,11 @@ class FieldConstants:
     def notes(self) -> list[str]:
         """Notes on the length and strength in use."""
         upto = f" to {0.5 * self.units.max():.4g}" if isinstance(self.units, np.ndarray) else ""
+        chosen = self._strength is not None or self._given_length is not None
+        hint = "" if chosen else " (chosen from the spacing; strength=, stretch_at_break= or length= sets it)"
         said = [
-            f"the tearing energy has a length of {self.length:.4g} m: intact material begins to tear at "
-            f"{self.limit:.4g}{upto} J/m^3"
+            f"the damage field of TearingEnergy has a length of {self.length:.4g} m: intact material begins to tear at "
+            f"{self.limit:.4g}{upto} J/m^3{hint}"
         ]
         wanted = self.wanted_length()
         if wanted is not None and wanted < self.resolved:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import difflib
 import functools
 import hashlib
 import importlib
@@ -16,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..device.checks import InputError, kind_and_text, one_of, user_code
+from ..device.checks import InputError, kind_and_text, user_code
 from .arguments import converted, is_plain, plain
 from .scene_text import WrittenBuild
 
@@ -30,7 +31,12 @@ def scene_names() -> list[str]:
 def require_scene(name: str) -> None:
     """Check that a scene exists, without importing it."""
     if not name.endswith(".py"):
-        one_of("scene", name, scene_names())
+        names = scene_names()
+        if name not in names:
+            file = f"{name}.py"
+            near = [file] if Path(file).is_file() else difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            raise InputError(f"scene = {name!r}: expected a name from `warp-pd list`, or a Python file, *.py{hint}")
     elif not Path(name).is_file():
         raise InputError(f"scene = {name!r}: the file does not exist")
 

@@ -372,7 +372,7 @@ def test_other_surfaces_are_curved_sheets(tmp_path):
         ("a.svg", b"<svg/>", "outlines are read by read_outline"),
         ("a.vtu", b"<VTKFile", "the file cannot be read: "),
         ("a.ply", b"hello", "the file cannot be read: "),
-        ("a.msh", b"", "the file cannot be read: "),
+        ("a.msh", b"", "the file cannot be read: ReadError"),
         ("a.msh", b"(0 grid written by Fluent)\n(10 (0 1 5 0 3)\n", "the file cannot be read: "),
         ("c.msh", b"(10 (1 1 2 0 3)(\n0 0 0\n1 0 0\n))(((\n", "the file cannot be read: "),
         ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 (", "the file cannot be read: "),
@@ -390,12 +390,14 @@ def test_files_that_are_no_meshes(tmp_path, name, content, text):
     with pytest.raises(InputError) as error:
         read_mesh(path, unit="m")
     assert str(error.value).startswith(f"path = '{path}': ") and text in str(error.value), error.value
-    assert "\n" not in str(error.value)
+    assert "\n" not in str(error.value) and not str(error.value).endswith(":")
 
 
 def test_wrong_paths():
     with refused(match="path = 3: expected the path of a file"):
         read_mesh(3, unit="m")
+    with refused(match="path = '/': expected a file, not a folder"):
+        read_mesh("/", unit="m")
 
 
 def test_a_large_mesh_is_read_whole(tmp_path):

@@ -98,6 +98,7 @@ def broken_surfaces():
         r"vertices\[0\] and vertices\[162\] coincide": (double, sphere.triangles),
         "expected corners that span an area": (sphere.points, thin),
         r"vertices: expected shape \(N, 3\).* got \(162, 2\)": (sphere.points[:, :2], sphere.triangles),
+        "whole numbers of shape .* with F >= 1": (sphere.points, sphere.triangles[:0]),
         "triangles contains point 162": (sphere.points, sphere.triangles + 1),
     }
 
