@@ -24,7 +24,7 @@ class PairFunctions:
     """Functions and types of the pairs of one configuration.
 
     Attributes:
-        Points: Struct: reference positions (float64), pieces, areas divided by the reference area, contact distances.
+        Points: Struct: reference positions, pieces, areas divided by the reference area, contact distances.
         distance_kept: (points, i, j) -> contact distance d_ij [m].
         between: (points, displacement, i, j) -> x_j - x_i [m], vec3.
     """
@@ -47,7 +47,7 @@ def pair_functions(bits: int, pieces: bool) -> PairFunctions:
 
     @wp.struct
     class Points:
-        reference: wp.array(dtype=wp.vec3d)
+        reference: wp.array(dtype=vec3)
         piece: wp.array(dtype=wp.int32)
         area: wp.array(dtype=real)
         distance: real
@@ -61,14 +61,13 @@ def pair_functions(bits: int, pieces: bool) -> PairFunctions:
         if wp.static(pieces):
             apart = points.piece[i] == points.piece[j]
         if apart:
-            kept = wp.min(kept, points.fraction * real(wp.length(points.reference[j] - points.reference[i])))
+            kept = wp.min(kept, points.fraction * wp.length(points.reference[j] - points.reference[i]))
         return kept
 
     @wp.func
     def between(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
-        # Far parts of a sheet touch, so both differences are large and nearly cancel.
-        d = (points.reference[j] - points.reference[i]) + (wp.vec3d(displacement[j]) - wp.vec3d(displacement[i]))
-        return vec3(d)
+        # Far parts of a sheet touch: both differences are large and nearly cancel, to the round-off of displacements.
+        return (points.reference[j] - points.reference[i]) + (displacement[j] - displacement[i])
 
     return PairFunctions(Points, distance_kept, between)
 
@@ -151,7 +150,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
     def insert(
         points: Points,
         displacement: wp.array(dtype=vec3),
-        inverse_cell: wp.float64,
+        inverse_cell: real,
         stride: int,
         first: int,
         heads: wp.array(dtype=wp.int32),
@@ -164,7 +163,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
         if status[stale] != 0:
             for i in range(begin, displacement.shape[0], stride):
                 u = displacement[i]
-                x = inverse_cell * (points.reference[i] + wp.vec3d(u))
+                x = inverse_cell * (points.reference[i] + u)
                 cell = wp.vec3i(wp.int32(wp.floor(x[0])), wp.int32(wp.floor(x[1])), wp.int32(wp.floor(x[2])))
                 cells[i] = cell
                 listed_at[i] = u
@@ -179,7 +178,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
         heads: wp.array(dtype=wp.int32),
         following: wp.array(dtype=wp.int32),
         skin: real,
-        family_reach: wp.float64,
+        family_reach: real,
         first: int,
         counts: wp.array(dtype=wp.int32),
         near: wp.array2d(dtype=wp.int32),

@@ -26,6 +26,8 @@ OWNER = "SelfContact"
 _FRESH = np.array([1, 0, 0, 0], np.int32)
 # Distance that points keep and skin of the lists, in spacings.
 DISTANCE, SKIN = 1.5, 0.3
+# Reach over the width of a cell, so that round-off of float32 sorts no pair within reach into cells that are apart.
+NARROWER = 0.99
 # Points of one piece keep no more than this fraction of their reference distance: rubber that tears at a stretch of 2
 # is as narrow as that across.
 KEPT_FRACTION = 0.7
@@ -124,7 +126,7 @@ class BuiltSelfContact(BuiltContact):
         """Allocate the point data for pairs: reference positions, areas and pieces."""
         context, sheet = self.context, self.context.sheet
         points = pair_functions(context.bits, pieces).Points()
-        points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
+        points.reference = context.array("reference", OWNER, context.types.vec3, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
         relative = sheet.areas / sheet.spacing**2
@@ -214,7 +216,7 @@ class BuiltSelfContact(BuiltContact):
         stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status, only_if=stale)
         stage.launch(
             OWNER, lists.insert, threads, only_if=stale,
-            points=self._points, displacement=displacement, inverse_cell=1.0 / (self.distance + self._skin),
+            points=self._points, displacement=displacement, inverse_cell=NARROWER / (self.distance + self._skin),
             stride=threads, listed_at=self._listed_at, **cells,
         )  # fmt: skip
         stage.launch(
