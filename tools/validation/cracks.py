@@ -159,9 +159,11 @@ def limits(points: int, device: str | None) -> Mapping[str, float]:
     return {f"length over advance at {g:g} Gc": running(points, g, device)[1] for g in OVERLOADS}
 
 
+FULL = (48, 72, 108, 162)
+
 ROWS: tuple[Callable[[], Comparison], ...] = (
-    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), (48, 72, 108), branching, limits),
-    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), (48, 72, 108), limiting_speed),
+    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), FULL, branching, limits),
+    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), FULL, limiting_speed),
     lambda: Comparison(
         "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (100,), (100, 150), speed_over_sound, laboratory_speeds, False
     ),
