@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from study import DOCS, ROOT, Row, load_rows, picture, renew, table, write_page
 
-from validation import bulges, crack_paths, cracks, printed, relaxation, spread, tears
+from validation import bulges, crack_paths, cracks, inflated, printed, relaxation, spread, tears
 from validation.comparison import Comparison
 
 NUMBERS, PICTURE = DOCS / "validation" / "numbers.json", DOCS / "validation" / "rows.png"
@@ -20,7 +20,7 @@ LARGEST_ORDER = 3.0
 # All rows, by name, in the order of the page.
 ROWS = {
     row.name: row
-    for part in (bulges, relaxation, printed, tears, cracks, crack_paths)
+    for part in (bulges, relaxation, inflated, printed, tears, cracks, crack_paths)
     for row in (make() for make in part.ROWS)
 }
 
