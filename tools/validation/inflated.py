@@ -1,4 +1,4 @@
-"""A square bag of two sheets joined at their edges, blown up: folds run in from its edges, which bear no compression."""
+"""A square bag of two sheets joined at their edges, blown up: folds run in from its edges."""
 
 from __future__ import annotations
 
