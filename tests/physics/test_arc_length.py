@@ -26,6 +26,7 @@ from warp_pd import (
 )
 from warp_pd.scenes import balloon_paths
 from warp_pd.scenes.balloon import exact_pressure
+from warp_pd.solvers.corrector import Origin, norm
 from warp_pd.solvers.turning_points import Point, changes
 
 
@@ -40,6 +41,45 @@ def snapping(solver, pressure=5e3, contact=None, **options):
 
 def kinds(result):
     return [found["kind"] for found in result.summary["solve"]["found"]]
+
+
+def test_the_corrector_turns_no_family_inside_out():
+    """From rough predictions of a sheet pushed together it comes back to the path, as from a smooth one.
+
+    Whole steps throw families inside out, where most of these searches diverge.
+    """
+    sheet = square(9)
+    push = Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, -0.03], y=0.0)
+    loads = [Fixed(np.arange(sheet.size), "z"), Fixed(sheet.edges("left")), push]
+    result = run(sheet, ArcLength(increment=0.2, modes=0), horizon=1.5, loads=loads)
+    solver, level = result.built.solver, result.built.solver.levels[0]
+    start = solver.position()
+    back = -solver.tangent_at(1.0, 1.0)
+    rate, length = -1.0 / norm(back), 0.4 * sheet.spacing
+    random, found = np.random.default_rng(1), []
+    for roughness in (0.0, *[0.6] * 6):
+        rough = np.where(level.held, 0.0, random.normal(size=start.shape))
+        direction = back / norm(back) + roughness * rough / norm(rough)
+        factor, entry = solver.correct(Origin(start, direction / norm(direction), 1.0, rate), length, Quiet())
+        assert entry["converged"], entry["residuals"]
+        assert len(entry["shares"]) == len(entry["residuals"]) - 1
+        found.append(corners(sheet, solver.position()).min())
+        assert 0.0 < factor < 1.0
+    assert min(found) > 0.9 * found[0] > 0.6
+
+
+class Quiet:
+    """A sink that takes no progress."""
+
+    def progress(self, *arguments):
+        """Show nothing."""
+
+
+def corners(sheet, displacement):
+    """Areas of the triangles over those at rest, negative where one is inside out."""
+    a, b, c = (np.stack([sheet.points, sheet.points + displacement[:, :2]])[:, sheet.triangles[:, k]] for k in range(3))
+    rest, now = np.linalg.det(np.stack([b - a, c - a], axis=-1))
+    return now / rest
 
 
 def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(tmp_path):

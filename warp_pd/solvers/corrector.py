@@ -12,6 +12,7 @@ import numpy as np
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, FrameSink
 from ..interfaces.context import Context
+from .descent import UNTURNED
 from .newton_settings import PathSettings
 from .stability import stability
 from .static_system import NOT_CONVERGED, StaticSystem
@@ -155,6 +156,7 @@ class Corrector(StaticSystem):
         factor = origin.factor + length * origin.rate
         there = origin.displacement + length * origin.direction
         residuals: list[float] = []
+        fractions: list[float] = []
         converged, begin, first = False, 0, 0
         while True:
             iteration = len(residuals) - begin
@@ -182,12 +184,16 @@ class Corrector(StaticSystem):
                 break
             gap = length - mean_product(origin.direction, there - origin.displacement)
             change = (gap - mean_product(origin.direction, rest)) / across
-            there, factor = there + rest + change * along, factor + change
+            step = rest + change * along
+            assign(level.direction, step)
+            fraction = min(1.0, UNTURNED * level.longest_step())
+            there, factor = there + fraction * step, factor + fraction * change
+            fractions.append(fraction)
         # Rounds of contact do not tell how curved the path is.
         self.corrected = (first or len(residuals)) - 1
         return factor, {
             "points": level.points, "converged": converged, "residuals": residuals,
-            "shares": [1.0] * (len(residuals) - 1), "products": self.solvers[0].products - products,
+            "shares": fractions, "products": self.solvers[0].products - products,
         }  # fmt: skip
 
     def _along(self, factor: float, sign: float) -> np.ndarray:
