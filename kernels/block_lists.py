@@ -40,6 +40,12 @@ def sum_of_blocks(kind: Any) -> wp.Function:
     a block has one thread.
     """
 
+    # Used twice, and not inlined: the compiler spells it out for every number of `kind`.
+    @wp.func(inline=False)
+    def over_block(value: kind):
+        """Sum over the threads of a block."""
+        return wp.tile_sum(wp.tile(value, preserve_type=True))[0]
+
     @wp.func
     def summed(
         value: kind, count: int, part: int, lane: int, sums: wp.array(dtype=kind), counts: wp.array(dtype=wp.int32),
@@ -48,7 +54,7 @@ def sum_of_blocks(kind: Any) -> wp.Function:
         total = value
         number = wp.tile_sum(wp.tile(count))[0]
         if number > 0:
-            total = wp.tile_sum(wp.tile(value, preserve_type=True))[0]
+            total = over_block(value)
         last = wp.int32(0)
         if lane == 0:
             counts[part] = number
@@ -63,7 +69,7 @@ def sum_of_blocks(kind: Any) -> wp.Function:
             for k in range(lane, counts.shape[0], wp.block_dim()):
                 if counts[k] > 0:
                     total += sums[k]
-            total = wp.tile_sum(wp.tile(total, preserve_type=True))[0]
+            total = over_block(total)
         return ends, total
 
     return summed

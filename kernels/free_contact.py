@@ -19,7 +19,7 @@ from typing import Any
 import warp as wp
 
 from .block_lists import entry_of, place_in_block, sum_of_blocks
-from .body_contact import FOUND, MOVED, STRUCK, TAKEN, Given, PointContact
+from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
 from .integrate import StepOptions
@@ -131,23 +131,26 @@ class FreeContact:
 
 
 @functools.cache
-def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: bool) -> FreeContact:
-    """Kernels of a free body, after the drift or `at_end` of a step; `options` and `rubs` as for `of`."""
+def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeContact:
+    """Kernels of a free body, after the drift or `at_end` of a step; `options` and `rubs` as for `of`.
+
+    Both share kernels, whose compilation takes longest of all on a GPU.
+    """
     damped, tracked = options.damped, options.tracked
-    BodyContact, yields_far = of.search.struct, of.search.yields_far
-    find_point = of.find_touching if at_end else of.find_inside
-    act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
+    BodyContact = of.search.struct
+    find_inside, find_touching, yields_far = of.find_inside, of.find_touching, of.search.yields_far
+    project, separate, take_in_step, take_at_end = of.project, of.separate, of.take_in_step, of.take_at_end
     sum_equations, sum_given = sum_of_blocks(Equations), sum_of_blocks(Given)
     solving = ("body.changes", "body.equations", "body.counts", "body.arrived")
     lost = ("body.motion", "body.momenta", "body.given", "body.impulses", "body.counts", "body.arrived")
-    struck = tuple(f"a.{name}" for name in (STRUCK if at_end else MOVED))
 
     @wp.func
-    def weight(a: BodyContact):
+    def weight(a: BodyContact, at_end: int):
         found = wp.float64(1.0)
-        if wp.static(damped and at_end):
-            # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
-            found += wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
+        if wp.static(damped):
+            if at_end != 0:
+                # The second half kick has divided velocities by 1 + c dt / 2; impulses count before this division.
+                found += wp.float64(0.5) * wp.float64(a.step[0]) * wp.float64(a.damping[0])
         return found
 
     @wp.func
@@ -180,23 +183,27 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
         body.momenta[3] = body.momenta[3] + spin - spin_before
 
     @kernel(per="block", writes=(*(f"a.{name}" for name in FOUND), *solving))
-    def find_contact(a: BodyContact, body: FreeBody, block: int, first: int):
+    def find_contact(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
         part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
         for k in range(lane, body.listed[part], wp.block_dim()):
             i = body.entries[part * block + k]
-            needed = find_point(i, a)
+            needed = wp.float64(-1.0)
+            if at_end != 0:
+                needed = find_touching(i, a)
+            else:
+                needed = find_inside(i, a)
             if needed >= wp.float64(0.0):
                 count += 1
-                m = weight(a) * wp.float64(a.mass[i])
+                m = weight(a, at_end) * wp.float64(a.mass[i])
                 sums = with_row(sums, m, a.rows[i], -m * needed)
         ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
         if ends and lane == 0:
             body.changes[0] = solved(sums, body)
 
     @kernel(per="block", writes=("body.place", "body.rotation", "body.motion", *solving))
-    def give_way(a: BodyContact, body: FreeBody, block: int, first: int):
+    def give_way(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
         part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Equations()
@@ -208,7 +215,7 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
                 speed_left = a.need[i] + wp.dot(j, d)
                 if speed_left > wp.float64(0.0):
                     count += 1
-                    m = weight(a) * wp.float64(a.mass[i])
+                    m = weight(a, at_end) * wp.float64(a.mass[i])
                     sums = with_row(sums, m, j, -m * a.need[i])
                     if wp.static(rubs):
                         n = wp.vec3d(j[0], j[1], j[2])
@@ -229,16 +236,16 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
         if ends and lane == 0:
             change = solved(sums, body)
             body.changes[0] = change
-            change_motion(change, wp.static(int(at_end)), wp.float64(a.step[0]), body.place, body.rotation, body.motion)
+            change_motion(change, at_end, wp.float64(a.step[0]), body.place, body.rotation, body.motion)
 
-    @kernel(per="block", writes=(*struck, "body.entries", "body.listed", *lost))
-    def strike_points(a: BodyContact, body: FreeBody, block: int, first: int):
+    @kernel(per="block", writes=(*(f"a.{name}" for name in MOVED), "body.entries", "body.listed", *lost))
+    def strike_points(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
         part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
         number = body.listed[part]
         everywhere = bool(False)
-        if wp.static(not at_end):
+        if at_end == 0:
             everywhere = yields_far(a)
             if everywhere:
                 number = block
@@ -249,7 +256,10 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
             if i < a.marks.shape[0]:
                 body.entries[part * block + k] = i
                 count += 1
-                sums += act_on(i, a)
+                if at_end != 0:
+                    sums += separate(i, a)
+                else:
+                    sums += project(i, a)
         ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
         if everywhere:
             # The last entries of a block may lie beyond the last point.
@@ -258,7 +268,7 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
                 body.listed[part] = number
         if ends and lane == 0:
             give(sums, body)
-            if wp.static(not at_end):
+            if at_end == 0:
                 # The second half kick of the body; its force is known.
                 velocity = body.momenta[0] + (wp.float64(0.5) * wp.float64(a.step[0])) * body.gravity
                 body.momenta[0] = velocity
@@ -267,14 +277,18 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool, at_end: boo
                 body.motion[0] = velocity
 
     @kernel(per="block", writes=(*(f"a.{name}" for name in TAKEN), *lost))
-    def take_impulses(a: BodyContact, body: FreeBody, block: int, first: int):
+    def take_impulses(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
         part, lane = place_in_block(wp.tid() + first)
         count = wp.int32(0)
         sums = Given()
         for k in range(lane, block, wp.block_dim()):
             i = entry_of(part, k, body.listed.shape[0])
             if i < a.changes.shape[0]:
-                got = take_on(i, a)
+                got = Given()
+                if at_end != 0:
+                    got = take_at_end(i, a)
+                else:
+                    got = take_in_step(i, a)
                 if wp.length_sq(got) > wp.float64(0.0):
                     count += 1
                     sums += got

@@ -12,8 +12,8 @@ from ..interfaces.context import Context
 from ..kernels.block_lists import list_marked
 from ..kernels.effects import Kernel
 
-# Number of threads per block on a GPU that work on a list, or make it, and maximum number of blocks; more would not run
-# at once.
+# Number of threads per block on a GPU that work on a list, or make a long one, and maximum number of blocks; more would
+# not run at once. A short list takes no other number, for which Warp's header would be compiled anew.
 LANES, LISTING, MOST_BLOCKS = 256, 1024, 128
 
 
@@ -45,7 +45,7 @@ class BlockList:
     def add(self, stage: Stage) -> None:
         """Add the launch that makes the list."""
         made = {"entries": self.entries, "counts": self.listed}
-        self.launch(stage, list_marked, LISTING, marks=self._marks, **made)
+        self.launch(stage, list_marked, LANES if self.size <= LANES else LISTING, marks=self._marks, **made)
 
     def launch(self, stage: Stage, kernel: Kernel, lanes: int = LANES, /, **arguments: Any) -> None:
         """Add a launch of a kernel on all blocks."""

@@ -376,8 +376,8 @@ class InFlight(BuiltMotion):
     ) -> None:
         """Add the launches that find the response of the body to the touching points, and those of contact."""
         near = self._near
-        kernels = free_contact(of, self.context.step_options, "slips" in self._found, at_end)
-        both = {"a": with_values(kernels.struct(), values), "body": self._of}
+        kernels = free_contact(of, self.context.step_options, "slips" in self._found)
+        both = {"a": with_values(kernels.struct(), values), "body": self._of, "at_end": int(at_end)}
         if pushed is not None:
             near.launch(stage, kernels.take, **both, **pushed)
         if not at_end:
