@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_pd.interfaces.frame import Frame, Surface
+from warp_pd import Sphere
+from warp_pd.interfaces.frame import Body, Frame, Surface
 
 COLUMNS, ROWS, FRAMES = 6, 5, 7
+BALL = Body("ball", "sphere", (0.05,), *Sphere(0.1).outline(0.0))
 
 
 def make_surface(**changes) -> Surface:
@@ -22,9 +24,9 @@ def make_surface(**changes) -> Surface:
     values = {
         "points": points,
         "faces": faces,
-        "ball_diameter": 0.1,
         "title": "tear",
         "metadata": {"version": "1", "points": 30},
+        "bodies": (BALL,),
     }
     return Surface(**{**values, **changes})
 
@@ -43,7 +45,7 @@ def make_frame(surface: Surface, at: int, **changes) -> Frame:
         "velocity": np.full_like(surface.points, 0.1 * at),
         "intact_faces": ~torn,
         "damage": np.clip(2.0 * at / FRAMES - 4.0 * x, 0.0, 1.0),
-        "ball_center": np.array([0.25, 0.2, 0.06 - 0.02 * at]),
+        "bodies": np.array([[0.25, 0.2, 0.06 - 0.02 * at, 0.0, 0.0, 0.0, 1.0]]),
     }
     return Frame(**{**values, **changes})
 

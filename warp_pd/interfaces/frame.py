@@ -50,15 +50,13 @@ class Surface:
         points: Reference positions [m], shape (N, 3).
         faces: Triangles of the reference sheet, three point numbers each, counter-clockwise seen from +z,
             shape (F, 3).
-        ball_diameter: Diameter of the rigid ball [m]; None if the scene has no ball.
         title: One line that describes the scene.
         metadata: Data to store with the results: configuration, version, units.
-        bodies: Rigid bodies besides the ball.
+        bodies: Rigid bodies.
     """
 
     points: NDArray[np.floating]
     faces: NDArray[np.integer]
-    ball_diameter: float | None = None
     title: str = ""
     metadata: Mapping[str, str | float | int] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
@@ -75,7 +73,6 @@ class Frame:
         velocity: Velocity [m/s], shape (N, 3).
         intact_faces: Mask of faces not cut by a crack, shape (F,); None if bonds cannot break.
         damage: Damage of each point, the broken fraction of its bonds, 0 to 1, shape (N,); None if bonds cannot break.
-        ball_center: Centre of the rigid ball [m], shape (3,); None if the scene has no ball.
         point_data: Additional fields by name, each of shape (N,) or (N, 3).
         bodies: Position of the centre [m] and unit quaternion (x, y, z, w) of each rigid body, shape (B, 7); None
             without bodies.
@@ -87,7 +84,6 @@ class Frame:
     velocity: NDArray[np.floating]
     intact_faces: NDArray[np.bool_] | None = None
     damage: NDArray[np.floating] | None = None
-    ball_center: NDArray[np.floating] | None = None
     point_data: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     bodies: NDArray[np.floating] | None = None
 

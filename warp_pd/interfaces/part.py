@@ -179,7 +179,7 @@ class Load(Part, Protocol):
 
 
 class Solid(Protocol):
-    """A rigid body that results show, and that is compared with the others and with the sheet at every frame.
+    """A rigid body that is compared with the others and with the sheet at every frame.
 
     Attributes:
         label: Its name in messages.
@@ -194,11 +194,11 @@ class Solid(Protocol):
     thickness: float | None
 
     def outline(self) -> Body:
-        """Its surface, for drawing."""
+        """As `BuiltContact.outline`."""
         ...
 
     def pose(self) -> np.ndarray:
-        """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,)."""
+        """As `BuiltContact.pose`."""
         ...
 
     def distance_from(self, points: np.ndarray) -> np.ndarray:
@@ -210,18 +210,18 @@ class BuiltContact(BuiltPart, Protocol):
     """Contact on a device.
 
     Attributes:
-        solid: The body that it is with, if results show it; the ball of `RigidBall` has its own columns instead.
+        solid: The body that it is with, if it is checked at frames.
     """
 
     solid: Solid | None = None
 
-    def ball_diameter(self) -> float | None:
-        """Diameter of the ball to draw [m], or None."""
+    def outline(self) -> Body | None:
+        """The surface of the body that it is with, for drawing, or None."""
         return None
 
-    def centre(self, time: float) -> np.ndarray | None:
-        """Centre of the ball at a time [m], shape (3,), or None."""
-        return None
+    def pose(self) -> np.ndarray:
+        """Position of the centre of that body [m] and unit quaternion (x, y, z, w) at a frame, shape (7,)."""
+        return np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @runtime_checkable

@@ -6,28 +6,21 @@ import os
 
 import numpy as np
 
-from ..interfaces.frame import Body, Frame, Surface
-from .projection import sphere
+from ..interfaces.frame import Frame, Surface
 from .vtkhdf import VtkHdfSeries
 
 FILE = "bodies.vtkhdf"
-NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 class BodySeries:
-    """Writes the outlines of the ball and of other bodies, frame by frame, as `VtkHdfSeries` writes the sheet.
+    """Writes the outlines of bodies, frame by frame, as `VtkHdfSeries` writes the sheet.
 
-    The point field `body` is the index of the body: the ball first, if there is one, then the others in the order of
-    the scene.
+    The point field `body` is the index of the body, in the order of the scene.
     """
 
     def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
         """Begin or continue a file, as `VtkHdfSeries`; the surface has at least one body."""
-        balls = []
-        if surface.ball_diameter is not None:
-            vertices, triangles = sphere(np.zeros(3), surface.ball_diameter)
-            balls = [Body("ball", "sphere", (0.5 * surface.ball_diameter,), vertices, triangles)]
-        self._bodies = [*balls, *surface.bodies]
+        self._bodies = surface.bodies
         first = np.cumsum([0, *(len(body.vertices) for body in self._bodies)])
         self._body = np.repeat(np.arange(len(self._bodies)), np.diff(first))
         drawn = Surface(
@@ -40,9 +33,8 @@ class BodySeries:
 
     def write(self, frame: Frame) -> None:
         """Add the bodies of the next frame."""
-        balls = [] if frame.ball_center is None else [np.append(frame.ball_center, NO_TURN)]
-        poses = [*balls, *(() if frame.bodies is None else frame.bodies)]
-        placed = np.concatenate([body.placed(pose) for body, pose in zip(self._bodies, poses, strict=True)])
+        assert frame.bodies is not None
+        placed = np.concatenate([body.placed(pose) for body, pose in zip(self._bodies, frame.bodies, strict=True)])
         moved = placed - self._series.surface.points
         self._series.write(Frame(frame.index, frame.time, moved, np.zeros_like(moved), point_data={"body": self._body}))
 

@@ -25,8 +25,8 @@ class Shown:
         fields: Point fields by name; u is the size of the displacement, u1, u2, u3 are its components, and
             NAME_1, NAME_2, NAME_3 those of any other vector field NAME. Pieces are displaced from where they were
             placed, which is where they are in the first frame.
-        ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
-        bodies: Vertices [m] and triangles of other rigid bodies.
+        bodies: Vertices [m] and triangles of rigid bodies.
+        balls: Centres [m], shape (3,), and diameters [m] of those that are spheres.
         scene: Name of the scene.
         regions: Points of each region with another material, whose outline is drawn.
     """
@@ -36,8 +36,8 @@ class Shown:
     reference: np.ndarray
     triangles: np.ndarray
     fields: dict[str, np.ndarray]
-    ball: tuple[np.ndarray, float] | None = None
     bodies: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+    balls: Sequence[tuple[np.ndarray, float]] = ()
     scene: str = ""
     regions: Sequence[np.ndarray] = ()
 
@@ -71,7 +71,7 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str, plac
         reference=points - fields["displacement"],
         triangles=triangles,
         fields=FrameFields(fields),
-        ball=next(((pose[:3], 2.0 * body.sizes[0]) for body, pose in outlines if not len(body.vertices)), None),
-        bodies=[(body.placed(pose), body.triangles) for body, pose in outlines if len(body.vertices)],
+        bodies=[(body.placed(pose), body.triangles) for body, pose in outlines],
+        balls=[(pose[:3], 2.0 * body.sizes[0]) for body, pose in outlines if body.kind == "sphere"],
         scene=scene,
     )

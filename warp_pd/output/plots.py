@@ -15,7 +15,7 @@ from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, nearest_about, places_of, sphere
+from .projection import View, material_lines, nearest_about, places_of
 from .quantities import ENERGIES, column_label, field_label
 
 # Triangles of a sheet above which larger ones are drawn, about half as many.
@@ -101,7 +101,7 @@ def from_above(
     figure, panels = new_panels(len(frames), columns, (width, height + 0.5), (1.4, 0.4), sharex=True, sharey=True)
     seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
     for axes, frame in zip(panels, frames, strict=True):
-        _paint(axes, replace(frame, ball=None, bodies=()), field, scale, seen)
+        _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen)
         for vertices, _ in frame.bodies:
             # A larger body would hide the sheet, and the lines of this one could not be seen.
             if len(vertices) and np.ptp(vertices[:, :2], axis=0).max() < NEEDLE * (high - low).max():
@@ -307,8 +307,8 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
     polygons.set_in_layout(False)
     axes.add_collection(polygons, autolim=False)
-    if frame.ball is not None:
-        _dash_the_ball(axes, frame.ball, seen)
+    for ball in frame.balls:
+        _dash_the_ball(axes, ball, seen)
 
 
 def _with_fewer_triangles(frame: Shown) -> Shown:
@@ -333,8 +333,7 @@ def _outlines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
 
 def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:
     """Projected triangles of bodies, shape (F, 3, 3), and their shades of grey, shape (F, 4)."""
-    found = [*frame.bodies, *([sphere(*frame.ball)] if frame.ball is not None else [])]
-    corners = np.concatenate([np.zeros((0, 3, 3)), *(vertices[triangles] for vertices, triangles in found)])
+    corners = np.concatenate([np.zeros((0, 3, 3)), *(vertices[triangles] for vertices, triangles in frame.bodies)])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     shades = np.tile(BODY, (len(corners), 1))

@@ -81,20 +81,8 @@ def places_of(frame: Shown) -> np.ndarray:
     sheet = frame.points[frame.used]
     low, high = sheet.min(axis=0), sheet.max(axis=0)
     size = float((high - low).max())
-    bodies = [*([] if frame.ball is None else [sphere(*frame.ball)[0]]), *(vertices for vertices, _ in frame.bodies)]
-    small = [vertices for vertices in bodies if np.ptp(vertices, axis=0).max() <= LARGEST_BODY * size]
+    small = [vertices for vertices, _ in frame.bodies if np.ptp(vertices, axis=0).max() <= LARGEST_BODY * size]
     return np.vstack([sheet, *(np.clip(vertices, low - 0.5 * size, high + 0.5 * size) for vertices in small)])
-
-
-def sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [m] and triangles of a ball."""
-    rings, around = 16, 32
-    polar, turn = np.meshgrid(np.linspace(0.0, np.pi, rings + 1), np.arange(around) * 2 * np.pi / around, indexing="ij")
-    shell = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=-1)
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(rings), np.arange(around), indexing="ij"))
-    a, b = around * i + j, around * i + (j + 1) % around
-    triangles = np.concatenate([np.column_stack([a, a + around, b]), np.column_stack([b, a + around, b + around])])
-    return centre + 0.5 * diameter * shell.reshape(-1, 3), triangles
 
 
 def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:

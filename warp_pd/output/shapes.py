@@ -1,15 +1,11 @@
-"""Helpers for surface writers: damage colours, bounding boxes, normals, writable paths."""
+"""Helpers for surface writers: damage colours, bounding boxes, normals, cameras."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.triangulation import corner_sums, doubled_normals
-from .point_fields import plain_value
 
 # Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
 # grey print, and turns red early: along a crack the damage is near 0.4, the fraction of bonds that cross it.
@@ -66,9 +62,3 @@ def camera_place(
     for_width, for_height = np.abs(across) / slopes[0] + nearer, np.abs(upwards) / slopes[1] + nearer
     distance = float(max(for_width.max(), for_height.max()))
     return target + distance * towards_camera, target, distance
-
-
-def plain_metadata(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
-    """Convert metadata to types supported by USD, which does not accept NumPy numbers."""
-    values = {name: plain_value(value) for name, value in metadata.items()}
-    return values if seconds_per_frame is None else {**values, "seconds_per_frame": float(seconds_per_frame)}

@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from ..interfaces.frame import Body, Frame, Surface
+from ..interfaces.frame import Body
 from .shapes import bounding_box
 
 _COLOUR = (0.32, 0.37, 0.42)
-BALL = "/World/Ball"
-
-
-def define_ball(stage: Usd.Stage, diameter: float) -> None:
-    """Define the ball of a diameter [m]."""
-    sphere = UsdGeom.Sphere.Define(stage, BALL)
-    radius = 0.5 * float(diameter)
-    sphere.CreateRadiusAttr(radius)
-    sphere.CreateExtentAttr(extent(np.array([[-radius] * 3, [radius] * 3])))
-    sphere.AddTranslateOp()
-    sphere.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_COLOUR)]))
-    bind_material(sphere, "/World/Materials/Steel", roughness=0.25)
 
 
 def define_body(stage: Usd.Stage, body: Body) -> None:
@@ -56,23 +42,12 @@ def _path_of(body: Body) -> str:
     return f"/World/Bodies/{body.name}"
 
 
-def poses(stage: Usd.Stage, bodies: Sequence[Body], index: int) -> NDArray[np.float64] | None:
-    """Positions [m] and quaternions of bodies at an already written frame, shape (B, 7)."""
-    found = []
-    for body in bodies:
-        prim = stage.GetPrimAtPath(_path_of(body))
-        turned = prim.GetAttribute("xformOp:orient").Get(index)
-        found.append([*prim.GetAttribute("xformOp:translate").Get(index), *turned.GetImaginary(), turned.GetReal()])
-    return np.array(found) if found else None
-
-
-def write_bodies(stage: Usd.Stage, surface: Surface, frame: Frame, code: Usd.TimeCode) -> None:
-    """Write the poses of the bodies in a frame."""
-    for body, pose in zip(surface.bodies, () if frame.bodies is None else frame.bodies, strict=True):
-        prim = stage.GetPrimAtPath(_path_of(body))
-        x, y, z, qx, qy, qz, qw = map(float, pose)
-        prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(x, y, z), code)
-        prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(qw, qx, qy, qz), code)
+def place_body(stage: Usd.Stage, body: Body, pose: NDArray[np.float64], code: Usd.TimeCode) -> None:
+    """Write the position [m] and quaternion of a body, shape (7,), at a frame."""
+    prim = stage.GetPrimAtPath(_path_of(body))
+    x, y, z, qx, qy, qz, qw = map(float, pose)
+    prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(x, y, z), code)
+    prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(qw, qx, qy, qz), code)
 
 
 def bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:

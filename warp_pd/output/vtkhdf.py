@@ -236,15 +236,10 @@ def read_frames(path: str | os.PathLike[str], indices: Iterable[int]) -> Iterato
 
 
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
-    """Rigid bodies of a VTKHDF file, the ball without vertices; positions [m] and quaternions, (frames, 7)."""
+    """Rigid bodies of a VTKHDF file; positions [m] and quaternions, (frames, 7)."""
     found = []
     with h5py.File(path, "r", locking=False) as file:
         own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
-        if "ball_diameter" in own.attrs:
-            centres = columns["ball_center"][:]
-            poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
-            radius = 0.5 * float(own.attrs["ball_diameter"])
-            found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
         for name, stored in own.items():
             kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
             body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
@@ -318,8 +313,6 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(file, "load_times", np.float64)
     for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value
-    if surface.ball_diameter is not None:
-        own.attrs["ball_diameter"] = float(surface.ball_diameter)
 
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
@@ -364,10 +357,9 @@ def _cut(root: h5py.Group, frames: int) -> None:
 
 
 def _places_of_bodies(surface: Surface, frame: Frame) -> dict[str, NDArray[Any]]:
-    """Columns of a frame with the centre of the ball, and the position and quaternion of each body."""
-    ball = {} if frame.ball_center is None else {"ball_center": frame.ball_center}
+    """Columns of a frame with the position and quaternion of each body."""
     poses = () if frame.bodies is None else frame.bodies
-    return ball | {f"{POSE}{body.name}": pose for body, pose in zip(surface.bodies, poses, strict=True)}
+    return {f"{POSE}{body.name}": pose for body, pose in zip(surface.bodies, poses, strict=True)}
 
 
 def _create_column(

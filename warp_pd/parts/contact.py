@@ -17,8 +17,10 @@ from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, StepLimit
 from ..interfaces.context import Context
+from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
 from ..kernels.contact import ShapeFactory, ball, rigid_contact
+from .body_shapes import Sphere
 
 # Maximum motion of a body in a step, over the spacing or its radius: beyond it the body can pass points unnoticed. If
 # bonds can break it is half of that, so that a bond opens in several steps.
@@ -202,10 +204,11 @@ class BuiltBall(RigidContact):
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
         return StepLimit(travel * smaller / speed, f"in which the ball moves {travel} spacings")
 
-    def ball_diameter(self) -> float:
-        """Diameter [m]."""
-        return self.body.diameter
+    def outline(self) -> Body:
+        """Surface for drawing."""
+        return Body("ball", "sphere", (0.5 * self.body.diameter,), *Sphere(self.body.diameter).outline(0.0))
 
-    def centre(self, time: float) -> np.ndarray:
-        """Position of the centre at a time [m], shape (3,)."""
-        return self.body.centre(time)
+    def pose(self) -> np.ndarray:
+        """Position of the centre [m] and a quaternion without rotation, shape (7,)."""
+        assert self.context.clock.time is not None
+        return np.append(self.body.centre(float(self.context.clock.time.numpy()[0])), [0.0, 0.0, 0.0, 1.0])

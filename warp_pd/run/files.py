@@ -30,7 +30,7 @@ class Files:
     """The files that a run writes besides history and summary.
 
     Attributes:
-        usd: Whether to write animation.usd.
+        usd: Whether to write animation.usd, from frames.vtkhdf.
         vtkhdf: Whether to write frames.vtkhdf, and bodies.vtkhdf if there are bodies.
         pictures: Formats of the pictures; empty for none.
         view: Whether to write view.html.
@@ -45,13 +45,12 @@ class Files:
 
     def require_same(self, folder: Path) -> None:
         """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete."""
-        for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
-            begun = (folder / name).is_file()
-            # The writer of the frames reports missing ones.
-            if begun != wanted and (begun or name != "frames.vtkhdf"):
-                there = "holds" if begun else "lacks"
-                expected = f"{option} = {begun}, {'without ' if begun else ''}--no-{option}"
-                raise InputError(f"resume in {str(folder)!r}: it {there} {name}; expected {expected}, as at the start")
+        # The writer of the frames reports missing ones.
+        if (folder / FRAMES).is_file() and not self.vtkhdf:
+            raise InputError(
+                f"resume in {str(folder)!r}: it holds {FRAMES}; expected vtkhdf = True, without --no-vtkhdf, as at the "
+                "start"
+            )
 
 
 def stored_fields(built: Built) -> frozenset[str] | None:
@@ -97,15 +96,12 @@ def add_files(
     """
     if folder is None or known is None:
         return
-    scene = recorder.built.simulation
-    equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
-    room = partial(_require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
+    room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
     make = partial(
-        file_writers, folder, recorder.points.surface, usd=chosen.usd, seconds_per_frame=equal,
-        append_from=append_from, vtkhdf=chosen.vtkhdf, fields=fields,
-    )  # fmt: skip
+        file_writers, folder, recorder.points.surface, append_from=append_from, vtkhdf=chosen.vtkhdf, fields=fields
+    )
     # On a GPU the steps do not wait for Python.
     writers = writers_beside(make) if recorder.built.context.device.is_cpu else make()
     files = Background(writers, room)
@@ -154,9 +150,3 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
     context = recorder.built.context
     restart_file = sum(array.capacity for array in context.fields.kept().values()) * context.communicator.size
     return int(2 * frame + (2 * restart_file if restarts else 0) + SMALL_FILES)
-
-
-def _require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room for `needed` bytes and for a copy of the current animation."""
-    copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
-    require_room(folder, needed + copied)

@@ -24,9 +24,9 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
     fcntl = None  # type: ignore[assignment]
 
 
-PAGE = "view.html"
+PAGE, ANIMATION = "view.html", "animation.usd"
 FINE = "fine_history.csv"
-RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "bodies.vtkhdf", "animation.usd", PAGE)
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "bodies.vtkhdf", ANIMATION, PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -145,7 +145,7 @@ def clear(folder: Path) -> None:
 
 def clear_unfinished(folder: Path) -> None:
     """Remove the unfinished files of a killed run; a resumed run does not read them."""
-    for pattern in (".animation.*.usdc", "summary.json.part", "history.csv.part",
+    for pattern in (".animation.unfinished.usdc", "summary.json.part", "history.csv.part",
                     f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()

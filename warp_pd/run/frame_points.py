@@ -66,14 +66,12 @@ class FramePoints:
             static["turns"] = 1
         if scene.sheet.origins is not None:
             static["pieces"] = len(scene.sheet.origins)
-        contacts = self.built.contacts
         return Surface(
             points=np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]),
             faces=triangles,
-            ball_diameter=next((d for c in contacts if (d := c.ball_diameter()) is not None), None),
             title=scene.scene,
             metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static, **named},
-            bodies=tuple(c.solid.outline() for c in contacts if c.solid is not None),
+            bodies=tuple(body for contact in self.built.contacts if (body := contact.outline()) is not None),
         )
 
     @property
@@ -110,7 +108,7 @@ class FramePoints:
         if self._placement is not None:
             # From the sheet as it was clamped, in the same precision.
             displacement = (displacement - self._placement).astype(displacement.dtype)
-        poses = [c.solid.pose() for c in built.contacts if c.solid is not None]
+        poses = [contact.pose() for contact in built.contacts if contact.outline() is not None]
         return Frame(
             index=index,
             time=now,
@@ -118,7 +116,6 @@ class FramePoints:
             velocity=shown.pop("velocity"),
             intact_faces=None if rupture is None else self._intact(rupture.intact_faces),
             damage=None if rupture is None else self._values(rupture.damage),
-            ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
             point_data=shown,
             bodies=np.array(poses) if poses else None,
         )

@@ -25,7 +25,16 @@ from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
-from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
+from .folder import (
+    ANIMATION,
+    PAGE,
+    clear,
+    clear_unfinished,
+    remove_if_empty,
+    sole_use,
+    writable_folder,
+    write_atomically,
+)
 from .frame_points import FramePoints
 from .processes import communicator_here
 from .recorder import Recorder
@@ -77,12 +86,12 @@ def run(
         precision: 32 or 64; by default the solver's.
         resume: Continue from the restart file in `out`.
         overwrite: Replace the results of another run in `out`; otherwise such a folder raises InputError.
-        usd: Whether to write animation.usd.
+        usd: Whether to write animation.usd at the end, from frames.vtkhdf.
         reporter: Object that shows the progress, see `output.progress`.
         writers: Additional writers of frames.
         pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
             "png,pdf".
-        vtkhdf: Whether to write frames.vtkhdf, which pictures and view.html need.
+        vtkhdf: Whether to write frames.vtkhdf, which animation, pictures and view.html need.
         fields: Names of the point fields stored in frames.vtkhdf besides the displacement and the scene's `fields`,
             such as ("damage", "stretch"); by default velocity, damage and strain energy density.
         view: Whether to write view.html, a page for a browser; for large sheets a note tells how to write it later.
@@ -106,7 +115,7 @@ def run(
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
+    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
     # Files and progress are those of the first process.
     new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()
     folder = communicator.barrier(lambda: writable_folder(out, resume, overwrite) if communicator.is_root else None)
@@ -185,7 +194,7 @@ def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, fi
     if saved is not None:
         files.require_same(folder)
         # They describe a finished run, and this one goes on.
-        for name in ("summary.json", PAGE):
+        for name in ("summary.json", PAGE, ANIMATION):
             (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
@@ -240,7 +249,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 
 
 def _finish(result: Result, folder: Path, files: Files) -> None:
-    """Write the summary, draw the pictures, write the page."""
+    """Write the summary, draw the pictures, write the page and the animation."""
     from ..output.view import page_frames
 
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
@@ -251,6 +260,9 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
             f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
         )
     frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
+    solver = result.built.simulation.solver
+    equal = solver.duration / solver.frame_count if solver.equal_frames else None
+    animated = begun(_animate, folder, equal) if files.usd else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -267,6 +279,15 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     if frames is not None:
         write_page(folder, read=frames)
+    if animated is not None:
+        animated()
+
+
+def _animate(folder: Path, seconds_per_frame: float | None) -> None:
+    """Write the animation of the frames of a run."""
+    from ..output.usd import write_animation
+
+    write_animation(folder / ANIMATION, folder / FRAMES, seconds_per_frame)
 
 
 def headline(built: Built) -> str:

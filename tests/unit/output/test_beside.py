@@ -116,7 +116,7 @@ def test_small_sheets_get_no_processes():
 def frame_writers(folder, fields):
     if fields == "wrong":
         raise InputError("fields = 'wrong'")
-    return file_writers(folder, SURFACE, usd=True, seconds_per_frame=0.1, append_from=None, fields=fields)
+    return file_writers(folder, SURFACE, append_from=None, fields=fields)
 
 
 SURFACE = Surface(np.eye(3), np.array([[0, 1, 2]]))
@@ -141,7 +141,7 @@ def test_files_written_beside_are_the_same(tmp_path):
         assert [type(writer).__name__ for writer in writers] == ["FilesBeside"]
         frames_written_by(writers)
     names = sorted(path.name for path in (tmp_path / "here").iterdir())
-    assert names == sorted(path.name for path in (tmp_path / "beside").iterdir()) == ["animation.usd", "frames.vtkhdf"]
+    assert names == sorted(path.name for path in (tmp_path / "beside").iterdir()) == ["frames.vtkhdf"]
     frames = ((tmp_path / name / "frames.vtkhdf").read_bytes() for name in ("here", "beside"))
     assert len(set(frames)) == 1
 

@@ -11,12 +11,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from warp_pd import Sheet
+from warp_pd import Sheet, Sphere
 from warp_pd.geometry import picture_files
 from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
-from warp_pd.output.projection import View, material_lines, nearest_about, places_of, sphere
+from warp_pd.output.projection import View, material_lines, nearest_about, places_of
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
 
@@ -150,7 +150,8 @@ def test_a_sheet_that_hides_another_is_drawn_last(tmp_path):
 
 def test_pictures_from_above_mark_bodies_too_thin_to_see(monkeypatch):
     """A pin is marked where it is; a ball would hide the sheet, and neither is where the reference sheet is."""
-    vertices, triangles = sphere(np.array([0.3, 0.6, 0.1]), 0.01)
+    vertices, triangles = Sphere(0.01).outline(0.0)
+    vertices = vertices + (0.3, 0.6, 0.1)
     frame = replace(sheet_shown(5), bodies=[(vertices, triangles), (20.0 * vertices, triangles)])
     marks = figure_of(monkeypatch, plots.from_above, [frame], "u3").axes[0].lines
     np.testing.assert_allclose([mark.get_xydata()[0] for mark in marks], [(0.3, 0.6)], atol=1e-3)
@@ -241,7 +242,8 @@ def test_a_large_sheet_looks_like_a_small_one(tmp_path, monkeypatch, limit):
     x, y = frame.reference[:, :2].T
     frame.fields["damage"][:] = np.where(x > 0.5, 0.4, 0.0)
     whole = (np.hypot(x - 0.3, y - 0.3) > 0.12)[frame.triangles].all(axis=1)
-    frame = replace(frame, triangles=frame.triangles[whole], ball=(np.array([0.7, 0.3, 0.35]), 0.2))
+    place, (vertices, faces) = np.array([0.7, 0.3, 0.35]), Sphere(0.2).outline(0.0)
+    frame = replace(frame, triangles=frame.triangles[whole], bodies=[(place + vertices, faces)], balls=[(place, 0.2)])
     shown = []
     for most in (6000, 10**6):
         monkeypatch.setattr(plots, limit, most)

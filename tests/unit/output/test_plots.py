@@ -12,8 +12,8 @@ from warp_pd.output import plots
 def test_pictures_know_the_ball_and_say_when_nothing_happens(ball, tmp_path):
     first, last = plots.frames_at(ball, [0.0, 4.0])
     assert (first.when, last.when) == ("t = 0 s", "t = 4 s")
-    assert first.ball == (pytest.approx([0.5, 0.5, 0.15]), 0.3)
-    assert last.ball == (pytest.approx([0.5, 0.5, -0.25]), 0.3)
+    assert first.balls == [(pytest.approx([0.5, 0.5, 0.15]), 0.3)]
+    assert last.balls == [(pytest.approx([0.5, 0.5, -0.25]), 0.3)]
     for length in (0.0, 1.0):
         history = [{"time": t, "crack_length": t * length} for t in (0.0, 1.0)]
         plots.curves(tmp_path / "crack.svg", history, ["crack_length"], ylabel="m")

@@ -1,27 +1,41 @@
-"""What the USD animation shows: valid, and true to the frames that it was given."""
+"""What the USD animation shows: valid, and true to the frames that it is made from."""
 
 from __future__ import annotations
 
-import functools
 import itertools
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torn_frames
 from torn_frames import COLUMNS, FRAMES, ROWS, make_frame, make_surface
 
+from warp_pd import InputError
+from warp_pd.device.checks import OutputError
 from warp_pd.interfaces.frame import Frame, Surface
+from warp_pd.output.vtkhdf import VtkHdfSeries
 
 pytest.importorskip("pxr")
 
 from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation
 
-from warp_pd.output.usd import UsdAnimation
+from warp_pd.output.usd import write_animation
 
 SHEET = "/World/Sheet"
-write_all = functools.partial(torn_frames.write_all, UsdAnimation)
+
+
+def animated(folder: Path, surface: Surface, frames: list[Frame], **options) -> Usd.Stage:
+    """The animation of some frames."""
+    folder.mkdir(exist_ok=True)
+    with closing(VtkHdfSeries(folder / "frames.vtkhdf", surface)) as series:
+        for frame in frames:
+            series.write(frame)
+    write_animation(folder / "animation.usd", folder / "frames.vtkhdf", **options)
+    return Usd.Stage.Open(str(folder / "animation.usd"))
+
+
+def all_frames(surface: Surface) -> list[Frame]:
+    return [make_frame(surface, index) for index in range(FRAMES)]
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +44,8 @@ def surface() -> Surface:
 
 
 @pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Usd.Stage:
-    path = tmp_path_factory.mktemp("usd") / "animation.usd"
-    write_all(path, seconds_per_frame=0.01)
-    return Usd.Stage.Open(str(path))
+def stage(surface: Surface, tmp_path_factory: pytest.TempPathFactory) -> Usd.Stage:
+    return animated(tmp_path_factory.mktemp("usd"), surface, all_frames(surface), seconds_per_frame=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +84,33 @@ def test_stage_says_its_units_and_its_time(stage: Usd.Stage) -> None:
     }
 
 
-def test_file_is_binary(tmp_path: Path) -> None:
-    write_all(tmp_path / "animation.usd")
+def test_file_is_binary_and_replaces_one_that_is_open_here(tmp_path: Path, surface: Surface) -> None:
+    held = animated(tmp_path, surface, all_frames(surface))
+    animated(tmp_path, surface, all_frames(surface)[:3])
+    assert held.GetEndTimeCode() == 2
+    assert len(UsdGeom.Mesh.Get(held, SHEET).GetPointsAttr().GetTimeSamples()) == 3
     assert (tmp_path / "animation.usd").read_bytes()[:8] == b"PXR-USDC"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["animation.usd"]
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["animation.usd", "frames.vtkhdf"]
+
+
+def test_an_animation_that_fails_leaves_the_one_before(
+    tmp_path: Path, surface: Surface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    animated(tmp_path, surface, all_frames(surface))
+    before = (tmp_path / "animation.usd").read_bytes()
+
+    def full(*_arguments) -> None:
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        # A disk that is full.
+        patch.setattr("warp_pd.output.usd._aim_camera", full)
+        with pytest.raises(OutputError, match=r"animation\.usd: disk full"):
+            write_animation(tmp_path / "animation.usd", tmp_path / "frames.vtkhdf")
+    (tmp_path / "broken.vtkhdf").write_bytes(b"x")
+    with pytest.raises(InputError, match="expected a complete VTKHDF file"):
+        write_animation(tmp_path / "animation.usd", tmp_path / "broken.vtkhdf")
+    assert (tmp_path / "animation.usd").read_bytes() == before and not list(tmp_path.glob(".*"))
 
 
 @pytest.mark.parametrize("index", range(FRAMES))
@@ -119,19 +154,16 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
     surface = Surface(points, np.array([[0, 1, 2], [0, 2, 3], [2, 1, 4]], np.int32))
     intact = np.array([True, True, False])
     still = np.zeros_like(points)
-    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
-        animation.write(Frame(0, 0.0, still, still, intact_faces=intact))
-    stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
-    normals = np.array(UsdGeom.Mesh.Get(stage, SHEET).GetNormalsAttr().Get(0))
+    frames = [Frame(k, 0.0, still, still, intact_faces=mask) for k, mask in enumerate((None, intact))]
+    stage = animated(tmp_path, surface, frames)
+    normals = np.array(UsdGeom.Mesh.Get(stage, SHEET).GetNormalsAttr().Get(1))
     np.testing.assert_allclose(normals[0], np.array([1.0, 0.0, 2.0]) / np.sqrt(5.0), atol=1e-6)
     np.testing.assert_allclose(normals[4], [0.0, 0.0, 1.0], atol=1e-6)
 
 
 def test_all_faces_torn_is_still_a_valid_file(tmp_path: Path, surface: Surface) -> None:
-    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
-        animation.write(make_frame(surface, 0))
-        animation.write(make_frame(surface, 1, intact_faces=np.zeros(len(surface.faces), bool)))
-    stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
+    torn = make_frame(surface, 1, intact_faces=np.zeros(len(surface.faces), bool))
+    stage = animated(tmp_path, surface, [make_frame(surface, 0), torn])
     assert len(faces_of(UsdGeom.Mesh.Get(stage, SHEET), 1)) == 0
     assert errors_of(stage) == []
 
@@ -151,28 +183,25 @@ def test_colours_follow_damage(mesh: UsdGeom.Mesh) -> None:
 
 
 def test_without_damage_one_constant_colour_and_no_primvar(tmp_path: Path) -> None:
-    surface = make_surface(ball_diameter=None)
-    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
-        for index in range(3):
-            frame = make_frame(surface, index, damage=None, intact_faces=None, ball_center=None)
-            animation.write(frame)
-    stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
+    surface = make_surface(bodies=())
+    frames = [make_frame(surface, index, damage=None, intact_faces=None, bodies=None) for index in range(3)]
+    stage = animated(tmp_path, surface, frames)
     mesh = UsdGeom.Mesh.Get(stage, SHEET)
     colour = mesh.GetDisplayColorPrimvar()
     assert colour.GetInterpolation() == UsdGeom.Tokens.constant and len(colour.Get()) == 1
     assert colour.GetTimeSamples() == []
     assert not damage_of(mesh)
-    assert not stage.GetPrimAtPath("/World/Ball")
+    assert not stage.GetPrimAtPath("/World/Bodies")
     assert not mesh.GetFaceVertexIndicesAttr().ValueMightBeTimeVarying()
     assert errors_of(stage) == []
 
 
 def test_ball_follows(stage: Usd.Stage, surface: Surface) -> None:
-    ball = UsdGeom.Sphere.Get(stage, "/World/Ball")
+    ball = UsdGeom.Sphere.Get(stage, "/World/Bodies/ball")
     assert ball.GetRadiusAttr().Get() == 0.05
     for index in range(FRAMES):
         centre = ball.ComputeLocalToWorldTransform(index).Transform(Gf.Vec3d(0, 0, 0))
-        np.testing.assert_allclose(centre, make_frame(surface, index).ball_center, atol=1e-12)
+        np.testing.assert_allclose(centre, make_frame(surface, index).bodies[0, :3], atol=1e-12)
         bounds = UsdGeom.BBoxCache(index, [UsdGeom.Tokens.default_]).ComputeWorldBound(ball.GetPrim())
         np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1] * 3, rtol=1e-6)
 
@@ -207,10 +236,10 @@ def test_camera_steps_back_from_a_sheet_that_stretches_but_not_for_a_loose_point
         ("loose", loose, without_first),
         ("stretched", stretched, without_first),
     ):
-        with closing(UsdAnimation(tmp_path / f"{name}.usd", surface)) as animation:
-            animation.write(make_frame(surface, 0, displacement=still, intact_faces=intact))
-            animation.write(make_frame(surface, 1, displacement=displacement, intact_faces=intact))
-        stage = Usd.Stage.Open(str(tmp_path / f"{name}.usd"))
+        moved = [
+            make_frame(surface, k, displacement=u, intact_faces=intact) for k, u in enumerate((still, displacement))
+        ]
+        stage = animated(tmp_path / name, surface, moved)
         assert np.all(np.abs(in_picture(stage, (surface.points + displacement)[1:])) < 1.0)
         place = UsdGeom.Camera.Get(stage, "/World/Camera").ComputeLocalToWorldTransform(0)
         distances[name] = np.linalg.norm(place.ExtractTranslation() - Gf.Vec3d(0.25, 0.2, 0.0))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import itertools
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torn_frames
-from torn_frames import FRAMES, make_surface
+from torn_frames import BALL, FRAMES, make_surface
 from torn_frames import make_frame_with_fields as make_frame
 
 from warp_pd.interfaces.frame import Body, Frame, Surface
@@ -52,7 +53,7 @@ class Reader:
             "faces": vtk_to_numpy(output.GetPolys().GetConnectivityArray()).reshape(-1, 3),
             "cells": output.GetNumberOfCells(),
             "fields": {name: vtk_to_numpy(data.GetArray(name)) for name in names},
-            "ball_center": output.GetFieldData().GetArray("ball_center"),
+            "pose_ball": output.GetFieldData().GetArray("pose_ball"),
         }
 
 
@@ -70,8 +71,8 @@ def assert_step_is_frame(step: dict[str, Any], surface: Surface, frame: Frame) -
     assert set(step["fields"]) == set(expected)
     for name, values in expected.items():
         np.testing.assert_allclose(step["fields"][name], values, rtol=1e-6, atol=1e-6, err_msg=name)
-    if frame.ball_center is not None:
-        assert step["ball_center"].GetTuple(0) == pytest.approx(frame.ball_center)
+    if frame.bodies is not None:
+        assert step["pose_ball"].GetTuple(0) == pytest.approx(frame.bodies[0])
 
 
 # Also backwards and leaping: the reader must find each step without having read the one before.
@@ -87,15 +88,16 @@ def test_vtk_reads_every_step(tmp_path: Path, order) -> None:
 
 
 BOX = Body("box", "box", (1.0,), np.eye(3), np.array([[0, 1, 2]]))
-POSES = np.array([[[0.0, 0.0, 0.1 * k, 0.0, 0.0, np.sin(0.2 * k), np.cos(0.2 * k)]] for k in range(FRAMES)])
+POSES = np.array([[0.0, 0.0, 0.1 * k, 0.0, 0.0, np.sin(0.2 * k), np.cos(0.2 * k)] for k in range(FRAMES)])
 
 
 def with_bodies(surface: Surface, at: int) -> Frame:
-    return make_frame(surface, at, bodies=POSES[at])
+    frame = make_frame(surface, at)
+    return replace(frame, bodies=np.vstack([frame.bodies, POSES[at]]))
 
 
 def test_vtk_reads_the_bodies_where_they_are_in_every_frame_also_after_a_resumed_run(tmp_path: Path) -> None:
-    path, surface = tmp_path / "bodies.vtkhdf", make_surface(bodies=(BOX,))
+    path, surface = tmp_path / "bodies.vtkhdf", make_surface(bodies=(BALL, BOX))
     for first, last in ((0, 4), (2, FRAMES)):
         series = BodySeries(path, surface, append_from=first)
         for index in range(first, last):
@@ -106,16 +108,16 @@ def test_vtk_reads_the_bodies_where_they_are_in_every_frame_also_after_a_resumed
     for index in (0, 5, FRAMES - 1):
         step, frame = reader.at(index), with_bodies(surface, index)
         of_box = step["fields"]["body"] == 1
-        np.testing.assert_allclose(step["points"][of_box], BOX.placed(POSES[index, 0]), atol=1e-7)
-        shell = step["points"][~of_box] - frame.ball_center
+        np.testing.assert_allclose(step["points"][of_box], BOX.placed(POSES[index]), atol=1e-7)
+        shell = step["points"][~of_box] - frame.bodies[0, :3]
         np.testing.assert_allclose(np.linalg.norm(shell, axis=1), 0.05, atol=1e-7)
         assert step["time"] == pytest.approx(frame.time)
     assert read_series(path).metadata["bodies"] == "ball, box"
 
 
 def test_frame_with_what_is_optional_left_out(tmp_path: Path) -> None:
-    path, surface = tmp_path / "frames.vtkhdf", make_surface(ball_diameter=None)
-    left_out = {"intact_faces": None, "damage": None, "ball_center": None, "point_data": {}}
+    path, surface = tmp_path / "frames.vtkhdf", make_surface(bodies=())
+    left_out = {"intact_faces": None, "damage": None, "bodies": None, "point_data": {}}
     with closing(VtkHdfSeries(path, surface)) as series:
         for index in range(3):
             series.write(make_frame(surface, index, **left_out))
@@ -169,7 +171,7 @@ def test_info(tmp_path: Path) -> None:
     assert info.faces.tolist() == [len(make_frame(surface, i).faces(surface)) for i in range(FRAMES)]
     assert set(info.fields) == {"displacement", "velocity", "damage", "stress", "force", "bonds", "held"}
     positions = "deformed; reference_position + displacement"
-    known = {"title": "tear", "positions": positions, "version": "1", "points": 30, "ball_diameter": 0.1}
+    known = {"title": "tear", "positions": positions, "version": "1", "points": 30}
     assert info.metadata == known
     with h5py.File(tmp_path / "frames.vtkhdf") as file:
         assert file["VTKHDF/PointData/reference_position"].shape == (30, 3)

@@ -32,7 +32,7 @@ def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_pa
 
 @pytest.mark.parametrize("usd", [True, False])
 def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
-    left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
+    left = [".animation.unfinished.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
             "history.csv.part", "summary.json.part", "view.html.part", ".damage.png.unfinished"]  # fmt: skip
     sheet = square(7)
     simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])

@@ -87,13 +87,14 @@ def test_a_disk_without_room_is_one_line_before_anything_is_written(tmp_path, mo
 
 
 def test_a_run_that_goes_on_keeps_its_files(tmp_path):
-    """An animation that would hold the first half alone, or the second."""
-    simulation().run(out=tmp_path, device="cpu", usd=False)
-    with refused(match=r"it lacks animation\.usd; expected usd = False"):
-        simulation().run(out=tmp_path, device="cpu", usd=True, resume=True)
-    simulation().run(out=tmp_path, device="cpu", usd=True, overwrite=True)
-    with refused(match=r"it holds animation\.usd; expected usd = True"):
-        simulation().run(out=tmp_path, device="cpu", usd=False, resume=True)
+    """Frames would be those of the first half alone; the animation is made of all frames, and not kept from before."""
+    simulation().run(out=tmp_path, device="cpu", usd=True)
+    with refused(match=r"it holds frames\.vtkhdf; expected vtkhdf = True"):
+        simulation().run(out=tmp_path, device="cpu", vtkhdf=False, resume=True)
+    simulation().run(out=tmp_path, device="cpu", usd=False, resume=True)
+    assert not (tmp_path / "animation.usd").exists()
+    simulation().run(out=tmp_path, device="cpu", usd=True, resume=True)
+    assert (tmp_path / "animation.usd").is_file()
 
 
 def test_the_summary_says_what_was_run(tmp_path):

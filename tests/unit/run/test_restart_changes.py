@@ -46,12 +46,6 @@ def test_other_measures_leave_a_history_with_every_number(change, tmp_path):
         assert again.status == "finished"
 
 
-def test_an_animation_that_was_not_begun_is_no_traceback(tmp_path):
-    """As of `warp-pd run SCENE --no-usd`, stopped and resumed without --no-usd."""
-    result = stopped_and_resumed(tmp_path, simulation(), simulation(), usd=True)
-    assert result is None or (tmp_path / "animation.usd").is_file()
-
-
 def test_a_network_of_other_weights_is_refused():
     """Also a user's module, whose text has only the shapes of its layers."""
     torch = pytest.importorskip("torch")
