@@ -228,6 +228,20 @@ def test_friction_dissipates_and_conserves_momentum():
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-2
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_the_balance_of_friction_with_damping_is_of_second_order(held):
+    """Half a step of damping lies between the impulse of friction and the velocities before and after it."""
+    parts = collision(friction=0.5, sideways=0.5)
+    loads = [Fixed(parts["sheet"].edges("sheet 1"))] if held else []
+    worst = []
+    for safety in (0.4, 0.2, 0.1):
+        solver = Explicit(0.05, frames=10, safety=safety, damping=30.0)
+        result = run(**{**parts, "solver": solver, "loads": loads})
+        worst.append(max(abs(row["balance_error"]) for row in result.history))
+    assert result.history[-1]["sheet_friction"] > 0.1 * result.history[0]["kinetic"]
+    assert worst[1] < 0.3 * worst[0] and worst[2] < 0.3 * worst[1]
+
+
 def passed(parts, triangles=None, **options):
     """Pairs (point, triangle) that pass through each other in any step of a run; a frame is a step."""
     positions = Kept(lambda frame: parts["sheet"].positions + frame.displacement.astype(float))
