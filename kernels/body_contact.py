@@ -87,7 +87,7 @@ def point_contact(
     """
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
-    loaded, damped, tracked, half_steps = options.loaded, options.damped, options.tracked, options.half_steps
+    loaded, damped, tracked = options.loaded, options.damped, options.tracked
     search = body_search(options.bits, distance, curved, options.held, searched, marked)
     BodyContact, position = search.struct, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
@@ -132,7 +132,7 @@ def point_contact(
             gained = wp.dot(momentum, mean)
             warmed = wp.dot(rub, mean)
             a.work[i] = a.work[i] + gained
-            if wp.static(damped and half_steps):
+            if wp.static(damped):
                 lost = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * wp.dot(got, slowed)
                 a.dissipated[i] = a.dissipated[i] + lost
         given = Given()

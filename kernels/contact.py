@@ -82,7 +82,7 @@ def rigid_contact(options: StepOptions, shape: ShapeFactory, curved: bool) -> Co
     `shape` is the factory of its shape, called with the precision; `curved`: the reference positions have a z.
     """
     bits, held, loaded, damped = options.bits, options.held, options.loaded, options.damped
-    tracked, half_steps = options.tracked, options.half_steps
+    tracked = options.tracked
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     half_kick, half_loss = half_step(options)
@@ -114,12 +114,7 @@ def rigid_contact(options: StepOptions, shape: ShapeFactory, curved: bool) -> Co
         a.impulse[i] = a.impulse[i] + momentum
 
     @wp.func
-    def works(i: int, change: vec3, start: vec3, a: Contact):
-        # The half kick happens at the same instant, so the work takes the velocities before and after both.
-        a.work[i] = a.work[i] + wp.float64(real(0.5) * a.mass[i] * wp.dot(change, start + a.velocity[i] + change))
-
-    @wp.func
-    def works_at_half_steps(i: int, change: vec3, start: vec3, slowed: vec3, weight: real, a: Contact):
+    def works(i: int, change: vec3, start: vec3, slowed: vec3, weight: real, a: Contact):
         # As in kernels/body_contact.py.
         a.work[i] = a.work[i] + wp.float64(weight * a.mass[i] * wp.dot(change, start + real(0.5) * change))
         if wp.static(damped):
@@ -153,13 +148,10 @@ def rigid_contact(options: StepOptions, shape: ShapeFactory, curved: bool) -> Co
                 if wp.static(tracked):
                     kick = half_kick(i, a.step, a.mass, a.force, a.external)
                     start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
-                    if wp.static(half_steps):
-                        works_at_half_steps(i, change, start, start, real(1.0), a)
-                        if wp.static(loaded):
-                            # The drift took the load along the way that the point did not go.
-                            a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(a.external[i], shift))
-                    else:
-                        works(i, change, start, a)
+                    works(i, change, start, start, real(1.0), a)
+                    if wp.static(loaded):
+                        # The drift took the load along the way that the point did not go.
+                        a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(a.external[i], shift))
                 strike(i, change, a)
 
     @pointwise(Contact, writes=("velocity", "impulse", "work", "dissipated"))
@@ -175,11 +167,8 @@ def rigid_contact(options: StepOptions, shape: ShapeFactory, curved: bool) -> Co
                         loss = half_loss(a.step, a.damping)
                         kick = half_kick(i, a.step, a.mass, a.force, a.external)
                         start = (real(1.0) + loss) * a.velocity[i] - kick
-                        if wp.static(half_steps):
-                            mean = a.velocity[i] - real(0.5) * loss * change
-                            works_at_half_steps(i, change, mean, start, real(1.0) + loss, a)
-                        else:
-                            works(i, change, start, a)
+                        mean = a.velocity[i] - real(0.5) * loss * change
+                        works(i, change, mean, start, real(1.0) + loss, a)
                     strike(i, change, a)
                     if wp.static(damped):
                         # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.

@@ -37,7 +37,6 @@ class StepOptions:
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether work and losses are summed per point.
-        half_steps: Whether energies use half-step velocities.
     """
 
     bits: int
@@ -45,7 +44,6 @@ class StepOptions:
     loaded: bool
     damped: bool
     tracked: bool
-    half_steps: bool
 
 
 @dataclass(frozen=True)
@@ -78,16 +76,11 @@ def free_components(bits: int) -> wp.Function:
 
 
 @functools.cache
-def integration(options: StepOptions, contact: bool) -> IntegrationKernels:
-    """Kernels of the explicit integrator.
-
-    `contact`: a contact may change velocities. If energies do not use half-step velocities, losses then use those at
-    full steps, too.
-    """
+def integration(options: StepOptions) -> IntegrationKernels:
+    """Kernels of the explicit integrator."""
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
     held, loaded, damped, tracked = options.held, options.loaded, options.damped, options.tracked
-    full_steps = contact and not options.half_steps
     rigid = RIGID
     without_held = free_components(options.bits)
 
@@ -140,7 +133,7 @@ def integration(options: StepOptions, contact: bool) -> IntegrationKernels:
             else:
                 if wp.static(tracked and loaded):
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
-            if wp.static(tracked and damped and not full_steps):
+            if wp.static(tracked and damped):
                 moving = half
                 if wp.static(held):
                     moving = without_held(a.held_mask[i], 0, half)
@@ -162,8 +155,6 @@ def integration(options: StepOptions, contact: bool) -> IntegrationKernels:
             if wp.static(damped):
                 v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
             moving = half
-            if wp.static(full_steps):
-                moving = v
             if wp.static(held):
                 bits_here = a.held_mask[i]
                 for c in range(3):
@@ -178,8 +169,6 @@ def integration(options: StepOptions, contact: bool) -> IntegrationKernels:
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
             if wp.static(tracked and damped):
                 loss = real(0.5) * dt * a.damping[0] * a.mass[i] * wp.dot(v, moving)
-                if wp.static(full_steps):
-                    loss *= real(2.0)
                 a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
             a.velocity[i] = v
 
@@ -230,11 +219,11 @@ def half_step(options: StepOptions) -> tuple[wp.Function, wp.Function]:
 def kinetic_energy(options: StepOptions) -> Kernel:
     """Kernel of the kinetic energy of each point [J]; held components do not count.
 
-    If energies use half-step velocities, it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
+    If work and losses are summed, it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
     """
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
-    held, loaded, damped, half_steps = options.held, options.loaded, options.damped, options.half_steps
+    held, loaded, damped, tracked = options.held, options.loaded, options.damped, options.tracked
     rigid = RIGID
     without_held = free_components(options.bits)
 
@@ -256,7 +245,7 @@ def kinetic_energy(options: StepOptions) -> Kernel:
         if wp.static(held):
             v = without_held(held_mask[i], 0, v)
         out[i] = wp.float64(real(0.5) * mass[i] * wp.dot(v, v))
-        if wp.static(half_steps):
+        if wp.static(tracked):
             change = force[i]
             if wp.static(loaded):
                 change += external[i]

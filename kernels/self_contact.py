@@ -14,7 +14,7 @@ not touch add nothing, so forces do not depend on when the list was built.
 """
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import warp as wp
 
@@ -55,8 +55,8 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
-    held, tracked, damped = options.held, options.tracked, options.damped and options.half_steps
-    half_kick, half_loss = half_step(replace(options, damped=damped))
+    held, tracked, damped = options.held, options.tracked, options.damped
+    half_kick, half_loss = half_step(options)
 
     @wp.func
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):

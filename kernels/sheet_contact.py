@@ -20,7 +20,6 @@ keep their velocities, and so momentum and, since the drift that is left out is 
 """
 
 import functools
-from dataclasses import replace
 
 import warp as wp
 
@@ -385,8 +384,8 @@ def take_impulses(options: StepOptions, rubs: bool) -> Pointwise:
     """Pointwise stage that applies the impulses and sums the losses; `rubs`: there is friction."""
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
-    held, loaded, tracked, damped = options.held, options.loaded, options.tracked, options.damped and options.half_steps
-    half_kick, half_loss = half_step(replace(options, damped=damped))
+    held, loaded, tracked, damped = options.held, options.loaded, options.tracked, options.damped
+    half_kick, half_loss = half_step(options)
 
     @wp.struct
     class Taken:

@@ -59,8 +59,6 @@ class Features:
         tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
         softened: Whether a damage field reduces the stiffness of families.
-        contact: Whether a contact may change velocities.
-        half_steps: Whether the energy balance may use half-step velocities.
         dynamic: Whether the solver steps in time.
     """
 
@@ -70,8 +68,6 @@ class Features:
     tracked: bool = False
     breakable: bool = False
     softened: bool = False
-    contact: bool = False
-    half_steps: bool = True
     dynamic: bool = False
 
 
@@ -180,7 +176,7 @@ class Context:
     def step_options(self) -> StepOptions:
         """What the kernels of an explicit step compile."""
         f = self.features
-        return StepOptions(self.bits, f.held, f.loaded, f.damped, f.tracked, f.half_steps)
+        return StepOptions(self.bits, f.held, f.loaded, f.damped, f.tracked)
 
     def array(
         self,

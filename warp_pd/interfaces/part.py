@@ -226,23 +226,14 @@ class BuiltContact(BuiltPart, Protocol):
 
 @runtime_checkable
 class Contact(Part, Protocol):
-    """Contact with a body, or of the sheet with itself."""
+    """Contact with a body, or of the sheet with itself.
+
+    The energy balance takes velocities at half steps: `half_step` in kernels/integrate.py says which work and losses
+    belong to an impulse, kernels/contact.py sums them up.
+    """
 
     argument: ClassVar[str] = "contact"
     does_work: ClassVar[bool] = True
-
-    @property
-    def half_steps(self) -> bool:
-        """Whether its work is exact with the kinetic energy of half-step velocities.
-
-        See kernels/body_contact.py and kernels/integrate.py.
-        """
-        return False
-
-    @property
-    def changes_velocities(self) -> bool:
-        """Whether it changes velocities directly, not only by forces."""
-        return True
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The contact on a device."""

@@ -71,7 +71,6 @@ class RigidBody(Contact):
     name: str = "body"
     surface: bool = False
 
-    half_steps: ClassVar[bool] = True
     loads_at_rest: ClassVar[bool] = True
     meets_others: ClassVar[bool] = False
 

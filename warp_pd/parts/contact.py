@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -49,8 +48,6 @@ class RigidBall(Contact):
     diameter: float
     start: tuple[float, float, float]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("RigidBall.diameter", self.diameter)

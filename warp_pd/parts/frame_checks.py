@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -43,7 +42,7 @@ class FrameChecks(BuiltPart):
         fastest: Largest squared speed in each block of points [m^2/s^2].
         kinetic_energy: Kinetic energy of each point [J], (N,) float64.
         half_step_kinetic: Kinetic energy of each point [J] from the velocities half a step before and after, for the
-            energy balance; None without a balance, or with a contact whose work is not exact at half steps.
+            energy balance; None without a balance.
     """
 
     def __init__(self, context: Context) -> None:
@@ -51,7 +50,7 @@ class FrameChecks(BuiltPart):
         self._blocks = context.own_blocks
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
-        if context.features.tracked and context.features.half_steps:
+        if context.features.tracked:
             self.half_step_kinetic = context.array("half_step_kinetic", OWNER, wp.float64, shape=context.sheet.size)
         self.not_finite = context.array("not_finite", OWNER, wp.int32, shape=self._blocks, per="block")
         self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")
@@ -61,9 +60,8 @@ class FrameChecks(BuiltPart):
         if phase is not Phase.FRAME:
             return
         context, state = self.context, self.context.state
-        kinetic = kinetic_energy(replace(context.step_options, half_steps=self.half_step_kinetic is not None))
         stage.launch(
-            OWNER, kinetic, context.sheet.size,
+            OWNER, kinetic_energy(context.step_options), context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
             damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
             half_step=self.half_step_kinetic,
@@ -157,8 +155,7 @@ class EnergyBalance(BuiltPart):
         half steps. `least` is the least energy to divide by [J].
         """
         rows = [*history, row]
-        kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
-        counted = [kinetic if name == "kinetic" else name for name in (*self.stored, *self.lost)]
+        counted = ["half_step_kinetic" if name == "kinetic" else name for name in (*self.stored, *self.lost)]
         gained = sum(row[name] - rows[0][name] for name in counted) - row["external"]
         scale = max(least, *(max(abs(r["external"]), abs(sum(r[name] for name in self.stored))) for r in rows))
         return gained / scale if scale > 0.0 else 0.0

@@ -202,8 +202,6 @@ class NewtonWorld(Contact):
     collide: bool
 
     only_one: ClassVar[str] = "Newton worlds: expected one"
-    half_steps: ClassVar[bool] = True
-    changes_velocities: ClassVar[bool] = False
 
     @property
     def bodies(self) -> tuple[NewtonBody, ...]:

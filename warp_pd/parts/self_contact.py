@@ -68,7 +68,6 @@ class SelfContact(Contact):
 
     does_work: ClassVar[bool] = False
     only_one: ClassVar[str] = "SelfContact: expected at most one"
-    half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name, value in (("distance", self.distance), ("stiffness", self.stiffness)):
@@ -79,11 +78,6 @@ class SelfContact(Contact):
             raise InputError(f"SelfContact.surface = {said(self.surface)}: expected True or False")
         if self.surface and self.stiffness is not None:
             raise InputError(f"SelfContact.stiffness = {said(self.stiffness)}: expected None with surface = True")
-
-    @property
-    def changes_velocities(self) -> bool:
-        """Whether it changes velocities directly, not only by forces."""
-        return self.friction > 0.0 or self.surface
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""

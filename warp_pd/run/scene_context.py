@@ -41,8 +41,6 @@ def scene_context(
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
         softened=scene.damage is not None and scene.damage.is_field,
-        contact=any(part.changes_velocities for part in scene.contacts),
-        half_steps=all(c.half_steps for c in scene.contacts),
         dynamic=solver.dynamic,
     )
     initial = start if placement is None else start + placement
