@@ -398,6 +398,26 @@ def test_other_criteria_have_no_field():
         assert not launched & {"wake", "drive", "sweep", "finish"}
 
 
+@pytest.mark.parametrize(("damage", "broken", "at_an_end", "severed"), [
+    (0.95, 5, False, True), (0.95, 4, False, False), (0.95, 3, True, True), (0.95, 2, True, False),
+    (0.85, 5, False, False),
+])  # fmt: skip
+def test_a_point_that_a_tear_has_passed_is_severed(damage, broken, at_an_end, severed):
+    """With nearly the damage that severs it, and 0.4 of its 12 bonds broken; 0.25 of them ahead of the end of a cut."""
+    rupture = build(square(9), damage=TearingEnergy(8.0)).rupture
+    rupture.prepare_at_rest()
+    middle, limits = 40, rupture._severed_at.numpy()
+    field, intact = np.zeros(81), rupture.memory[0].numpy()
+    field[middle] = damage * limits[middle]
+    rupture.assign(field)
+    intact[0, middle] &= ~np.uint32(2**broken - 1)
+    rupture.memory[0].assign(intact)
+    rupture._ahead.assign(np.full(81, at_an_end, np.uint8))
+    rupture.context.run("damage")
+    limits[middle] = field[middle] if severed else limits[middle]
+    np.testing.assert_array_equal(rupture._severed_at.numpy(), limits)
+
+
 @pytest.mark.parametrize("given", [
     {"energy": 0.0}, {"energy": -1.0}, {"energy": float("nan")}, {"energy": "1"}, {"length": 0.0}, {"strength": -1.0},
     {"stretch_at_break": 0.9}, {"stretch_at_break": 1.9, "strength": 1.0},
