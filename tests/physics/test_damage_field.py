@@ -406,7 +406,7 @@ def test_a_point_that_a_tear_has_passed_is_severed(damage, broken, at_an_end, se
     """With nearly the damage that severs it, and 0.4 of its 12 bonds broken; 0.25 of them ahead of the end of a cut."""
     rupture = build(square(9), damage=TearingEnergy(8.0)).rupture
     rupture.prepare_at_rest()
-    middle, limits = 40, rupture._severed_at.numpy()
+    middle, limits = 40, rupture._severed_at.numpy().copy()
     field, intact = np.zeros(81), rupture.memory[0].numpy()
     field[middle] = damage * limits[middle]
     rupture.assign(field)
