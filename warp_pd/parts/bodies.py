@@ -21,7 +21,7 @@ from ..interfaces.phases import Phase
 from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
-from .body_checks import passes, sweeps
+from .body_checks import bond_bits, passes, sweeps, torn_since
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -305,7 +305,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
         self.memory = [self.multiplier, self._stiffness]
         self._softest, self._refused = 0.0, 0
-        self._law, self._intact = law, None if law.intact is None else law.intact.numpy()
+        self._law, self._at_start = law, bond_bits(law)
         self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
@@ -366,9 +366,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         if not self.part.shape.bounded:
             # The centre of a half space lies on its surface.
             return False
-        torn, now = None, self._from_centre()
-        if self._intact is not None and self._law.intact is not None:
-            torn = np.asarray((self._law.intact.numpy() != self._intact).any(axis=0))
+        torn, now = torn_since(self._at_start, self._law), self._from_centre()
         found = passes(self._before, now, self.context.sheet.triangles, torn) or self._sweeps(now, torn)
         if found:
             self._refused += 1

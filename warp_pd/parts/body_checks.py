@@ -47,7 +47,7 @@ class BodyChecks(BuiltPart):
             "body_findings", "contact", wp.int32, shape=1 + len(self._texts), per="once", restart=True
         )
         self._before: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
-        self._intact = None if law.intact is None else law.intact.numpy()
+        self._at_start = bond_bits(law)
 
     def _possible(self) -> dict[tuple[str, ...], str]:
         """All possible notes, by subject."""
@@ -116,15 +116,10 @@ class BodyChecks(BuiltPart):
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
-                if passes(before - centre, position - pose[:3], corners, self._torn()):
+                if passes(before - centre, position - pose[:3], corners, torn_since(self._at_start, self.law)):
                     met.add(("passed", body.label))
         self._before = position, centres
         return met
-
-    def _torn(self) -> np.ndarray | None:
-        if self._intact is None or self.law.intact is None:
-            return None
-        return np.asarray((self.law.intact.numpy() != self._intact).any(axis=0))
 
     def _widest_near(self, body: Solid, near: float, position: np.ndarray, corners: np.ndarray) -> float:
         """Largest point spacing [m] of the triangles nearer to a body than `near` [m]; 0 if there are none."""
@@ -133,6 +128,16 @@ class BodyChecks(BuiltPart):
         # The longest side of a triangle may be a diagonal, the second longest is the wider of its two spacings.
         sides = np.sort(np.linalg.norm(position[chosen] - position[np.roll(chosen, 1, axis=1)], axis=2), axis=1)
         return float(sides[:, 1].max(initial=0.0))
+
+
+def bond_bits(law: BuiltLaw) -> np.ndarray | None:
+    """A copy of the bits of the intact bonds, (words, N); None if bonds cannot break."""
+    return None if law.intact is None else law.intact.numpy().copy()
+
+
+def torn_since(before: np.ndarray | None, law: BuiltLaw) -> np.ndarray | None:
+    """Whether a bond of each point has broken since `bond_bits` returned `before`, (N,); None if bonds cannot break."""
+    return None if before is None or law.intact is None else (law.intact.numpy() != before).any(axis=0)
 
 
 def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.ndarray | None) -> bool:

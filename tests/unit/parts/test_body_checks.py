@@ -9,6 +9,7 @@ from warp_pd import (
     BodyPath,
     BondAssociated,
     Capsule,
+    CriticalStretch,
     Explicit,
     Fixed,
     Free,
@@ -21,7 +22,7 @@ from warp_pd import (
 from warp_pd.parts.body_checks import passes
 
 
-def notes(contact, duration=0.04, points=11):
+def notes(contact, duration=0.04, points=11, damage=None):
     sheet = square(points)
     edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))
     scene = Simulation(
@@ -29,6 +30,7 @@ def notes(contact, duration=0.04, points=11):
         force=BondAssociated(NEO, horizon=2.015),
         loads=[Fixed(edge)],
         contact=contact,
+        damage=damage,
         solver=Explicit(duration=duration, frames=8),
     )
     return [note for note in scene.run(device="cpu").summary["notes"] if "RigidBody" in note]
@@ -78,6 +80,12 @@ def test_a_way_through_a_torn_triangle_is_no_passage():
             passes(corners + [0.0, 0.0, 0.2], corners - [0.0, 0.0, 0.8], np.array([[0, 1, 2]]), np.arange(4) == torn)
             == met
         )
+
+
+def test_a_pin_that_tears_its_way_is_no_passage():
+    """Bonds that the run broke are told from those that were there at its start."""
+    assert any("passed through" in note for note in notes(pin(0.055, 0.055), damage=CriticalStretch(50.0)))
+    assert not any("passed through" in note for note in notes(pin(0.055, 0.055), damage=CriticalStretch(1.1)))
 
 
 @pytest.mark.parametrize(("apart", "overlap"), [(0.02, True), (0.05, False)])
