@@ -115,8 +115,9 @@ class Level:
     # What the host asks for ----------------------------------------------------------------------------
 
     def run(self, stage: str) -> None:
-        """Run a stage now."""
-        self.context.sequence(stage).run()
+        """Run a stage now, or add its launches to the graph that is being captured."""
+        context = self.context
+        context.run(stage) if context.device.is_capturing else context.sequence(stage).run()
 
     def evaluate(self) -> tuple[float, float]:
         """Norms of the unbalanced force and of loads and reactions [N] at `displacement`."""

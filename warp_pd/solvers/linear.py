@@ -160,16 +160,18 @@ class LinearSolver:
         M = LinearOperator((n, n), vec3, device, self._device_precondition)
         assign(self._right_side, right_side)
         level.direction.zero_()
-        # By default Warp takes the relative tolerance as the absolute one, in newtons, far above any force here.
-        cg(
+        # By default Warp takes the relative tolerance as the absolute one, in newtons, far above any force here. An
+        # iteration that the host takes no part in is captured: launching its kernels one by one takes longer than they.
+        iterations, *_ = cg(
             A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MAX_ITERATIONS[self.kind], M=M,
-            check_every=5, use_cuda_graph=False,
+            check_every=5, use_cuda_graph=self.hierarchy is None and self.factors is None,
         )  # fmt: skip
+        cycle = self.hierarchy.products_per_cycle(self.index) if self.hierarchy is not None else 0
+        self.products += (iterations + 1) * (1 + cycle)
 
     def _device_product(self, x: Array, y: Array, z: Array, alpha: float, beta: float) -> None:
         wp.copy(self.level.vector, x)
         self.level.run("product")
-        self.products += 1
         self._combine(self.level.image, alpha, y, beta, z)
 
     def _device_precondition(self, x: Array, y: Array, z: Array, alpha: float, beta: float) -> None:
@@ -178,7 +180,6 @@ class LinearSolver:
             side, solution = hierarchy.sides(self.index)
             wp.copy(side, x)
             hierarchy.cycle(self.index)
-            self.products += hierarchy.products_per_cycle(self.index)
         elif self.factors is not None:
             solution = self._preconditioned
             assign(solution, self.factors(x.numpy().astype(np.float64)))
