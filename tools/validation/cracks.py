@@ -30,6 +30,7 @@ from warp_pd.scenes.pure_shear_tear import HEIGHT
 # A crack whose length grows so many times as fast as its tip advances has branched.
 BRANCHED = 1.25
 OVERLOADS = (1.3, 1.6, 2.0)
+FULL = (48, 72, 108, 162)
 # Length of the damage field [m]: short, so that the strip is strong enough to bear its overload.
 FIELD = 2.2e-3
 # Natural rubber of Treloar, stretched equally both ways; Gc of natural rubber that does not tear slowly.
@@ -159,11 +160,14 @@ def limits(points: int, device: str | None) -> Mapping[str, float]:
     return {f"length over advance at {g:g} Gc": running(points, g, device)[1] for g in OVERLOADS}
 
 
-FULL = (48, 72, 108, 162)
+def speeds(points: int, device: str | None) -> Mapping[str, float]:
+    """Speeds over that of shear waves at all overloads."""
+    return {f"at {g:g} Gc": running(points, g, device)[0] for g in OVERLOADS}
+
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), FULL, branching, limits),
-    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), FULL, limiting_speed),
+    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), FULL, limiting_speed, speeds),
     lambda: Comparison(
         "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (100,), (100, 150), speed_over_sound, laboratory_speeds, False
     ),
