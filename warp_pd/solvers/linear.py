@@ -1,8 +1,8 @@
-"""Linear solvers for Newton's method: SciPy's on a CPU, Warp's conjugate gradients on a GPU.
+"""Linear solvers for Newton's method: conjugate gradients, SciPy's on a CPU and Warp's on a GPU, and GMRES.
 
-Warp's solvers take 0.3 s per scalar product on a CPU. SciPy's solvers copy every vector to the host, which costs about
-a second on a million points. GMRES, for follower loads, is always SciPy's: Warp's checks the residual only at restarts
-and, with the few vectors that fit in memory, did not converge on a million points.
+Warp's solvers take 0.3 s per scalar product on a CPU. Solvers on the host copy every vector there, which costs about
+a second on a million points. GMRES, for follower loads, is always on the host: Warp's checks the residual only at
+restarts and, with the few vectors that fit in memory, did not converge on a million points.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ..device.fields import Array, assign
 from ..device.graph import launch_now
 from ..interfaces import Solve
 from .aggregates import Aggregates
+from .krylov import gmres
 from .level import OWNER, Level
 from .multigrid import Hierarchy
 
@@ -112,22 +113,26 @@ class LinearSolver:
             return self.hierarchy.usable
         return self.kind != "direct" or self.factors is not None
 
-    # SciPy ---------------------------------------------------------------------------------------------
+    # Host ----------------------------------------------------------------------------------------------
 
     def _on_host(self, right_side: np.ndarray, accuracy: float, cycles: int = 1) -> bool:
-        from scipy.sparse.linalg import LinearOperator, cg, gmres
-
-        size = right_side.size
-        A = LinearOperator((size, size), matvec=self._product, dtype=np.float64)
-        M = LinearOperator((size, size), matvec=self._precondition, dtype=np.float64)
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
-        if not self._conjugate:
-            x, failed = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=max(cycles, -(-most // RESTART)), M=M)
+        if self._conjugate:
+            x, reached = self._conjugate_gradients(b, accuracy, most)
         else:
-            x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
+            cycles = max(cycles, -(-most // RESTART))
+            x, reached = gmres(self._product, self._precondition, b, accuracy, RESTART, cycles)
         assign(self.level.direction, x.reshape(-1, 3))
-        return bool(failed == 0)
+        return reached
+
+    def _conjugate_gradients(self, b: np.ndarray, accuracy: float, most: int) -> tuple[np.ndarray, bool]:
+        from scipy.sparse.linalg import LinearOperator, cg
+
+        A = LinearOperator((b.size, b.size), matvec=self._product, dtype=np.float64)
+        M = LinearOperator((b.size, b.size), matvec=self._precondition, dtype=np.float64)
+        x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
+        return x, bool(failed == 0)
 
     def _product(self, x: np.ndarray) -> np.ndarray:
         assign(self.level.vector, x.reshape(-1, 3))
@@ -162,12 +167,12 @@ class LinearSolver:
         level.direction.zero_()
         # By default Warp takes the relative tolerance as the absolute one, in newtons, far above any force here. An
         # iteration that the host takes no part in is captured: launching its kernels one by one takes longer than they.
-        iterations, *_ = cg(
+        found: Any = cg(
             A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MAX_ITERATIONS[self.kind], M=M,
             check_every=5, use_cuda_graph=self.hierarchy is None and self.factors is None,
         )  # fmt: skip
         cycle = self.hierarchy.products_per_cycle(self.index) if self.hierarchy is not None else 0
-        self.products += (iterations + 1) * (1 + cycle)
+        self.products += (int(found[0]) + 1) * (1 + cycle)
 
     def _device_product(self, x: Array, y: Array, z: Array, alpha: float, beta: float) -> None:
         wp.copy(self.level.vector, x)
