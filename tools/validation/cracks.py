@@ -54,9 +54,11 @@ def branching(points: int, device: str | None) -> Sequence[float]:
 
 
 def limiting_speed(points: int, device: str | None) -> Sequence[float]:
-    """Largest speed of a crack that has not branched, over that of shear waves."""
+    """Speed at which cracks branch, over that of shear waves; where none branches, the largest."""
     runs = [running(points, overload, device) for overload in OVERLOADS]
-    return [max(speed for speed, growth in runs if growth < BRANCHED)]
+    if max(growth for _, growth in runs) < BRANCHED:
+        return [max(speed for speed, _ in runs)]
+    return [float(np.interp(branching(points, device)[0], OVERLOADS, [speed for speed, _ in runs]))]
 
 
 @lru_cache
