@@ -160,8 +160,10 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
     began = Identity(numbers["parts"], numbers["settings"])
     if began != known and not extends(began, known):
         other = difference(began, known)
+        longer = ", or a longer duration with frames at the same interval" if "duration" in other else ""
         raise InputError(
             f"{where}: it was written with different settings ({other}); expected the settings of the earlier run"
+            + longer
         )
     return {**data, "numbers": numbers}
 
