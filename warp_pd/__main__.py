@@ -327,7 +327,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 
     summary = run_summary(folder)
     if summary is None:
-        raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run")
+        raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run, or --shape")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])

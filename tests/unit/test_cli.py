@@ -23,6 +23,7 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
 WRONG_LINES = [
     (["run", "ball_penetratoin"], "did you mean 'ball_penetration'"),
     (["run", "nowhere/at_all"], "expected a name from `warp-pd list`, or a Python file"),
+    (["run", "nothing"], "or a Python file, *.py"),
     (["run", os.path.splitext(__file__)[0]], f"did you mean {__file__!r}"),
     (["run", "pressure", "--set", "presure=3"], "did you mean 'pressure'"),
     (["run", "pressure", "--set", "points=many"], "points = 'many': expected a whole number"),

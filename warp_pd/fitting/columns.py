@@ -72,7 +72,10 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
         )
     name = measure or column
     if measure is None and column not in known:
-        raise InputError(f"{table.path.name}: column {column!r}: expected a measure of the scene: {', '.join(known)}")
+        raise InputError(
+            f"{table.path.name}: column {column!r}: expected a measure of the scene: {', '.join(known)}; or name it "
+            "with measure = (--measure)"
+        )
     return name, column
 
 

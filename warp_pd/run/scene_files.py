@@ -34,7 +34,7 @@ def require_scene(name: str) -> None:
         names = scene_names()
         if name not in names:
             file = f"{name}.py"
-            near = [file] if Path(file).is_file() else difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            near = [file] if Path(file).is_file() else difflib.get_close_matches(name, names, n=1, cutoff=0.6)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
             raise InputError(f"scene = {name!r}: expected a name from `warp-pd list`, or a Python file, *.py{hint}")
     elif not Path(name).is_file():

@@ -65,7 +65,10 @@ def test_gaps_are_left_out_and_named(tmp_path):
         ("pressure [kPa],height [N]\n1,2\n", "column 'height' is a force: expected a length"),
         ("pressure [s],height [mm]\n1,2\n", "column 'pressure' is a time: expected a pressure"),
         ("depth [mm],height [mm]\n1,2\n", "expected one named as an argument of the scene"),
-        ("pressure [kPa],top [mm]\n1,2\n", "column 'top': expected a measure of the scene: height, edge_height, pull"),
+        (
+            "pressure [kPa],top [mm]\n1,2\n",
+            "column 'top': expected a measure of the scene: height, edge_height, pull; or name it",
+        ),
         ("pressure [kPa],pressure [kPa]\n1,2\n", "column 'pressure' appears twice"),
         ("pressure [kPa],height [mm]\n", "expected a header and rows"),
         ("pressure [kPa],height [mm]\n1,\n", "expected rows with both pressure and height"),

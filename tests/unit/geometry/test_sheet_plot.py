@@ -268,7 +268,7 @@ def test_command_line(tmp_path, monkeypatch):
         (["pressure", "--shape", "--set", "point=3"], "did you mean 'points'"),
         (["pressure", "--shape", "--out", "a.jpg"], "expected a name that ends in .png"),
         (["pressure", "--shape", "--scene", "a.py"], "--scene a.py: expected only without --shape"),
-        (["pressure"], "expected a folder with the summary.json of a run"),
+        (["pressure"], "expected a folder with the summary.json of a run, or --shape"),
         (["pressure", "--points", "7"], "--points: expected only with --shape"),
         (["pressure", "--set", "points=7"], "--set: expected only with --shape"),
         (["pressure", "--out", "a.png"], "--out: expected only with --shape"),
