@@ -156,7 +156,7 @@ def _end_with_the_run() -> None:
 
 
 def _load_writers() -> None:
-    from . import body_frames, vtkhdf  # noqa: F401 - what writers import
+    from . import vtkhdf  # noqa: F401 - what writers import
 
 
 def _make_writers(made: bytes) -> None:

@@ -1,4 +1,4 @@
-"""The writers of the files that hold the frames of a run."""
+"""The files of the frames of a run: the writer that takes each frame, and what is made from its file at the end."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ from ..device.checks import InputError
 from ..interfaces.frame import Surface
 from ..interfaces.output import Writer
 
-FRAMES = "frames.vtkhdf"
+FRAMES, BODIES, ANIMATION = "frames.vtkhdf", "bodies.vtkhdf", "animation.usd"
 
 
-def file_writers(
-    folder: Path, surface: Surface, *, append_from: int | None, vtkhdf: bool = True,
-    fields: Collection[str] | None = None,
-) -> list[Writer]:  # fmt: skip
-    """Create the writers of the files in a folder; arguments as for `VtkHdfSeries`."""
-    writers: list[Writer] = []
-    if vtkhdf:
-        from .vtkhdf import VtkHdfSeries
+def frame_writers(
+    folder: Path, surface: Surface, append_from: int | None, fields: Collection[str] | None
+) -> list[Writer]:
+    """Create the writer of the frames in a folder; arguments as for `VtkHdfSeries`."""
+    from .vtkhdf import VtkHdfSeries
 
-        frames = folder / FRAMES
-        if append_from is not None and not frames.is_file():
-            raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
-        writers.append(VtkHdfSeries(frames, surface, append_from=append_from, fields=fields))
-        if surface.bodies:
-            from .body_frames import BodySeries
+    if append_from is not None and not (folder / FRAMES).is_file():
+        raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {FRAMES}")
+    return [VtkHdfSeries(folder / FRAMES, surface, append_from=append_from, fields=fields)]
 
-            writers.append(BodySeries(folder / "bodies.vtkhdf", surface, append_from=append_from))
-    return writers
+
+def write_derived(folder: Path, usd: bool, seconds_per_frame: float | None) -> None:
+    """Write what is made from the frames in a folder: the file of the bodies, if there are some, and the animation."""
+    from .body_frames import write_bodies
+
+    write_bodies(folder / BODIES, folder / FRAMES)
+    if usd:
+        from .usd import write_animation
+
+        write_animation(folder / ANIMATION, folder / FRAMES, seconds_per_frame)

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 
 from ..device.checks import InputError
-from ..interfaces import History
+from ..interfaces import History, Writer
 from ..laws.point_fields import GROUPS
 from ..output.background import Background
 from ..output.beside import writers_beside
-from ..output.file_writers import FRAMES, file_writers
+from ..output.file_writers import FRAMES, frame_writers
 from . import restart
 from .built import Built
 from .folder import FINE, read_history, require_room, write_history
@@ -99,11 +99,11 @@ def add_files(
     room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
-    make = partial(
-        file_writers, folder, recorder.points.surface, append_from=append_from, vtkhdf=chosen.vtkhdf, fields=fields
-    )
-    # On a GPU the steps do not wait for Python.
-    writers = writers_beside(make) if recorder.built.context.device.is_cpu else make()
+    writers: list[Writer] = []
+    if chosen.vtkhdf:
+        made = (frame_writers, folder, recorder.points.surface, append_from, fields)
+        # On a GPU the steps do not wait for Python.
+        writers = writers_beside(*made) if recorder.built.context.device.is_cpu else made[0](*made[1:])
     files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)

@@ -16,6 +16,7 @@ from typing import Any
 
 from ..device.checks import InputError, OutputError, said
 from ..interfaces import History
+from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from . import restart
 
 try:
@@ -24,9 +25,9 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
     fcntl = None  # type: ignore[assignment]
 
 
-PAGE, ANIMATION = "view.html", "animation.usd"
+PAGE = "view.html"
 FINE = "fine_history.csv"
-RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "bodies.vtkhdf", ANIMATION, PAGE)
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, FRAMES, BODIES, ANIMATION, PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:

@@ -20,13 +20,12 @@ from ..interfaces import History, Reporter, Writer
 from ..interfaces.frame import format_time
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
-from ..output.file_writers import FRAMES
+from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
 from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import (
-    ANIMATION,
     PAGE,
     clear,
     clear_unfinished,
@@ -194,7 +193,7 @@ def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, fi
     if saved is not None:
         files.require_same(folder)
         # They describe a finished run, and this one goes on.
-        for name in ("summary.json", PAGE, ANIMATION):
+        for name in ("summary.json", PAGE, ANIMATION, BODIES):
             (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
@@ -249,7 +248,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 
 
 def _finish(result: Result, folder: Path, files: Files) -> None:
-    """Write the summary, draw the pictures, write the page and the animation."""
+    """Write the summary, draw the pictures, write the page, the animation and the bodies."""
     from ..output.view import page_frames
 
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
@@ -262,7 +261,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
     solver = result.built.simulation.solver
     equal = solver.duration / solver.frame_count if solver.equal_frames else None
-    animated = begun(_animate, folder, equal) if files.usd else None
+    derived = begun(write_derived, folder, files.usd, equal) if files.vtkhdf else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -279,15 +278,8 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     if frames is not None:
         write_page(folder, read=frames)
-    if animated is not None:
-        animated()
-
-
-def _animate(folder: Path, seconds_per_frame: float | None) -> None:
-    """Write the animation of the frames of a run."""
-    from ..output.usd import write_animation
-
-    write_animation(folder / ANIMATION, folder / FRAMES, seconds_per_frame)
+    if derived is not None:
+        derived()
 
 
 def headline(built: Built) -> str:

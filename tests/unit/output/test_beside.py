@@ -24,7 +24,7 @@ from warp_pd.output.beside import (
     wait_for_pictures,
     writers_beside,
 )
-from warp_pd.output.file_writers import file_writers
+from warp_pd.output.file_writers import frame_writers as real_writers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are divided on Linux only")
 
@@ -116,7 +116,7 @@ def test_small_sheets_get_no_processes():
 def frame_writers(folder, fields):
     if fields == "wrong":
         raise InputError("fields = 'wrong'")
-    return file_writers(folder, SURFACE, append_from=None, fields=fields)
+    return real_writers(folder, SURFACE, None, fields)
 
 
 SURFACE = Surface(np.eye(3), np.array([[0, 1, 2]]))
