@@ -120,10 +120,10 @@ ROWS: tuple[Callable[[], Comparison], ...] = (
         "notch", STRETCHES, tuple(map(lindley, STRETCHES)), STRIP, (31, 61), (49, 97, 193), notch_factors, by_elements
     ),
     lambda: Comparison(
-        "pieces", ("pure shear", "trousers", "edge notch"), (1.0, 1.0, 1.0), 0.02, (30,), (40, 60), test_pieces
+        "pieces", ("pure shear", "trousers", "edge notch"), (1.0, 1.0, 1.0), 0.02, (30,), (40, 60, 90), test_pieces
     ),
     lambda: Comparison("peel", ("90 (T)", "180 degrees"), (1.0, 1.0), peel.LENGTH, (31,), (61, 121), peel_forces),
     lambda: Comparison(
-        "cutting", (0.25, 0.5, 0.75), (1.0, 1.0, 1.0), HEIGHT, (20,), (30, 40), cutting_energies, slower_blade
+        "cutting", (0.25, 0.5, 0.75), (1.0, 1.0, 1.0), HEIGHT, (20,), (30, 40, 60), cutting_energies, slower_blade
     ),
 )
