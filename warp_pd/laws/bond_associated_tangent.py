@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -198,11 +199,22 @@ class TangentMatrix:
         blocks[own[:, None], np.arange(3), np.arange(3)] += np.where(free, 0.0, stiffness)
         return sparse.bsr_matrix((blocks, columns, starts), shape=(free.size, free.size))
 
+    @functools.cached_property
+    def _free_entries(self) -> csc_matrix:
+        """Matrix of the free components whose values are the places of its entries in `blocks`, counted from 1."""
+        from scipy import sparse
+
+        n, starts, columns = self.free.size, self.starts.numpy(), self.columns.numpy()
+        places = np.arange(1, 9 * len(columns) + 1).reshape(-1, 3, 3)
+        whole = sparse.bsr_matrix((places, columns, starts), shape=(n, n)).tocsc()
+        return whole[:, self.free].tocsr()[self.free].tocsc()
+
     def matrix(self) -> csc_matrix:
         """K of the free components [N/m], shape (free, free)."""
-        found = self.whole().tocsc()
+        found = self._free_entries.astype(np.float64)
+        found.data = self.blocks.numpy().ravel()[self._free_entries.data - 1].astype(np.float64)
         found.eliminate_zeros()
-        return found[:, self.free].tocsr()[self.free].tocsc()
+        return found
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
