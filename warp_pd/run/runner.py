@@ -249,22 +249,28 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 
 def _finish(result: Result, folder: Path, files: Files) -> None:
     """Write the summary, draw the pictures, write the page, the animation and the bodies."""
+    solver = result.built.simulation.solver
+    equal = solver.duration / solver.frame_count if solver.equal_frames else None
+    with contextlib.ExitStack() as after:
+        if files.vtkhdf:
+            after.callback(begun(write_derived, folder, files.usd, equal))
+        _show(result, folder, files)
+
+
+def _show(result: Result, folder: Path, files: Files) -> None:
+    """Write the summary, draw the pictures, write the page."""
     from ..output.view import page_frames
 
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
-    summary = result.summary
+    summary, scene = result.summary, result.built.simulation
     large = result.built.context.whole.size > LARGE
     if files.view and large:
         summary["notes"].append(
             f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
         )
     frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
-    solver = result.built.simulation.solver
-    equal = solver.duration / solver.frame_count if solver.equal_frames else None
-    derived = begun(write_derived, folder, files.usd, equal) if files.vtkhdf else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-    scene = result.built.simulation
     if files.pictures:
         try:
             draw(scene, result.history, folder, summary, files.pictures)
@@ -278,8 +284,6 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     if frames is not None:
         write_page(folder, read=frames)
-    if derived is not None:
-        derived()
 
 
 def headline(built: Built) -> str:

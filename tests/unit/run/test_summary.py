@@ -21,9 +21,9 @@ from warp_pd.measures import largest
 from warp_pd.run.folder import read_history
 
 
-def one_frame(tmp_path, **parts):
+def one_frame(tmp_path, usd=False, **parts):
     simulation = Simulation(square(5), BondAssociated(NEO), Explicit(1e-4, frames=1), **parts)
-    return simulation.run(device="cpu", out=tmp_path, usd=False)
+    return simulation.run(device="cpu", out=tmp_path, usd=usd)
 
 
 @pytest.mark.parametrize(("value", "said"), [(lambda h: 1 / 0, "ZeroDivisionError"), (lambda h: "many", "'many'")])
@@ -62,10 +62,10 @@ def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
         assert not notes and float(cells[2]) == value
 
 
-def test_pictures_that_fail_are_told_in_a_line(tmp_path):
+def test_pictures_that_fail_are_told_in_a_line_and_take_no_other_file(tmp_path):
     with refused(match="pictures: KeyError"):
-        one_frame(tmp_path, pictures=lambda history, folder: history[0]["nothing"])
-    assert (tmp_path / "summary.json").is_file()
+        one_frame(tmp_path, usd=True, pictures=lambda history, folder: history[0]["nothing"])
+    assert (tmp_path / "summary.json").is_file() and (tmp_path / "animation.usd").is_file()
 
 
 @pytest.mark.parametrize("every", [None, 2e-4])
