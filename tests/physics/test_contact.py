@@ -29,6 +29,17 @@ def test_no_point_is_inside_the_ball_and_the_energy_balances(precision, damping)
     assert result.history[-1]["ball_force_z"] > 0.0
 
 
+def test_the_balance_with_damping_is_of_second_order_in_the_step():
+    """Damping takes part of the impulses of the ball."""
+    sheet, worst = square(13), []
+    for safety in (0.2, 0.1, 0.05):
+        ball = RigidBall(0.04, (0.05, 0.05, 0.0201), (0.0, 0.0, -0.5))
+        solver = Explicit(0.04, frames=8, safety=safety, damping=30.0)
+        result = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=ball)
+        worst.append(max(abs(row["balance_error"]) for row in result.history))
+    assert worst[0] < 1e-3 and worst[1] < 0.35 * worst[0] and worst[2] < 0.3 * worst[1]
+
+
 def test_the_ball_feels_the_momentum_that_it_gives():
     sheet = square(9)
     result = run(
