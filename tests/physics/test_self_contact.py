@@ -122,14 +122,21 @@ def test_the_force_is_minus_the_gradient_of_the_energy(breakable):
         assert slope == pytest.approx(-(contact * direction).sum(), rel=1e-5)
 
 
-def test_pairs_without_a_bond_touch_and_no_others():
-    sheet = square(17).cut((-0.01, 0.02), (0.03, 0.02))
-    built = build(sheet, horizon=3.15, contact=SelfContact(), damage=CriticalStretch(2.0))
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_pairs_without_a_bond_touch_and_no_others(pieces):
+    """Points of one piece keep less than their distance in the sheet, also beside another piece that is far away."""
+    sheet, start = square(17).cut((-0.01, 0.02), (0.03, 0.02)), None
+    if pieces == 2:
+        sheet = together(sheet, square(17))
+        start = placed(sheet, Place(), Place((0.0, 0.0, 1.0)))
+    built = build(sheet, horizon=3.15, contact=SelfContact(), damage=CriticalStretch(2.0), initial_displacement=start)
     sever(built, ((0.08, 0.08), (0.08, 0.11)))
     built.context.run("setup")
     assert np.abs(built.to_numpy(built.state.force)).max() < 1e-15
     # Squeezed, bonds are shorter than what other pairs keep.
     squeezed = np.column_stack([-0.4 * sheet.points, np.zeros(sheet.size)])
+    if pieces == 2:
+        squeezed[sheet.pieces == 2] = start[sheet.pieces == 2]
     built.state.displacement.assign(squeezed)
     built.context.run("setup")
     built.context.run("frame")
@@ -140,6 +147,7 @@ def test_pairs_without_a_bond_touch_and_no_others():
     assert touching[at_cut].any()
     assert touching[at_tear].any()
     assert not touching[~(at_cut | at_tear)].any()
+    assert pieces == 1 or not touching[sheet.pieces == 2].any()
 
 
 def test_lists_hold_every_pair_within_their_reach():

@@ -33,7 +33,7 @@ def torn_by(sheet, segment):
 
 
 @pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (30.0, 0.0), (0.0, 0.25)])
-@pytest.mark.parametrize("angle", [0.0, 22.5, 70.0])
+@pytest.mark.parametrize("angle", [0.0, 22.5, 70.0, -40.0])
 def test_a_straight_crack_has_its_length_and_direction_on_any_grid(turn, jitter, angle):
     sheet = sheet_of(turn, jitter)
     line = TearLine(sheet)

@@ -19,7 +19,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.parts.body_checks import passes
+from warp_pd.parts.body_checks import passes, sweeps
 
 
 def notes(contact, duration=0.04, points=11, damage=None):
@@ -67,6 +67,16 @@ def test_a_way_through_a_triangle_is_told_from_one_beside_it():
     for beside, met in ((0.45, True), (0.5, True), (0.55, False)):
         begin, end = ((shift, 0.0, height) for shift, height in ((0.0, 0.2), (5.0 * beside, -0.8)))
         assert passes(corners + begin, corners + end, np.array([[0, 1, 2]]), None) == met
+
+
+@pytest.mark.parametrize(("begin", "end", "met"), [
+    ((-2.0, 0.1, 0.0), (2.0, 0.1, 0.0), True), ((-2.0, 0.45, 0.0), (2.0, 0.45, 0.0), False),
+    ((-2.0, 0.1, 0.0), (-0.6, 0.1, 0.0), False), ((-1.0, 0.1, 0.0), (39.0, 0.1, 0.0), True),
+])  # fmt: skip
+def test_a_way_through_a_body_is_told_from_one_beside_it(begin, end, met):
+    """A point that comes out on the other side of a ball of diameter 1, at least 0.1 deep on its way."""
+    ways = np.array([begin, (3.0, 3.0, 3.0)]), np.array([end, (3.0, 3.0, 2.0)])
+    assert sweeps(*ways, Sphere(1.0), 0.1, lambda places: np.linalg.norm(places, axis=1) - 0.5) == met
 
 
 def test_a_pin_beside_the_sheet_is_not_noted():
