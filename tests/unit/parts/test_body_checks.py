@@ -8,6 +8,7 @@ from warp_pd import (
     ArcLength,
     BodyPath,
     BondAssociated,
+    Box,
     Capsule,
     CriticalStretch,
     Explicit,
@@ -77,6 +78,9 @@ def test_a_way_through_a_body_is_told_from_one_beside_it(begin, end, met):
     """A point that comes out on the other side of a ball of diameter 1, at least 0.1 deep on its way."""
     ways = np.array([begin, (3.0, 3.0, 3.0)]), np.array([end, (3.0, 3.0, 2.0)])
     assert sweeps(*ways, Sphere(1.0), 0.1, lambda places: np.linalg.norm(places, axis=1) - 0.5) == met
+    # The way close above a flat box is nearer to its middle than its corners are.
+    above = np.array([(-2.0, 0.0, 0.15)]), np.array([(2.0, 0.0, 0.15)])
+    assert not sweeps(*above, Box((1.0, 1.0, 0.2)), 0.05, lambda places: np.abs(places[:, 2]) - 0.1)
 
 
 def test_a_pin_beside_the_sheet_is_not_noted():
