@@ -143,7 +143,7 @@ def listing(
         awake: wp.array(dtype=wp.uint8),
         start: int,
         stop: int,
-        stride: int,
+        blocks: int,
         first: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -154,7 +154,7 @@ def listing(
         # A CPU thread looks at adjacent points; those of a GPU, at points side by side.
         begin, end, step = start + place, wp.min(start + place + wp.static(together), stop), wp.int32(1)
         if wp.static(atomics):
-            begin, end, step = start + thread, stop, stride
+            begin, end, step = start + thread, stop, blocks * wp.block_dim()
         for i in range(begin, end, step):
             wakes = bool(True)
             can_wake = bool(True)

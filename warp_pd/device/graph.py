@@ -38,12 +38,12 @@ class LaunchSequence:
     Args:
         stage: The stage.
         repeat: Number of repetitions.
-        begin: Index of the first repetition; all launches run in repetition 0, see `Launch.every`.
+        begin: Index of the first repetition, see `Launch.every`.
     """
 
     def __init__(self, stage: Stage, repeat: int = 1, begin: int = 0) -> None:
         self.device, self.repeat = stage.device, repeat
-        rounds = [[item for item in stage if number % item.every == 0] for number in range(begin, begin + repeat)]
+        rounds = [stage.round(number) for number in range(begin, begin + repeat)]
         self.items = [item for once in rounds for item in once]
         if stage.wraparound is not None:
             early = stage.leading
@@ -70,9 +70,9 @@ class LaunchSequence:
             command()
 
     def _captured(self) -> Callable[[], None]:
-        calls = [item for item in dict.fromkeys(self.items) if isinstance(item, Call)]
+        calls = [item for item in dict.fromkeys(self.items) if isinstance(item, Call) and item.capture is not None]
         body = functools.partial(run_once, self.device, self.items)
-        if calls:
+        if calls and calls[0].capture is not None:
             return calls[0].capture(self.device, functools.partial(_run_calls, calls), body)
         with no_collection(), wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
             body()

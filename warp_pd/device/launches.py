@@ -103,6 +103,10 @@ class Span:
     together: int
     most: int
 
+    def blocks(self, points: int) -> int:
+        """Number of blocks for a number of points."""
+        return min(-(-points // self.together), self.most)
+
 
 @dataclass(eq=False)
 class Launch:
@@ -125,6 +129,7 @@ class Launch:
         only_if: Array; while its first entry is 0, a CPU skips the launch, and on a GPU the kernel does nothing.
         grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
         every: Interval of repetitions of a repeated stage in which it runs.
+        since: First repetition in which it runs.
         early: Whether it may run before the last launch of the previous repetition.
         late: The same launch after the early ones of the next repetition, if it then has other arguments.
     """
@@ -145,6 +150,7 @@ class Launch:
     only_if: Array | None = None
     grouped: bool = False
     every: int = 1
+    since: int = 0
     early: bool = False
     late: Launch | None = None
 
@@ -165,7 +171,7 @@ class Launch:
         """The same launch on the points begin to end - 1."""
         if self.span is None:
             return replace(self, begin=begin, threads=end - begin)
-        blocks = min(-(-(end - begin) // self.span.together), self.span.most)
+        blocks = self.span.blocks(end - begin)
         arguments = {**self.arguments, "start": begin, "stop": end, "blocks": blocks}
         return replace(self, threads=self.threads // self.arguments["blocks"] * blocks, arguments=arguments)
 
@@ -197,7 +203,8 @@ class Call:
     Attributes:
         threads: Rows that it works on.
         function: The function to call, on Warp's stream of the device.
-        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
+        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call; None if
+            Warp captures it like a launch.
         divided: Whether launches were split around it.
     """
 
@@ -205,11 +212,12 @@ class Call:
     owner: str
     threads: int
     function: Callable[[], None]
-    capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
+    capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]] | None
     touched: Touched
     side_stream: bool = False
     divided: bool = False
     every: int = 1
+    since: int = 0
 
     @property
     def parts(self) -> list[str]:
@@ -248,6 +256,10 @@ class Stage:
     def interval(self) -> int:
         """Number of repetitions after which all items have run at least once."""
         return math.lcm(*(item.every for item in self.items))
+
+    def round(self, number: int) -> list[Item]:
+        """The items that run in a repetition."""
+        return [item for item in self.items if number % item.every == item.since]
 
     @contextlib.contextmanager
     def every(self, repetitions: int) -> Iterator[None]:

@@ -9,12 +9,12 @@ of the first horizon outside are computed twice, and forces are summed in the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from ..device.checks import InputError
 from ..device.fields import Stored
-from ..device.launches import Call, Item, Launch, Stage
+from ..device.launches import Call, Item, Launch
 from ..families.partition import HALO
 from .context import Context
 from .overlap import has_streams, overlap_exchanges
@@ -105,24 +105,30 @@ class Exchanges:
                 return need
             need = new
 
-    def find(self) -> dict[str, dict[int, list[Stored]]]:
-        """Fields to exchange before the items of each stage, by index of the item."""
+    def find(self) -> dict[str, list[dict[int, list[Stored]]]]:
+        """Fields to exchange before the items of each repetition of each stage, by index of the item."""
         entry = {k: _depth_of(self.fields[k]) for access in self._access.values() for k in access.writes}
         while True:
-            found, lowest = {}, dict(entry)
+            found: dict[str, list[dict[int, list[Stored]]]] = {}
+            lowest = dict(entry)
             for stage in self.stages:
-                found[stage.name], leaves = self._follow(stage, entry)
-                lowest = {k: min(depth, leaves[k]) for k, depth in lowest.items()}
+                found[stage.name] = []
+                for number in range(stage.interval):
+                    exchanged, leaves = self._follow(stage.round(number), entry)
+                    found[stage.name].append(exchanged)
+                    lowest = {k: min(depth, leaves[k]) for k, depth in lowest.items()}
             if lowest == entry:
                 return found
             entry = lowest
 
-    def _follow(self, stage: Stage, entry: Mapping[int, int]) -> tuple[dict[int, list[Stored]], dict[int, int]]:
-        """Exchanges of a stage whose fields are valid to given depths at its start, and the depths at its end."""
+    def _follow(
+        self, items: Sequence[Item], entry: Mapping[int, int]
+    ) -> tuple[dict[int, list[Stored]], dict[int, int]]:
+        """Exchanges between items whose fields are valid to given depths at their start, and the depths at the end."""
         depth = dict(entry)
         found: dict[int, list[Stored]] = {}
         written_since: dict[int, set[int]] = {}
-        for place, item in enumerate(stage):
+        for place, item in enumerate(items):
             if not isinstance(item, Launch):
                 continue
             access, need = self._access[id(item)], self.need[id(item)]
@@ -161,16 +167,22 @@ def add_exchanges(context: Context) -> None:
     exchanges = Exchanges(context)
     found = exchanges.find()
     for stage in context.stages.values():
-        items: list[Item] = []
-        added: set[int] = set()
-        for place, item in enumerate(stage.items):
-            if place in found[stage.name]:
-                call: Call = context.communicator.exchange(found[stage.name][place], partition)
-                items.append(call)
-                added.add(id(call))
-            items.append(item)
-        if any(place <= stage.leading for place in found[stage.name]):
-            stage.wraparound = None
-        if has_streams(context.device):
-            items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
-        stage.items = items
+        rounds: list[list[Item]] = []
+        for number, places in enumerate(found[stage.name]):
+            items: list[Item] = []
+            added: set[int] = set()
+            for place, item in enumerate(stage.round(number)):
+                if place in places:
+                    call: Call = context.communicator.exchange(places[place], partition)
+                    items.append(call)
+                    added.add(id(call))
+                items.append(item)
+            if any(place <= stage.leading for place in places):
+                stage.wraparound = None
+            if has_streams(context.device):
+                items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
+            rounds.append(items)
+        if len(rounds) > 1:
+            # Repetitions with different launches have different exchanges.
+            rounds = [[replace(i, every=len(rounds), since=n) for i in items] for n, items in enumerate(rounds)]
+        stage.items = [item for items in rounds for item in items]

@@ -12,7 +12,7 @@ import warp as wp
 
 from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
 from ..device.fields import Array, to_host
-from ..device.launches import Stage, with_values
+from ..device.launches import Span, Stage, with_values
 from ..families.partition import Partition
 from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
 from ..geometry.sheet import ByPoint, Sheet
@@ -45,8 +45,8 @@ FEW, ROUND_OFF = 4, 1e-4
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Threads of a block that sweeps, and the number of which that of the neighbours is a multiple.
 SWEEP_BLOCK, NEIGHBOURS = 256, 4
-# Threads of a GPU that look for points to list.
-GPU_LOOKS = 2**18
+# Blocks of a GPU that look for points to list.
+GPU_LOOKS = 2**10
 # Families whose driving energy a GPU computes at once, each by several threads.
 GPU_FAMILIES = 2**13
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
@@ -472,10 +472,13 @@ class DamageField(Damaged):
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         if self._ghosts is not None:
             self._ghosts.add_unlisting(stage, self._driving)
-        threads = min(own.stop - own.start, GPU_LOOKS) if self._found is None else len(self._found)
+        # Points of a GPU may be divided, so that those far from other processes do not wait for their displacements.
+        span = Span(stage.block_dim, GPU_LOOKS) if self._found is None else None
+        blocks = 1 if span is None else span.blocks(own.stop - own.start)
+        threads = blocks * stage.block_dim if self._found is None else len(self._found)
         stage.launch(
-            self.owner, k.wake, threads, start=own.start, stop=own.stop, stride=threads, screen=self._screen,
-            awake=self._awake, found=self._found, **listing,
+            self.owner, k.wake, threads, start=own.start, stop=own.stop, blocks=blocks, screen=self._screen,
+            awake=self._awake, found=self._found, span=span, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:

@@ -104,9 +104,10 @@ def plan(built: Built) -> str:
     lines += [f"  {total} bytes, {total / points:.1f} per point", "", "launches"]
     launches = []
     for stage in context.stages.values():
-        counted = Counter((x.name, x.threads, x.owner, x.every) for x in stage)
-        for (name, threads, owner, every), times in counted.items():
+        counted = Counter((x.name, x.threads, x.owner, x.every, x.since) for x in stage)
+        for (name, threads, owner, every, since), times in counted.items():
             often = stage.when if every == 1 else f"{stage.when}, once in {every}"
+            often = f"{often}, from {since}" if since else often
             often = often if times == 1 else f"{often}, {times} times"
             launches.append((stage.name, name, f"{threads}", owner, often))
         if stage.wraparound is not None:
