@@ -418,6 +418,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
 def damage_field(
     layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
     earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int, near: int,
+    shared: bool,
 ) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
@@ -436,6 +437,7 @@ def damage_field(
             in `drive`.
         lanes: Number of these threads, or 1.
         near: Number of neighbours in the tables of couplings.
+        shared: Whether other processes must know which points are listed.
     """
     real = layout.types.real
 
@@ -461,7 +463,7 @@ def damage_field(
         i = wp.tid() + first
         out[i] = wp.float32(damage[i])
 
-    empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few)
+    empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few, shared)
     drive, sweep = driving_force(layout, weak, driving_energy, partial_energy, lanes, near)
     finish = finishing(layout, spared, tracked, weak, earlier_energy)
     return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)

@@ -50,7 +50,7 @@ def screen_struct(bits: int) -> Any:
 
 @functools.cache
 def listing(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int
+    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, shared: bool
 ) -> tuple[Kernel, Kernel, Kernel, Kernel]:
     """Kernels `empty`, `wake`, `pack` and `rouse`, which list points; arguments as for `damage_field`."""
     types = layout.types
@@ -148,6 +148,7 @@ def listing(
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         found: wp.array(dtype=wp.int32),
+        driving: wp.array(dtype=real),
     ):
         thread = wp.tid() + first
         place = thread * wp.static(together)
@@ -164,6 +165,8 @@ def listing(
                 wakes = awake[i] != wp.uint8(0)
                 wakes = stretched(family, displacement, intact, horizon, screen, i) or wakes
             wakes = wakes and can_wake
+            if wp.static(shared):
+                driving[i] = real(UNLISTED)
             if wakes:
                 if wp.static(atomics):
                     listed[wp.atomic_add(count, 0, 1)] = i
@@ -188,18 +191,12 @@ def listing(
 
 
 @functools.cache
-def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
-    """Kernels of one of several processes, which sweeps over ghost points as their owners do.
+def ghost_kernel(bits: int) -> Kernel:
+    """Kernel of one of several processes, which sweeps over ghost points as their owners do.
 
-    Returns:
-        A kernel that removes own points from the list before others are listed; a kernel (one CPU thread) that lists
-        ghost points like their owners, after `driving` and `damage` have been received from them.
+    It (one CPU thread) lists ghost points like their owners, after `driving` and `damage` have been received from them.
     """
     real = numeric(bits).real
-
-    @kernel()
-    def unlist(first: int, driving: wp.array(dtype=real)):
-        driving[wp.tid() + first] = real(UNLISTED)
 
     @kernel(per="list")
     def list_ghosts(
@@ -221,4 +218,4 @@ def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
             if driving[i] != real(UNLISTED):
                 listed[wp.atomic_add(count, 0, 1)] = i
 
-    return unlist, list_ghosts
+    return list_ghosts

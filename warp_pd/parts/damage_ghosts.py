@@ -16,7 +16,7 @@ from ..device.fields import Array, to_host
 from ..device.launches import Call, Stage
 from ..geometry.couplings import gradient_couplings
 from ..interfaces.context import Context
-from ..kernels.damage_list import ghost_kernels
+from ..kernels.damage_list import ghost_kernel
 
 # Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.
 LAYERS = 8
@@ -29,7 +29,7 @@ class DamageGhosts:
         assert context.partition is not None
         self.owner, self.context, self.partition = owner, context, context.partition
         self.own = self.partition.owned
-        self._unlist, self._list = ghost_kernels(context.bits)
+        self._list = ghost_kernel(context.bits)
 
     def areas(self, represented: np.ndarray) -> np.ndarray:
         """Areas represented by the bonds of each point [m^2], (N,); ghost points get the areas of their owners."""
@@ -47,11 +47,6 @@ class DamageGhosts:
         left = np.zeros(couplings.shape)
         left.flat[there] = couplings.ravel()[there]
         return found, left
-
-    def add_unlisting(self, stage: Stage, driving: Array) -> None:
-        """Add the launch that removes the own points from the list."""
-        own = self.own
-        stage.launch(self.owner, self._unlist, own.stop - own.start, begin=own.start, driving=driving)
 
     def add_listing(self, stage: Stage, threads: int, **arrays: Any) -> None:
         """Add the launch that lists ghost points; `threads` are those of a GPU, `arrays` the kernel's arguments."""

@@ -174,7 +174,7 @@ class DamageField(Damaged):
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             few, self.released is not None, weak, law.earlier_energy,
             law.driving_energy or law.earlier_energy,
-            law.partial_energy, self._lanes, len(self._neighbours),
+            law.partial_energy, self._lanes, len(self._neighbours), self._ghosts is not None,
         )  # fmt: skip
         self._softening = self.field
         if weak:
@@ -462,23 +462,25 @@ class DamageField(Damaged):
     def _add_empty(self, stage: Stage) -> None:
         """Add the launch that empties the list; on a CPU `pack` begins a new list instead."""
         if self._found is None:
+            # Where it is not left out with others, it need not hold up what follows.
+            alone = self._ghosts is not None
             stage.launch(
-                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=self._ghosts is None
-            )
+                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=not alone,
+                side_stream=alone,
+            )  # fmt: skip
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points and compute their driving energy."""
         k, given, own = self.kernels, self.arguments(), self._own
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
-        if self._ghosts is not None:
-            self._ghosts.add_unlisting(stage, self._driving)
         # Points of a GPU may be divided, so that those far from other processes do not wait for their displacements.
         span = Span(stage.block_dim, GPU_LOOKS) if self._found is None else None
         blocks = 1 if span is None else span.blocks(own.stop - own.start)
         threads = blocks * stage.block_dim if self._found is None else len(self._found)
         stage.launch(
             self.owner, k.wake, threads, start=own.start, stop=own.stop, blocks=blocks, screen=self._screen,
-            awake=self._awake, found=self._found, span=span, **listing,
+            awake=self._awake, found=self._found, driving=None if self._ghosts is None else self._driving, span=span,
+            **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:
