@@ -27,9 +27,9 @@ from warp_pd.interfaces.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
 
 
-def exchanged(name, stage="step"):
+def exchanged(name, stage="step", number=0):
     made = composed(scene(name))
-    return [item.name for item in made.context.stages[stage] if item.name.startswith("exchange")]
+    return [item.name for item in made.context.stages[stage].round(number) if item.name.startswith("exchange")]
 
 
 def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
@@ -39,6 +39,8 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
     # Displacements and velocities are needed by different launches of a field: one exchange brings both.
     of_field = ["exchange displacement, velocity", "exchange damage_field, driving, severed_at"]
     assert exchanged("field") == of_field
+    # A step that does not look for damage exchanges what its force needs.
+    assert exchanged("field", number=1) == ["exchange displacement"]
     # More sweeps than there are layers of ghost points.
     assert exchanged("field hole") == [*of_field, "exchange damage_field, damage_after_sweep"]
     # Bonds that break by their work follow from forces, which the halo does not have.

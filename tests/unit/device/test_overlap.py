@@ -161,6 +161,19 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_
     assert waits["family_block_force"] and not waits["undamaged_family_force"]
 
 
+def test_steps_between_two_looks_for_damage_overlap_as_those_without(streams, gpu_paths, tune):
+    """Declared on a CPU, not run."""
+    tune(lattice_bonds=0)
+    step = process(scene("field"), 0, 2, begin=False).context.stages["step"]
+    looks, between = step.round(0), step.round(1)
+    assert step.interval == 2 and step.items == [*looks, *between]
+    launches = [{item.name for item in items if isinstance(item, Launch)} for items in (looks, between)]
+    assert launches[0] > launches[1] and {"wake", "drive", "finish"} <= launches[0] - launches[1]
+    names = [item.name for item in between if item.divided]
+    assert names == ["displacement", *2 * ["undamaged_family_force"]]
+    assert "undamaged_family_force" not in [item.name for item in looks if item.divided]
+
+
 def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
     def call(*writes):
         return Call("", "", 0, lambda: None, None, Touched(writes=frozenset(writes)), side_stream=True, divided=True)
