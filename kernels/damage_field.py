@@ -363,13 +363,19 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         stride: int,
+        family_class: wp.array(dtype=wp.int32),
+        inner: int,
+        undamaged: wp.uint32,
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
+        others: wp.array(dtype=wp.int32),
+        other_count: wp.array(dtype=wp.int32),
     ):
+        """The last arguments but `released` are those of `OtherFamilies` (interfaces/law.py), or empty."""
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
             if damage[i] > real(0.0) and before[i] == real(0.0):
@@ -392,6 +398,10 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
             lost = real(0.0)
             for after in range(wp.where(breaks, 2, 1)):
                 if after == 1:
+                    if others.shape[0] > 0:
+                        # The kernel of undamaged families has taken it for one.
+                        if family_class[i] == inner and intact[0, i] == undamaged:
+                            others[wp.atomic_add(other_count, 0, 1)] = i
                     for word in range(family.words):
                         intact[word, i] = bonds_left(
                             family, intact, damage, severed_at, spared_mask, squared_reach, i, word

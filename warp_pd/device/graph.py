@@ -70,9 +70,9 @@ class LaunchSequence:
             command()
 
     def _captured(self) -> Callable[[], None]:
-        calls = [item for item in dict.fromkeys(self.items) if isinstance(item, Call) and item.capture is not None]
+        calls = [item for item in dict.fromkeys(self.items) if isinstance(item, Call)]
         body = functools.partial(run_once, self.device, self.items)
-        if calls and calls[0].capture is not None:
+        if calls:
             return calls[0].capture(self.device, functools.partial(_run_calls, calls), body)
         with no_collection(), wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
             body()
@@ -208,7 +208,9 @@ def side_stream_waits(items: Sequence[Item]) -> list[bool]:
     parallel: list[Item] = []
     for item in items:
         alone = _condition(item) is not None
-        waits.append(any(alone or _must_wait(item, earlier) for earlier in parallel))
+        # What follows on the side stream is in order there.
+        follows = item.side_stream and not item.divided and not alone
+        waits.append(not follows and any(alone or _must_wait(item, earlier) for earlier in parallel))
         if waits[-1]:
             parallel = []
         if item.side_stream:

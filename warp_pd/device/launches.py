@@ -132,6 +132,7 @@ class Launch:
         since: First repetition in which it runs.
         early: Whether it may run before the last launch of the previous repetition.
         late: The same launch after the early ones of the next repetition, if it then has other arguments.
+        completing: The same launch after the next one that fills a list, which it then completes.
     """
 
     name: str
@@ -153,6 +154,7 @@ class Launch:
     since: int = 0
     early: bool = False
     late: Launch | None = None
+    completing: Launch | None = None
 
     @property
     def gathered(self) -> set[int]:
@@ -203,8 +205,7 @@ class Call:
     Attributes:
         threads: Rows that it works on.
         function: The function to call, on Warp's stream of the device.
-        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call; None if
-            Warp captures it like a launch.
+        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         divided: Whether launches were split around it.
     """
 
@@ -212,7 +213,7 @@ class Call:
     owner: str
     threads: int
     function: Callable[[], None]
-    capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]] | None
+    capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
     touched: Touched
     side_stream: bool = False
     divided: bool = False
@@ -284,9 +285,13 @@ class Stage:
         only_if: Array | None = None,
         grouped: bool = False,
         early: bool = False,
+        completing: Mapping[str, Any] | None = None,
         **arguments: Any,
     ) -> None:
-        """Add a launch; `begin` is the value of `first` for the first thread."""
+        """Add a launch; `begin` is the value of `first` for the first thread.
+
+        `completing`: arguments that differ where it runs after the next launch that fills a list, see `Launch`.
+        """
         expected = {a.label for a in kernel.kernel.adj.args} - {"first"}
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
@@ -294,6 +299,9 @@ class Stage:
             block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
             grouped=grouped, every=self._every, early=early,
         )  # fmt: skip
+        if completing is not None:
+            after = {**arguments, **completing}
+            made.completing = replace(made, arguments=after, touched=touched(kernel.effects, after))
         self.items.append(made)
 
     def pointwise(

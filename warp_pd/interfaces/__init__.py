@@ -13,7 +13,7 @@ from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
-    from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
+    from .law import BuiltLaw, Law, OtherFamilies, Solve, SparseTangent, Tangent
     from .output import FrameReport, Reporter, Writer
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
     from .solver import BuiltSolver, FrameSink, Solver, System
@@ -22,7 +22,7 @@ else:
         __name__,
         {
             "built_part": "BuiltPart History StepLimit",
-            "law": "BuiltLaw Law Solve SparseTangent Tangent",
+            "law": "BuiltLaw Law OtherFamilies Solve SparseTangent Tangent",
             "output": "FrameReport Reporter Writer",
             "part": "BuiltContact BuiltLoad BuiltRupture Constraint Contact Load Part Rupture Solid",
             "solver": "BuiltSolver FrameSink Solver System",
@@ -43,6 +43,7 @@ __all__ = [
     "History",
     "Law",
     "Load",
+    "OtherFamilies",
     "Part",
     "Reporter",
     "Rupture",

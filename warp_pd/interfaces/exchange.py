@@ -17,7 +17,7 @@ from ..device.fields import Stored
 from ..device.launches import Call, Item, Launch
 from ..families.partition import HALO
 from .context import Context
-from .overlap import has_streams, overlap_exchanges
+from .overlap import complete_later, has_streams, overlap_exchanges
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
 OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
@@ -180,7 +180,9 @@ def add_exchanges(context: Context) -> None:
             if any(place <= stage.leading for place in places):
                 stage.wraparound = None
             if has_streams(context.device):
-                items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
+                items = overlap_exchanges(
+                    complete_later(items), added, partition, exchanges.of_points, exchanges.numbered
+                )
             rounds.append(items)
         if len(rounds) > 1:
             # Repetitions with different launches have different exchanges.

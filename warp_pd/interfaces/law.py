@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -88,6 +89,27 @@ class Tangent(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class OtherFamilies:
+    """The list of families that the kernel of undamaged inner families leaves to another one.
+
+    Bonds may break between the two kernels if the families that lose their first one are added to the list.
+
+    Attributes:
+        family_class: Class of each family, (N,) int32.
+        inner: Class of the inner families.
+        undamaged: Bits of the bonds of an undamaged inner family.
+        points: The list, int32.
+        count: Number of its entries, (1,) int32.
+    """
+
+    family_class: Array
+    inner: int
+    undamaged: int
+    points: Array
+    count: Array
+
+
 class BuiltLaw(BuiltPart, Protocol):
     """A force law on a device.
 
@@ -131,6 +153,11 @@ class BuiltLaw(BuiltPart, Protocol):
     needs_finest: str
     goes_slack: bool
     slack_frequency: float | None
+
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """The list of families that are not undamaged, if a kernel of its own computes the others; else None."""
+        return None
 
     @property
     def strain_energy(self) -> Array | None:

@@ -47,6 +47,13 @@ def overlap_exchanges(
         assert isinstance(item, Call)
         divided: list[Item] = []
         before: list[Touched] = []
+        if chain := _chain(left, item.touched.writes, partition, numbered):
+            # In order on the side stream, beside the inner points of the launch after them.
+            launch, beside = left[chain], [replace(other, side_stream=True) for other in left[:chain]]
+            assert isinstance(launch, Launch)
+            found += [replace(item, side_stream=True, divided=True), *beside, *_parts(launch, partition)]
+            del left[: chain + 1]
+            continue
         while left and isinstance(launch := left[0], Launch) and numbered(launch):
             parts = _parts(launch, partition)
             if not parts or not _may_go_first(launch, item.touched.writes, before, of_points):
@@ -56,6 +63,47 @@ def overlap_exchanges(
             left.pop(0)
         found += [replace(item, side_stream=True, divided=True), *divided] if divided else [item]
     return found
+
+
+def complete_later(items: Sequence[Item]) -> list[Item]:
+    """Move launches that may complete a list behind the launch that fills it, which then need not wait for them."""
+    found = list(items)
+    for item in items:
+        if not isinstance(item, Launch) or item.completing is None:
+            continue
+        begin, added = found.index(item), item.completing.touched.writes - item.touched.writes
+        end = next((k for k in range(begin, len(found)) if found[k].touched.writes & added), None)
+        if end is None:
+            continue
+        filling, moved, others = found[end].touched, [item], []
+        for other in found[begin + 1 : end]:
+            follows = any(other.touched.must_wait_for(earlier.touched) for earlier in moved)
+            (moved if follows else others).append(other)
+        # The launch that fills the list may read what it completes the list for, at its own points.
+        mine, seen = item.touched, filling.reads & item.touched.writes
+        rest = Touched(filling.reads - seen, filling.gathers, filling.writes)
+        if not any(rest.must_wait_for(touched) for touched in (mine, *(other.touched for other in moved[1:]))):
+            found[begin : end + 1] = [*others, found[end], item.completing, *moved[1:]]
+    return found
+
+
+def _chain(left: Sequence[Item], sent: Set[int], partition: Partition, numbered: Callable[[Launch], bool]) -> int:
+    """Number of items after an exchange that may run on the side stream, beside inner points of the launch after them.
+
+    0 if there are none, or if they may all be divided themselves.
+    """
+    divisible = True
+    for count, launch in enumerate(left):
+        parts = _parts(launch, partition) if isinstance(launch, Launch) and numbered(launch) else []
+        if isinstance(launch, Launch) and parts and not divisible and not launch.side_stream:
+            mine = by_point(launch)
+            if not mine.writes & sent and not any(mine.must_wait_for(other.touched) for other in left[:count]):
+                return count
+        divisible = divisible and bool(parts)
+        if isinstance(launch, Launch) and launch.grouped:
+            # A graph skips such launches on one stream alone.
+            break
+    return 0
 
 
 def _parts(launch: Launch, partition: Partition) -> list[Launch]:

@@ -13,7 +13,7 @@ from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BuiltLaw, OtherFamilies, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bond_associated import family_energies
@@ -23,7 +23,7 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
+from .force_paths import PATHS, FamilyBlocks, ForcePath, UndamagedLattice, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
 from .variational import Key
@@ -174,6 +174,11 @@ class BondAssociatedForce(FamilyLaw):
     def force_path(self) -> str:
         """Name of its force path."""
         return self.path.name
+
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """Those of its force path."""
+        return self.path.other_families if isinstance(self.path, UndamagedLattice) else None
 
     @functools.cached_property
     def pairs(self) -> Array:

@@ -19,6 +19,7 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Span, Stage
+from ..interfaces import OtherFamilies
 from ..interfaces.context import Context
 from ..kernels.bond_state import energy_of_families
 from ..kernels.effects import Kernel
@@ -427,6 +428,15 @@ class UndamagedLattice(Reference):
             return None
         found = undamaged_stencil(law.families, inverse, weights)
         return None if found is None else cls(law, near, *found)
+
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """The list of other families, unless each strip has a list."""
+        law = self.law
+        if not law.layout.breakable or self.forces.turns_over:
+            return None
+        undamaged = (1 << law.families.members) - 1
+        return OtherFamilies(law.struct.family_class, self.inner, undamaged, self.others, self.count)
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""

@@ -442,12 +442,16 @@ class DamageField(Damaged):
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
-        given = self.arguments()
+        given, other = self.arguments(), None if self._ghosts is None else self.law.other_families
         given.pop("horizon")
         stage.launch(
             self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
-            awake=self._awake, near_damage=self._near, softening=self._softening, **given, **self._shared(),
+            awake=self._awake, near_damage=self._near, softening=self._softening,
+            family_class=None if other is None else other.family_class, inner=0 if other is None else other.inner,
+            undamaged=0 if other is None else other.undamaged, others=None, other_count=None,
+            completing=None if other is None else {"others": other.points, "other_count": other.count},
+            **given, **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
 

@@ -15,6 +15,7 @@ from warp_pd.device.fields import assign, to_host
 from warp_pd.device.graph import run_once, side_stream_waits
 from warp_pd.device.launches import Call, Launch, Touched
 from warp_pd.interfaces import exchange
+from warp_pd.parts.damage_ghosts import DamageGhosts
 from warp_pd.run.built import compose
 
 STEPS, DT, END = 12, 2e-4, 4e-2
@@ -92,48 +93,53 @@ def arrive(context, everyone, names):
         assign(context.fields[name], values)
 
 
-def played_step(everyone):
+def played_step(everyone, number=0):
     """One step of all processes, what is on side streams as late as it may be."""
-    for _ in zip(*(played(built, everyone) for built in everyone), strict=True):
+    for _ in zip(*(played(built, everyone, number) for built in everyone), strict=True):
         pass
 
 
-def played(built, everyone):
+def played(built, everyone, number):
     """One step of one process, which pauses where it needs the others."""
-    items, later = list(built.context.stages["step"]), []
+    items, later = built.context.stages["step"].round(number), []
     for item, waits in zip([*items, None], side_stream_waits(items), strict=True):
         if waits:
-            yield
-            for call in later:
-                if isinstance(call, Call):
-                    arrive(built.context, everyone, call.name.split(", "))
-            yield
-            run_once(built.context.device, [launch for launch in later if isinstance(launch, Launch)])
+            for waiting in later:
+                if isinstance(waiting, Call):
+                    yield
+                    arrive(built.context, everyone, waiting.name.split(", "))
+                    yield
+                else:
+                    run_once(built.context.device, [waiting])
             later.clear()
         if isinstance(item, Call):
             assert item.side_stream
             poison(built.context, item.name.split(", "))
-        if item is not None and item.side_stream and item.divided:
+        if item is not None and item.side_stream:
             later.append(item)
         elif item is not None:
             run_once(built.context.device, [item])
     assert not later
 
 
-def displacements(name, size, more=0):
-    """Displacements of the own points of all processes after some steps, one after another."""
+def displacements(name, size, more=0, bonds=None):
+    """Displacements of the own points of all processes after some steps, one after another; so `bonds`, bits."""
     everyone = [process(scene(name), rank, size, more=more) for rank in range(size)]
     assert any(item.divided for item in everyone[0].context.stages["step"])
-    for _ in range(STEPS):
-        played_step(everyone)
+    for number in range(STEPS):
+        played_step(everyone, number)
+    if bonds is not None:
+        bonds += [to_host(b.law.intact)[:, b.context.partition.owned] for b in everyone]
     return np.concatenate([to_host(b.context.own(b.context.state.displacement)) for b in everyone])
 
 
-def alone(name):
+def alone(name, bonds=None):
     built = scene(name).build(device="cpu")
     begun(built)
-    for _ in range(STEPS):
-        run_once(built.context.device, built.context.stages["step"])
+    for number in range(STEPS):
+        run_once(built.context.device, built.context.stages["step"].round(number))
+    if bonds is not None:
+        bonds.append(to_host(built.law.intact))
     return to_host(built.state.displacement)
 
 
@@ -161,6 +167,25 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_
     assert waits["family_block_force"] and not waits["undamaged_family_force"]
 
 
+@pytest.mark.parametrize("size", [2, 3])
+def test_bonds_break_after_the_force_of_inner_points_and_leave_the_same_bits(
+    size, streams, gpu_paths, tune, monkeypatch
+):
+    """The kernel of undamaged families does not wait: families that are damaged after it are listed then."""
+    tune(lattice_bonds=0)
+    areas = scene("field").build(device="cpu").law.represented_areas()
+    # Exchanged before these processes begin.
+    monkeypatch.setattr(DamageGhosts, "areas", lambda self, represented: areas[self.partition.points])
+    of_one, of_all = [], []
+    expected = alone("field", of_one)
+    np.testing.assert_array_equal(displacements("field", size, bonds=of_all), expected)
+    np.testing.assert_array_equal(np.concatenate(of_all, axis=1), of_one[0])
+    step = process(scene("field"), 0, size, begin=False).context.stages["step"]
+    names = [item.name for item in step.round(0)]
+    assert names.index("sweep") < names.index("undamaged_family_force") < names.index("finish")
+    assert (of_one[0] != to_host(scene("field").build(device="cpu").law.intact)).sum() > 50
+
+
 def test_steps_between_two_looks_for_damage_overlap_as_those_without(streams, gpu_paths, tune):
     """Declared on a CPU, not run."""
     tune(lattice_bonds=0)
@@ -171,7 +196,8 @@ def test_steps_between_two_looks_for_damage_overlap_as_those_without(streams, gp
     assert launches[0] > launches[1] and {"wake", "drive", "finish"} <= launches[0] - launches[1]
     names = [item.name for item in between if item.divided]
     assert names == ["displacement", *2 * ["undamaged_family_force"]]
-    assert "undamaged_family_force" not in [item.name for item in looks if item.divided]
+    waits = side_stream_waits(looks)
+    assert next(item.name for item, wait in zip(looks, waits, strict=False) if wait) == "finish"
 
 
 def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
