@@ -122,24 +122,20 @@ def played(built, everyone, number):
     assert not later
 
 
-def displacements(name, size, more=0, bonds=None):
-    """Displacements of the own points of all processes after some steps, one after another; so `bonds`, bits."""
+def displacements(name, size, more=0):
+    """Displacements of the own points of all processes after some steps, one after another."""
     everyone = [process(scene(name), rank, size, more=more) for rank in range(size)]
     assert any(item.divided for item in everyone[0].context.stages["step"])
     for number in range(STEPS):
         played_step(everyone, number)
-    if bonds is not None:
-        bonds += [to_host(b.law.intact)[:, b.context.partition.owned] for b in everyone]
     return np.concatenate([to_host(b.context.own(b.context.state.displacement)) for b in everyone])
 
 
-def alone(name, bonds=None):
+def alone(name):
     built = scene(name).build(device="cpu")
     begun(built)
     for number in range(STEPS):
         run_once(built.context.device, built.context.stages["step"].round(number))
-    if bonds is not None:
-        bonds.append(to_host(built.law.intact))
     return to_host(built.state.displacement)
 
 
@@ -167,23 +163,41 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_
     assert waits["family_block_force"] and not waits["undamaged_family_force"]
 
 
+def stretched(built):
+    """Stretch a sheet so far that it tears everywhere on one side, within a few steps."""
+    x = built.context.sheet.points[:, 0]
+    assign(built.context.state.displacement, np.stack([0.25 * x**2, 0.0 * x, 0.0 * x], axis=1))
+
+
 @pytest.mark.parametrize("size", [2, 3])
 def test_bonds_break_after_the_force_of_inner_points_and_leave_the_same_bits(
     size, streams, gpu_paths, tune, monkeypatch
 ):
     """The kernel of undamaged families does not wait: families that are damaged after it are listed then."""
     tune(lattice_bonds=0)
-    areas = scene("field").build(device="cpu").law.represented_areas()
-    # Exchanged before these processes begin.
-    monkeypatch.setattr(DamageGhosts, "areas", lambda self, represented: areas[self.partition.points])
-    of_one, of_all = [], []
-    expected = alone("field", of_one)
-    np.testing.assert_array_equal(displacements("field", size, bonds=of_all), expected)
-    np.testing.assert_array_equal(np.concatenate(of_all, axis=1), of_one[0])
-    step = process(scene("field"), 0, size, begin=False).context.stages["step"]
-    names = [item.name for item in step.round(0)]
+    one = process(scene("field"), 0, size, begin=False)
+    names = [item.name for item in one.context.stages["step"].round(0)]
     assert names.index("sweep") < names.index("undamaged_family_force") < names.index("finish")
-    assert (of_one[0] != to_host(scene("field").build(device="cpu").law.intact)).sum() > 50
+    alone = scene("field").build(device="cpu")
+    # Exchanged before these processes begin.
+    areas = alone.law.represented_areas()
+    monkeypatch.setattr(DamageGhosts, "areas", lambda self, represented: areas[self.partition.points])
+    everyone = [process(scene("field"), rank, size) for rank in range(size)]
+    begun(alone)
+    other = alone.law.other_families
+    undamaged = [to_host(alone.law.intact)[0] == other.undamaged]
+    for built in (alone, *everyone):
+        stretched(built)
+    for number in range(STEPS):
+        run_once(alone.context.device, alone.context.stages["step"].round(number))
+        played_step(everyone, number)
+        undamaged.append(to_host(alone.law.intact)[0] == other.undamaged)
+        for name in ("displacement", "damage_field"):
+            parts = [to_host(built.context.own(built.context.fields[name])) for built in everyone]
+            np.testing.assert_array_equal(np.concatenate(parts), to_host(alone.context.fields[name]))
+    inner = to_host(other.family_class) == other.inner
+    torn = [(inner & before & ~after).sum() for before, after in itertools.pairwise(undamaged)]
+    assert sum(n > 10 for n in torn) > 1
 
 
 def test_steps_between_two_looks_for_damage_overlap_as_those_without(streams, gpu_paths, tune):
