@@ -75,7 +75,9 @@ def complete_later(items: Sequence[Item]) -> list[Item]:
         end = next((k for k in range(begin, len(found)) if found[k].touched.writes & added), None)
         if end is None:
             continue
-        filling, moved, others = found[end].touched, [item], []
+        filling = found[end].touched
+        moved: list[Item] = [item]
+        others: list[Item] = []
         for other in found[begin + 1 : end]:
             follows = any(other.touched.must_wait_for(earlier.touched) for earlier in moved)
             (moved if follows else others).append(other)
