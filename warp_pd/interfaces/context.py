@@ -264,17 +264,15 @@ class Context:
     def few_blocks(self, stage: Stage, sums: Array, name: str, owner: str, maxima: int = 0) -> Array:
         """Like `all_blocks`, but many blocks are added up in groups; of the last `maxima` rows the largest is taken."""
         found = self.all_blocks(stage, sums, name, owner)
-        rows, blocks = found.shape
-        if blocks <= block_sums.MANY_BLOCKS:
-            return found
-        shorter = self.array(
-            f"{name}_in_groups", owner, found.dtype, shape=(rows, -(-blocks // block_sums.GROUP)), per="table"
-        )
-        stage.launch(
-            owner, block_sums.add_groups, shorter.size, sums=found, maxima=maxima, group=block_sums.GROUP,
-            shorter=shorter,
-        )  # fmt: skip
-        return shorter
+        while found.shape[1] > block_sums.MANY_BLOCKS:
+            shape = (found.shape[0], -(-found.shape[1] // block_sums.GROUP))
+            shorter = self.array(f"{name}_in_groups", owner, found.dtype, shape=shape, per="table")
+            stage.launch(
+                owner, block_sums.add_groups, shorter.size, sums=found, maxima=maxima, group=block_sums.GROUP,
+                shorter=shorter,
+            )  # fmt: skip
+            found = shorter
+        return found
 
     def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
         """Copy a field of the whole sheet, or its `coarse` points, to the host; of several processes only in `root`."""
