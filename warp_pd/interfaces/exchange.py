@@ -9,13 +9,14 @@ of the first horizon outside are computed twice, and forces are summed in the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 from ..device.checks import InputError
 from ..device.fields import Stored
 from ..device.launches import Call, Item, Launch
 from ..families.partition import HALO
+from ..kernels.pointwise import Pointwise
 from .context import Context
 from .overlap import complete_later, has_streams, overlap_exchanges
 
@@ -38,6 +39,7 @@ class Exchanges:
     Attributes:
         fields: The point and bond fields that launches write, by index.
         need: Depth to which each launch must be valid, by identity.
+        of_own: Identities of the launches on own points alone.
     """
 
     def __init__(self, context: Context) -> None:
@@ -53,6 +55,7 @@ class Exchanges:
         self._access = {id(launch): self._access_of(launch, written) for launch in launches}
         self._launches = {id(launch): launch for launch in launches}
         self.need = self._needs()
+        self.of_own: Set[int] = frozenset()
 
     @property
     def of_points(self) -> frozenset[int]:
@@ -105,6 +108,25 @@ class Exchanges:
                 return need
             need = new
 
+    def leave_ghosts_out(self, owned: slice) -> None:
+        """Find pointwise launches whose results are needed at own points alone, unless that costs an exchange."""
+        before = self.find()
+        self.of_own = {
+            key
+            for key, launch in self._launches.items()
+            if isinstance(launch.source, Pointwise) and not self.need[key] and self.numbered(launch)
+            and launch.points[0] < owned.stop and owned.start < launch.points[1]
+        }  # fmt: skip
+        if self.find() != before:
+            self.of_own = frozenset()
+
+    def on_own(self, launch: Launch, owned: slice) -> Launch:
+        """The launch, without ghost points if these are left out."""
+        if id(launch) not in self.of_own:
+            return launch
+        begin, end = launch.points
+        return launch.on_points(max(begin, owned.start), min(end, owned.stop))
+
     def find(self) -> dict[str, list[dict[int, list[Stored]]]]:
         """Fields to exchange before the items of each repetition of each stage, by index of the item."""
         entry = {k: _depth_of(self.fields[k]) for access in self._access.values() for k in access.writes}
@@ -148,7 +170,8 @@ class Exchanges:
                 written_since.setdefault(at, set())
             for written in written_since.values():
                 written.update(access.writes)
-            gives = min([*(depth[k] for k in access.reads), *(depth[k] - 1 for k in access.gathers), HALO])
+            most = 0 if id(item) in self.of_own else HALO
+            gives = min([*(depth[k] for k in access.reads), *(depth[k] - 1 for k in access.gathers), most])
             for k in access.writes:
                 depth[k] = min(depth[k], gives)
         return found, depth
@@ -164,7 +187,8 @@ def add_exchanges(context: Context) -> None:
     partition = context.partition
     if partition is None:
         return
-    exchanges = Exchanges(context)
+    exchanges, owned = Exchanges(context), partition.owned
+    exchanges.leave_ghosts_out(owned)
     found = exchanges.find()
     for stage in context.stages.values():
         rounds: list[list[Item]] = []
@@ -176,9 +200,11 @@ def add_exchanges(context: Context) -> None:
                     call: Call = context.communicator.exchange(places[place], partition)
                     items.append(call)
                     added.add(id(call))
-                items.append(item)
+                items.append(exchanges.on_own(item, owned) if isinstance(item, Launch) else item)
             if any(place <= stage.leading for place in places):
                 stage.wraparound = None
+            if stage.wraparound is not None:
+                stage.wraparound = exchanges.on_own(stage.wraparound, owned)
             if has_streams(context.device):
                 items = overlap_exchanges(
                     complete_later(items), added, partition, exchanges.of_points, exchanges.numbered

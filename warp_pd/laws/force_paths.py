@@ -270,10 +270,13 @@ class BondForces:
             law.layout, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
             self.turns_over, other_count is not None, self.entries is not None,
         )  # fmt: skip
+        # The launch may leave ghost points out.
+        partition = law.context.partition
+        first = strip.gather_begin if partition is None else max(strip.gather_begin, partition.owned.start)
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, family=law.struct,
             columns=law.lattice_columns, bond_force=self.array, damage=law.damage, near_damage=law.near_damage,
-            other_count=other_count, entries=self.entries, first_point=strip.gather_begin, force=force,
+            other_count=other_count, entries=self.entries, first_point=first, force=force,
         )  # fmt: skip
 
 
