@@ -43,6 +43,8 @@ from warp_pd.run.scene_context import partition_of
 MATERIAL = MooneyRivlin(5e4, 0.0)
 SIZE = {"thickness": 1e-3, "density": 1000.0}
 DURATION = 4e-2
+# Points along a side, and those of a lattice whose undamaged families have a kernel of their own on a GPU.
+POINTS, LARGE = 33, 161
 # Name of each scene, its precision.
 SCENES = {
     "loads": 32,
@@ -59,6 +61,7 @@ SCENES = {
     "field cloud": 64,
     "field hole": 32,
     "field relaxed": 64,
+    "field large": 32,
     "body": 32,
     "relaxed": 64,
 }
@@ -110,8 +113,9 @@ def damage_of(name, clamp):
     return CriticalEnergy(500.0) if name == "energy" else None
 
 
-def scene(name, points=33, frames=2, duration=DURATION):
+def scene(name, points=None, frames=2, duration=DURATION):
     """A sheet that is pulled, in many variants."""
+    points = points or (LARGE if name.endswith("large") else POINTS)
     sheet = sheet_of(name, points)
     low, high = (
         sheet.edges(*(("bottom",) if name == "tube" else ("left",))),
