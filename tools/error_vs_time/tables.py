@@ -125,7 +125,7 @@ def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
         everything = [row for row in rows if (row["scene"], row["device"]) == (scene, device)]
         if not everything:
             continue
-        kind = ("one-core" if device.endswith(ONE_CORE) else "cpu") if "cpu" in device.lower() else "gpu"
+        kind = "one-core" if device.endswith(ONE_CORE) else device.removeprefix("NVIDIA ").split()[0].lower()
         lines = [f"Measured: {'; '.join(sorted({row['made'] for row in everything}))}.", ""]
         if here:
             drawn = f"error-vs-time/{scene}-{kind}.png"

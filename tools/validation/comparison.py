@@ -106,7 +106,7 @@ def order(ours: Sequence[Sequence[float]], spacings: Sequence[float]) -> float |
         return None
     coarse, middle, fine = (np.array(values) for values in ours[-3:])
     first, second = np.linalg.norm(middle - coarse), np.linalg.norm(fine - middle)
-    if second == 0.0 or first <= second:
+    if not first > second > 0.0:
         return None
     return float(np.log(first / second) / np.log(spacings[-2] / spacings[-1]))
 
