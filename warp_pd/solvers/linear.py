@@ -1,6 +1,6 @@
-"""Linear solvers for Newton's method: conjugate gradients, SciPy's on a CPU and Warp's on a GPU, and GMRES.
+"""Linear solvers for Newton's method: conjugate gradients and GMRES on the host, conjugate gradients of Warp on a GPU.
 
-Warp's solvers take 0.3 s per scalar product on a CPU. Solvers on the host copy every vector there, which costs about
+Warp's solvers take 0.3 s per scalar product on a CPU. Those on the host copy every vector there, which costs about
 a second on a million points. GMRES, for follower loads, is always on the host: Warp's checks the residual only at
 restarts and, with the few vectors that fit in memory, did not converge on a million points.
 """
@@ -17,7 +17,7 @@ from ..device.fields import Array, assign
 from ..device.graph import launch_now
 from ..interfaces import Solve
 from .aggregates import Aggregates
-from .krylov import gmres
+from .krylov import conjugate_gradients, gmres
 from .level import OWNER, Level
 from .multigrid import Hierarchy
 
@@ -119,20 +119,12 @@ class LinearSolver:
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
         if self._conjugate:
-            x, reached = self._conjugate_gradients(b, accuracy, most)
+            x, reached = conjugate_gradients(self._product, self._precondition, b, accuracy, most)
         else:
             cycles = max(cycles, -(-most // RESTART))
             x, reached = gmres(self._product, self._precondition, b, accuracy, RESTART, cycles)
         assign(self.level.direction, x.reshape(-1, 3))
         return reached
-
-    def _conjugate_gradients(self, b: np.ndarray, accuracy: float, most: int) -> tuple[np.ndarray, bool]:
-        from scipy.sparse.linalg import LinearOperator, cg
-
-        A = LinearOperator((b.size, b.size), matvec=self._product, dtype=np.float64)
-        M = LinearOperator((b.size, b.size), matvec=self._precondition, dtype=np.float64)
-        x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
-        return x, bool(failed == 0)
 
     def _product(self, x: np.ndarray) -> np.ndarray:
         assign(self.level.vector, x.reshape(-1, 3))

@@ -1,9 +1,9 @@
-"""GMRES of the solvers against a factorisation."""
+"""Conjugate gradients and GMRES against a factorisation."""
 
 import numpy as np
 import pytest
 
-from warp_pd.solvers.krylov import gmres
+from warp_pd.solvers.krylov import conjugate_gradients, gmres
 
 RANDOM = np.random.default_rng(0)
 MATRIX = np.diag(np.linspace(1.0, 30.0, 40)) + RANDOM.normal(size=(40, 40))
@@ -64,5 +64,40 @@ def test_a_side_in_a_small_space_ends_there():
 )
 def test_no_side_and_no_matrix(matrix, side, reached):
     x, found, _ = solved(1e-6, 10, 3, matrix=matrix, side=side)
+    assert found is reached
+    assert (x == 0.0).all()
+
+
+SYMMETRIC = MATRIX @ MATRIX.T
+
+
+def test_conjugate_gradients_end_when_the_residual_is_as_small_as_asked():
+    for accuracy in (1e-2, 1e-6):
+        x, reached = conjugate_gradients(lambda v: SYMMETRIC @ v, lambda r: r, SIDE, accuracy, 200)
+        left = np.linalg.norm(SIDE - SYMMETRIC @ x) / np.linalg.norm(SIDE)
+        assert reached
+        assert 1e-3 * accuracy < left <= 1.01 * accuracy
+
+
+def test_conjugate_gradients_with_an_exact_preconditioner_take_one_iteration():
+    x, reached = conjugate_gradients(
+        lambda v: SYMMETRIC @ v, lambda r: np.linalg.solve(SYMMETRIC, r), SIDE, 1e-9, 1
+    )  # fmt: skip
+    assert reached
+    assert x == pytest.approx(np.linalg.solve(SYMMETRIC, SIDE), rel=1e-6)
+
+
+def test_conjugate_gradients_leave_what_they_have_after_the_last_iteration():
+    x, reached = conjugate_gradients(lambda v: SYMMETRIC @ v, lambda r: r, SIDE, 1e-12, 3)
+    steps = [SIDE, SYMMETRIC @ SIDE, SYMMETRIC @ SYMMETRIC @ SIDE]
+    basis = np.linalg.qr(np.stack(steps, axis=1))[0]
+    best = basis @ np.linalg.solve(basis.T @ SYMMETRIC @ basis, basis.T @ SIDE)
+    assert not reached
+    assert x == pytest.approx(best, rel=1e-6)
+
+
+@pytest.mark.parametrize(("value", "side", "reached"), [(1.0, 0.0, True), (0.0, 1.0, False), (np.nan, 1.0, False)])
+def test_conjugate_gradients_without_side_or_matrix(value, side, reached):
+    x, found = conjugate_gradients(lambda v: value * v, lambda r: r, np.full(4, side), 1e-6, 9)
     assert found is reached
     assert (x == 0.0).all()
