@@ -1,7 +1,6 @@
-"""Work in processes beside a run: its files, its pictures and its page.
+"""Work in processes beside a run: its pictures, its page and the files made from its frames.
 
-Python runs one thread at a time. A thread that writes files makes the steps wait, which need Python between launches:
-on two cores for longer than the writing takes. Pictures and page would come one after the other.
+Python runs one thread at a time: in the process of the run they would come one after the other.
 
 The processes load what they need while the run is set up and steps. Within `processes_beside` a picture function that
 is marked `drawn_beside` returns at once, and `wait_for_pictures` waits for all pictures. Elsewhere, and where
@@ -30,8 +29,6 @@ from typing import Any, ParamSpec, TypeVar
 from ..device.checks import InputError
 from ..device.cores import available_cores
 from ..geometry.picture_files import current, drawing
-from ..interfaces.frame import Frame
-from ..interfaces.output import Writer
 
 # Points of a sheet whose pictures are worth processes, and most processes.
 MANY_POINTS, MOST_PROCESSES = 5000, 4
@@ -43,27 +40,22 @@ P = ParamSpec("P")
 
 
 class Processes:
-    """Processes that call functions, each one at a time, and one that writes files.
+    """Processes that call functions, each one at a time.
 
     Args:
-        number: Number of processes that call functions.
+        number: Number of processes.
 
     Attributes:
         pictures: For each picture that is being drawn, a function that waits for it.
-        files: The process that writes files.
     """
 
     def __init__(self, number: int) -> None:
         self.pictures: list[Callable[[], None]] = []
         divided = multiprocessing.get_context("forkserver")
         divided.set_forkserver_preload(DRAWING)
-        self.files, self._pool = (
-            ProcessPoolExecutor(many, mp_context=context, initializer=_begin, initargs=gc.get_threshold())
-            for many, context in ((1, multiprocessing.get_context("spawn")), (number, divided))
-        )
+        self._pool = ProcessPoolExecutor(number, mp_context=divided, initializer=_begin, initargs=gc.get_threshold())
         with _one_thread_of_blas():
             multiprocessing.forkserver.ensure_running()
-            self.files.submit(_load_writers)
         # In a thread: a process is divided once what draws is loaded.
         self._starting = ThreadPoolExecutor(1)
         self._starting.submit(lambda: [self._pool.submit(os.getpid) for _ in range(number)])
@@ -81,42 +73,7 @@ class Processes:
     def close(self) -> None:
         """End the processes."""
         self._starting.shutdown()
-        for pool in (self.files, self._pool):
-            pool.shutdown(cancel_futures=True)
-
-
-class FilesBeside:
-    """Writers in another process as one, see `interfaces.Writer`.
-
-    Args:
-        process: That process.
-        made: A call that makes the writers, as `pickle` wrote it.
-
-    Raises:
-        InputError: as the call that makes the writers.
-    """
-
-    def __init__(self, process: ProcessPoolExecutor, made: bytes) -> None:
-        self._process = process
-        self._ask(_make_writers, made)
-
-    def write(self, frame: Frame) -> None:
-        """Write one frame."""
-        self._ask(_each_writer, "write", frame)
-
-    def save(self) -> None:
-        """Flush everything written so far to disk."""
-        self._ask(_each_writer, "save")
-
-    def close(self) -> None:
-        """Close all files."""
-        self._ask(_each_writer, "close")
-
-    def _ask(self, call: Callable[..., None], *arguments: Any) -> None:
-        try:
-            self._process.submit(call, *arguments).result()
-        except BrokenProcessPool:
-            raise OSError("the process that writes it is gone") from None
+        self._pool.shutdown(cancel_futures=True)
 
 
 @contextlib.contextmanager
@@ -135,8 +92,6 @@ def _one_thread_of_blas() -> Iterator[None]:
 
 # In the other processes --------------------------------------------------------------------------------
 
-_writers: list[Writer] = []
-
 
 def _begin(*collect_after: int) -> None:
     """Leave the Ctrl-C of a terminal to the run, and end with it: its folder may be that of a later run.
@@ -153,20 +108,6 @@ def _end_with_the_run() -> None:
     assert run is not None
     run.join()
     os._exit(1)
-
-
-def _load_writers() -> None:
-    from . import vtkhdf  # noqa: F401 - what writers import
-
-
-def _make_writers(made: bytes) -> None:
-    make, arguments = pickle.loads(made)
-    _writers[:] = make(*arguments)
-
-
-def _each_writer(method: str, *arguments: Any) -> None:
-    for writer in _writers:
-        getattr(writer, method)(*arguments)
 
 
 class UnreadableError(Exception):
@@ -223,23 +164,6 @@ def begun(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[
     if processes is None:
         return functools.partial(work, *args, **kwargs)
     return processes.begin(work, *args, **kwargs)
-
-
-def writers_beside(make: Callable[..., list[Writer]], *args: Any) -> list[Writer]:
-    """Writers that a function makes, in another process, if there is one.
-
-    Raises:
-        InputError: as the function.
-    """
-    processes = _processes.get()
-    if processes is None:
-        return make(*args)
-    try:
-        made = pickle.dumps((make, args))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        # An argument that exists in this process only.
-        return make(*args)
-    return [FilesBeside(processes.files, made)]
 
 
 def drawn_beside(draw: Callable[P, None]) -> Callable[P, None]:

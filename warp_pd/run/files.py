@@ -8,10 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from ..device.checks import InputError
-from ..interfaces import History, Writer
+from ..interfaces import History
 from ..laws.point_fields import GROUPS
 from ..output.background import Background
-from ..output.beside import writers_beside
 from ..output.file_writers import FRAMES, frame_writers
 from . import restart
 from .built import Built
@@ -99,11 +98,7 @@ def add_files(
     room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
-    writers: list[Writer] = []
-    if chosen.vtkhdf:
-        made = (frame_writers, folder, recorder.points.surface, append_from, fields)
-        # On a GPU the steps do not wait for Python.
-        writers = writers_beside(*made) if recorder.built.context.device.is_cpu else made[0](*made[1:])
+    writers = frame_writers(folder, recorder.points.surface, append_from, fields) if chosen.vtkhdf else []
     files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)

@@ -14,7 +14,6 @@ import pytest
 
 from warp_pd import InputError
 from warp_pd.geometry.picture_files import Drawing, drawing
-from warp_pd.interfaces.frame import Frame, Surface
 from warp_pd.output import plots
 from warp_pd.output.beside import (
     Processes,
@@ -22,9 +21,7 @@ from warp_pd.output.beside import (
     number_beside,
     processes_beside,
     wait_for_pictures,
-    writers_beside,
 )
-from warp_pd.output.file_writers import frame_writers as real_writers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are divided on Linux only")
 
@@ -111,77 +108,6 @@ def test_without_processes_everything_happens_here(tmp_path):
 
 def test_small_sheets_get_no_processes():
     assert number_beside(100) == 0 and number_beside(10**6) <= 4
-
-
-def frame_writers(folder, fields):
-    if fields == "wrong":
-        raise InputError("fields = 'wrong'")
-    return real_writers(folder, SURFACE, None, fields)
-
-
-SURFACE = Surface(np.eye(3), np.array([[0, 1, 2]]))
-
-
-def frames_written_by(writers):
-    for index in range(3):
-        displacement = 0.1 * index * np.ones((3, 3), np.float32)
-        for writer in writers:
-            writer.write(Frame(index, 0.1 * index, displacement, np.zeros((3, 3), np.float32)))
-    for writer in writers:
-        writer.save()
-        writer.close()
-
-
-def test_files_written_beside_are_the_same(tmp_path):
-    for name in ("here", "beside"):
-        (tmp_path / name).mkdir()
-    frames_written_by(frame_writers(tmp_path / "here", None))
-    with processes_beside(1):
-        writers = writers_beside(frame_writers, tmp_path / "beside", None)
-        assert [type(writer).__name__ for writer in writers] == ["FilesBeside"]
-        frames_written_by(writers)
-    names = sorted(path.name for path in (tmp_path / "here").iterdir())
-    assert names == sorted(path.name for path in (tmp_path / "beside").iterdir()) == ["frames.vtkhdf"]
-    frames = ((tmp_path / name / "frames.vtkhdf").read_bytes() for name in ("here", "beside"))
-    assert len(set(frames)) == 1
-
-
-def test_errors_of_writers_come_back(tmp_path):
-    with processes_beside(1):
-        with pytest.raises(InputError, match="fields = 'wrong'"):
-            writers_beside(frame_writers, tmp_path, "wrong")
-        (writer,) = writers_beside(failing_writers)
-        with pytest.raises(OSError, match="disk full"):
-            writer.save()
-        writer.close()
-
-
-class Failing:
-    def save(self):
-        raise OSError("disk full")
-
-    def close(self):
-        pass
-
-
-def failing_writers():
-    return [Failing()]
-
-
-def test_a_writer_that_is_gone_is_an_error(tmp_path):
-    with processes_beside(1):
-        (writer,) = writers_beside(dying_writers)
-        with pytest.raises(OSError, match="the process that writes it is gone"):
-            writer.save()
-
-
-class Dying:
-    def save(self):
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-def dying_writers():
-    return [Dying()]
 
 
 def test_processes_die_with_the_one_that_started_them():
