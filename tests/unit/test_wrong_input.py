@@ -33,7 +33,7 @@ WRONG = {
     "ragged points": (lambda: Sheet.from_points([[0, 0], [1]], **FLAT), "points = [[0, 0], [1]]: expected numbers"),
     "triangles": (
         lambda: Sheet.from_points(square(3).points, triangles=[[0.5, 1.0, 2.0]], **FLAT),
-        "triangles = array([[0.5, 1. , 2. ]]): expected whole numbers of shape (F, 3)",
+        "triangles = array([[0.5, 1. , 2. ]]): expected whole numbers of shape (F, 3) with F >= 1",
     ),
     "corner": (
         lambda: Sheet.from_points(square(3).points, triangles=[[0, 1, 99]], **FLAT),

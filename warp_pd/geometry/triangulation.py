@@ -150,10 +150,6 @@ def doubled_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Orient all triangles counter-clockwise."""
-    if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
-        raise InputError(f"triangles: expected shape (F, 3) with F >= 1, got {triangles.shape}")
-    if triangles.min() < 0 or triangles.max() >= len(points):
-        raise InputError(f"triangles: point {int(triangles.max())}: expected 0 to {len(points) - 1}")
     turned = signed_areas(points, triangles) < 0.0
     triangles = triangles.copy()
     triangles[turned] = triangles[turned][:, ::-1]
