@@ -26,7 +26,7 @@ A sheet of lower strength uses the g of Lorentz (Int. J. Fract. 207, 2017), whic
 m = 2 gives the g above. The energy of a tear and the damage profile around it are unchanged. Force kernels get 1 -
 sqrt(g) instead of d, so they need only one form of g.
 
-All this happens at the points that kernels/damage_list.py lists.
+All this happens at the points that kernels/damage_list.py lists. kernels/damage_step.py has the kernels.
 
 A bond breaks permanently where d has reached `severed_at` at one of its ends, or at a common member within NEAR
 spacings of the line between its ends. No fitted deformation gradient then spans the faces of a tear. `severed_at` is
@@ -37,13 +37,11 @@ the end of a cut, where half of the members belong to the cut, the fraction PASS
 """
 
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from .bits import bit_of, number_of_bits
-from .damage_list import listing
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
@@ -58,53 +56,14 @@ NEAR = 0.55
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 
 
-@dataclass(frozen=True)
-class DamageFieldKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        empty: Empties the list, on a GPU.
-        wake: Lists the points whose damage may change (a superset of them).
-        pack: Concatenates the lists of all threads, on a CPU.
-        drive: Fills `driving` with y of the listed points (-1 where damage cannot change) and `before` with their
-            damage.
-        sweep: Sweeps over the listed points.
-        finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the released energy.
-        rouse: Marks points that are damaged or have a damaged neighbour as awake, and points with damage in their
-            family.
-        fracture_energy: Energy of the field at each point [J].
-        shown: The damage of each point in float32, for frames.
-    """
-
-    empty: Kernel
-    wake: Kernel
-    pack: Kernel
-    drive: Kernel
-    sweep: Kernel
-    finish: Kernel
-    rouse: Kernel
-    fracture_energy: Kernel
-    shown: Kernel
-
-
 @functools.cache
-def driving_force(
-    layout: Layout,
-    weak: bool,
-    driving_energy: wp.Function,
-    partial_energy: wp.Function | None,
-    lanes: int,
-    near: int,
-) -> tuple[Kernel, Kernel]:
-    """Kernels `drive` and `sweep`, which change the damage; arguments as for `damage_field`."""
+def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int) -> wp.Function:
+    """Function `drive_points` of a thread: what `drive` does; arguments as for `damage_field`."""
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
     f = family_functions(layout)
     Family = f.struct
-    _, fall, curvature = degradation(layout.bits, weak)
     sum_lanes = sum_of_lanes(layout.bits)
-    Indices = wp.types.vector(length=near, dtype=wp.int32)
-    Couplings = wp.types.vector(length=near, dtype=real)
 
     @wp.func
     def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
@@ -117,8 +76,8 @@ def driving_force(
             broken += number_of_bits(initial & ~intact[word, i])
         return real(broken) / real(wp.max(members, 1))
 
-    @kernel(per="list", gathers=("displacement",))
-    def drive(
+    @wp.func
+    def drive_points(
         family: Family,
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
@@ -130,16 +89,16 @@ def driving_force(
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
+        thread: int,
+        end: int,
         stride: int,
-        first: int,
         severed_at: wp.array(dtype=real),
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
     ):
-        thread = wp.tid() + first
+        """`stride`: number of families that threads work on at once."""
         lane = thread % wp.static(lanes)
-        for n in range(thread // wp.static(lanes), count[0], stride):
+        for n in range(thread // wp.static(lanes), end, stride):
             i = listed[n]
             stored = real(0.0)
             if wp.static(lanes > 1):
@@ -159,6 +118,17 @@ def driving_force(
                     enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
                     if fraction_broken(family, intact, i) >= enough:
                         severed_at[i] = damage[i]
+
+    return drive_points
+
+
+@functools.cache
+def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
+    """Function `sweep_points` of a thread: what `sweep` does; arguments as for `damage_field`."""
+    real = layout.types.real
+    _, fall, curvature = degradation(layout.bits, weak)
+    Indices = wp.types.vector(length=near, dtype=wp.int32)
+    Couplings = wp.types.vector(length=near, dtype=real)
 
     @wp.func
     def couplings_of(neighbours: wp.array2d(dtype=wp.int32), couplings: wp.array2d(dtype=real), i: int):
@@ -192,7 +162,7 @@ def driving_force(
         return wp.clamp(relaxation * (d + above / below) + (real(1.0) - relaxation) * earlier, least, real(1.0))
 
     @wp.func
-    def sweep_points(
+    def sweep_once(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
@@ -228,8 +198,8 @@ def driving_force(
             )
         return new
 
-    @kernel(per="list", gathers=("damage", "other"))
-    def sweep(
+    @wp.func
+    def sweep_points(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
@@ -239,49 +209,46 @@ def driving_force(
         sweep_begin: int,
         sweep_end: int,
         listed: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
+        thread: int,
+        end: int,
         stride: int,
-        first: int,
+        blocks: int,
         damage: wp.array(dtype=real),
         other: wp.array(dtype=real),
         arrived: wp.array(dtype=wp.int32),
     ):
-        """Run the sweeps `sweep_begin` to `sweep_end` - 1: one on a CPU, whose threads cannot wait for each other."""
-        thread = wp.tid() + first
-        end = count[0]
-        blocks = (wp.min(end, stride) + wp.block_dim() - 1) // wp.block_dim()
-        if thread // wp.block_dim() < blocks:
-            # What a thread needs of its first point stays in its registers.
-            i = listed[wp.min(thread, end - 1)]
-            m, c = couplings_of(neighbours, couplings, i)
-            y, least = driving[i], before[i]
-            even = sweep_begin % 2 == 0
-            now = wp.where(even, damage[i], other[i])
-            earlier = wp.where(even, other[i], damage[i])
-            for number in range(sweep_begin, sweep_end):
-                if number > sweep_begin:
-                    wait_for_blocks(arrived, blocks)
-                relaxation = relaxations[number]
-                new = now
-                if number % 2 == 0:
-                    new = sweep_points(
-                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
-                        damage, other, i, m, c, y, now, earlier, least,
-                    )  # fmt: skip
-                else:
-                    new = sweep_points(
-                        neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
-                        other, damage, i, m, c, y, now, earlier, least,
-                    )  # fmt: skip
-                earlier = now
-                now = new
+        """All threads of the first `blocks` blocks call it, which wait for each other between sweeps."""
+        # What a thread needs of its first point stays in its registers.
+        i = listed[wp.min(thread, end - 1)]
+        m, c = couplings_of(neighbours, couplings, i)
+        y, least = driving[i], before[i]
+        even = sweep_begin % 2 == 0
+        now = wp.where(even, damage[i], other[i])
+        earlier = wp.where(even, other[i], damage[i])
+        for number in range(sweep_begin, sweep_end):
+            if number > sweep_begin:
+                wait_for_blocks(arrived, blocks)
+            relaxation = relaxations[number]
+            new = now
+            if number % 2 == 0:
+                new = sweep_once(
+                    neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                    damage, other, i, m, c, y, now, earlier, least,
+                )  # fmt: skip
+            else:
+                new = sweep_once(
+                    neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                    other, damage, i, m, c, y, now, earlier, least,
+                )  # fmt: skip
+            earlier = now
+            now = new
 
-    return drive, sweep
+    return sweep_points
 
 
 @functools.cache
-def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_energy: wp.Function) -> Kernel:
-    """Kernel `finish`, which breaks bonds; arguments as for `damage_field`."""
+def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_energy: wp.Function) -> wp.Function:
+    """Function `finish_points` of a thread: what `finish` does; arguments as for `damage_field`."""
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
@@ -344,8 +311,8 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                 found = found or damage[m] >= severed_at[m]
         return found
 
-    @kernel(per="list", gathers=("displacement", "velocity", "damage"))
-    def finish(
+    @wp.func
+    def finish_points(
         family: Family,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -361,12 +328,12 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         damage: wp.array(dtype=real),
         before: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
+        thread: int,
+        end: int,
         stride: int,
         family_class: wp.array(dtype=wp.int32),
         inner: int,
         undamaged: wp.uint32,
-        first: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
@@ -376,7 +343,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         other_count: wp.array(dtype=wp.int32),
     ):
         """The last arguments but `released` are those of `OtherFamilies` (interfaces/law.py), or empty."""
-        for n in range(wp.tid() + first, count[0], stride):
+        for n in range(thread, end, stride):
             i = listed[n]
             if damage[i] > real(0.0) and before[i] == real(0.0):
                 awake[i] = wp.uint8(1)
@@ -421,62 +388,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 
-    return finish
-
-
-@functools.cache
-def damage_field(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
-    earlier_energy: wp.Function, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int, near: int,
-    shared: bool,
-) -> DamageFieldKernels:  # fmt: skip
-    """Kernels of the field.
-
-    Args:
-        layout: Layout of the families.
-        atomics: Whether the device has atomics: a GPU.
-        spared: Whether some points are excluded from damage.
-        screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
-            otherwise all points are listed.
-        few: Number of members that the screen checks if it checks only some; otherwise 0.
-        tracked: Whether to sum the released energy.
-        weak: Whether the strength is less than 3 Gc / (16 l).
-        earlier_energy: Warp function of the force law's energy of a family at an earlier time.
-        driving_energy: The same for the part of it that drives damage.
-        partial_energy: Warp function of what a thread adds to the driving energy, if several threads share a family
-            in `drive`.
-        lanes: Number of these threads, or 1.
-        near: Number of neighbours in the tables of couplings.
-        shared: Whether other processes must know which points are listed.
-    """
-    real = layout.types.real
-
-    @kernel(gathers=("damage",))
-    def fracture_energy(
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
-        limit: wp.array(dtype=real),
-        damage: wp.array(dtype=real),
-        first: int,
-        out: wp.array(dtype=wp.float64),
-    ):
-        """`limit` is 3 Gc / (8 l) times the volume of the point [J]."""
-        i = wp.tid() + first
-        total = damage[i]
-        for k in range(neighbours.shape[0]):
-            apart = damage[i] - damage[neighbours[k, i]]
-            total += real(0.25) * couplings[k, i] * apart * apart
-        out[i] = wp.float64(limit[i] * total)
-
-    @kernel()
-    def shown(damage: wp.array(dtype=real), first: int, out: wp.array(dtype=wp.float32)):
-        i = wp.tid() + first
-        out[i] = wp.float32(damage[i])
-
-    empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few, shared)
-    drive, sweep = driving_force(layout, weak, driving_energy, partial_energy, lanes, near)
-    finish = finishing(layout, spared, tracked, weak, earlier_energy)
-    return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)
+    return finish_points
 
 
 @functools.cache

@@ -49,16 +49,16 @@ def screen_struct(bits: int) -> Any:
 
 
 @functools.cache
-def listing(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, shared: bool
-) -> tuple[Kernel, Kernel, Kernel, Kernel]:
-    """Kernels `empty`, `wake`, `pack` and `rouse`, which list points; arguments as for `damage_field`."""
+def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Function:
+    """Function (family, displacement, intact, horizon, screen, spared_mask, awake, i) -> whether to list a point.
+
+    Arguments as for `damage_field`.
+    """
     types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family, Screen, word_size = f.struct, screen_struct(layout.bits), WORD
     bond_vectors = reference_and_deformed(layout)
-    together = 1 if atomics else TOGETHER
 
     @wp.func
     def outside(family: Family, displacement: wp.array(dtype=vec3), horizon: real, screen: Screen, i: int, k: int):
@@ -96,6 +96,41 @@ def listing(
             if bit_of(intact[k // word_size, i], k % word_size):
                 found = outside(family, displacement, horizon, screen, i, k) or found
         return found
+
+    @wp.func
+    def wakes(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        intact: wp.array2d(dtype=wp.uint32),
+        horizon: real,
+        screen: Screen,
+        spared_mask: wp.array(dtype=wp.uint8),
+        awake: wp.array(dtype=wp.uint8),
+        i: int,
+    ):
+        found = bool(True)
+        can_wake = bool(True)
+        if wp.static(spared):
+            can_wake = spared_mask[i] == wp.uint8(0)
+        if wp.static(screened):
+            found = awake[i] != wp.uint8(0)
+            found = stretched(family, displacement, intact, horizon, screen, i) or found
+        return found and can_wake
+
+    return wakes
+
+
+@functools.cache
+def listing(
+    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, shared: bool
+) -> tuple[Kernel, Kernel, Kernel, Kernel]:
+    """Kernels `empty`, `wake`, `pack` and `rouse`, which list points; arguments as for `damage_field`."""
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout)
+    Family, Screen, word_size = f.struct, screen_struct(layout.bits), WORD
+    wakes = waking(layout, spared, screened, few)
+    together = 1 if atomics else TOGETHER
 
     @wp.func
     def most_damage(family: Family, damage: wp.array(dtype=real), i: int):
@@ -157,17 +192,9 @@ def listing(
         if wp.static(atomics):
             begin, end, step = start + thread, stop, blocks * wp.block_dim()
         for i in range(begin, end, step):
-            wakes = bool(True)
-            can_wake = bool(True)
-            if wp.static(spared):
-                can_wake = spared_mask[i] == wp.uint8(0)
-            if wp.static(screened):
-                wakes = awake[i] != wp.uint8(0)
-                wakes = stretched(family, displacement, intact, horizon, screen, i) or wakes
-            wakes = wakes and can_wake
             if wp.static(shared):
                 driving[i] = real(UNLISTED)
-            if wakes:
+            if wakes(family, displacement, intact, horizon, screen, spared_mask, awake, i):
                 if wp.static(atomics):
                     listed[wp.atomic_add(count, 0, 1)] = i
                 else:

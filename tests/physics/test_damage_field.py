@@ -26,6 +26,7 @@ from warp_pd.device.graph import CpuLaunch
 from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
+from warp_pd.parts import tearing_energy
 
 LAWS = [
     BondAssociated(NEO, weights="plain"), BondAssociated(TensionField(NEO), weights="corrected", horizon=3.15),
@@ -446,3 +447,37 @@ def test_a_length_shorter_than_the_families_is_refused():
 def test_a_length_longer_than_the_sheet_is_refused(given):
     with refused(match=r"^TearingEnergy: its length is .* m; expected .*, 0\.141 m, or a higher"):
         build(square(11), damage=TearingEnergy(5.0, **given))
+
+
+@pytest.mark.parametrize("few", [0, 10**6], ids=["listed before", "lists"])
+@pytest.mark.parametrize("strength", [None, 10.0], ids=["default", "weak"])
+def test_one_launch_finds_the_damage_that_several_find(few, strength, monkeypatch):
+    """As on a GPU, here by one thread: a strain that tears the middle of a sheet with a cut gives the same bits."""
+    sheet = square(17).cut((0.0, 0.05), (0.03, 0.05))
+    damage = TearingEnergy(2.0, length=0.016, strength=strength, spared=sheet.edges("right"))
+    x = sheet.points - 0.05
+    stretched = np.hstack([0.5 * x, np.zeros((sheet.size, 1))])
+
+    def torn():
+        built = build(sheet, damage=damage, weights="corrected")
+        built.state.step.fill_(1e-12)
+        for name in ("start", "setup"):
+            built.context.run(name)
+        driving = built.rupture._driving.numpy().copy()
+        built.state.displacement.assign(stretched)
+        for _ in range(20):
+            built.context.run("step")
+        fields = {stored.field.name: stored.array.numpy().copy() for stored in built.context.fields}
+        return driving, {name: fields[name] for name in FOUND}
+
+    driving, several = torn()
+    monkeypatch.setattr(tearing_energy, "finds_at_once", lambda context: True)
+    monkeypatch.setattr(tearing_energy, "FEW_POINTS", few)
+    driving_again, one = torn()
+    assert several["damage_field"].max() > 0.9 and several["released"].any()
+    np.testing.assert_array_equal(driving_again, driving)
+    for name, values in several.items():
+        np.testing.assert_array_equal(one[name], values, err_msg=name)
+
+
+FOUND = ("damage_field", "intact_bonds", "released", "severed_at", "awake", "near_damage", "force")

@@ -19,8 +19,9 @@ from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, damage_field
+from ..kernels.damage_field import NEAR
 from ..kernels.damage_list import TOGETHER, screen_struct
+from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import FieldConstants
@@ -43,8 +44,10 @@ REDUCED = 3.0
 FEW, ROUND_OFF = 4, 1e-4
 # Threads that share the list of points: as many as a GPU holds at once, and few on a CPU, where they take turns.
 GPU_THREADS, CPU_THREADS = 2**15, 64
-# Threads of a block that sweeps, and the number of which that of the neighbours is a multiple.
-SWEEP_BLOCK, NEIGHBOURS = 256, 4
+# The number of neighbours is a multiple of it.
+NEIGHBOURS = 4
+# Up to this many points a GPU lists them in the launch that also finds their damage; more need more threads.
+FEW_POINTS = 2**16
 # Blocks of a GPU that look for points to list.
 GPU_LOOKS = 2**10
 # Families whose driving energy a GPU computes at once, each by several threads.
@@ -132,6 +135,11 @@ class TearingEnergy(Rupture):
         return DamageField(self, context, law)
 
 
+def finds_at_once(context: Context) -> bool:
+    """Whether one launch finds the damage of a step: on a GPU, whose blocks can wait for each other."""
+    return context.device.is_cuda and context.features.dynamic and context.partition is None
+
+
 class DamageField(Damaged):
     """The damage field on a device.
 
@@ -174,7 +182,7 @@ class DamageField(Damaged):
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
             few, self.released is not None, weak, law.earlier_energy,
             law.driving_energy or law.earlier_energy,
-            law.partial_energy, self._lanes, len(self._neighbours), self._ghosts is not None,
+            law.partial_energy, self._lanes, len(self._neighbours), self._looks, self._ghosts is not None,
         )  # fmt: skip
         self._softening = self.field
         if weak:
@@ -196,8 +204,10 @@ class DamageField(Damaged):
         self._count = context.array("listed_count", owner, wp.int32, shape=1, per="once")
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
-        blocks = min(context.device.sm_count, -(-n // SWEEP_BLOCK))
-        self._sweepers = blocks * SWEEP_BLOCK if context.device.is_cuda else self._threads
+        blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
+        self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else self._threads
+        # Whether one launch finds the damage of a step, and whether it also lists the points.
+        self._at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
         self._arrived = context.array("arrived_sweepers", owner, wp.int32, shape=1, per="once")
         self._found: Array | None = None
         if not context.device.is_cuda:
@@ -321,8 +331,11 @@ class DamageField(Damaged):
         super().add(phase, stage)
         if phase is Phase.START:
             self._add_rousing(stage)
-            self._add_list(stage)
-            self._add_empty(stage)
+            if self._at_once:
+                self._add_finding(stage, 0)
+            else:
+                self._add_list(stage)
+                self._add_empty(stage)
         if phase is Phase.RESTORE:
             self._add_rousing(stage)
         if phase is Phase.FRAME:
@@ -337,8 +350,11 @@ class DamageField(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that compute the damage of a step and break bonds."""
         with stage.every(INTERVAL):
-            self._add_sweeps(stage, self.sweeps)
-            self._add_severing(stage)
+            if self._at_once:
+                self._add_finding(stage, self.sweeps)
+            else:
+                self._add_sweeps(stage, self.sweeps)
+                self._add_severing(stage)
 
     def prepare_at_rest(self) -> None:
         """Compose the stages of alternate minimisation."""
@@ -403,6 +419,25 @@ class DamageField(Damaged):
             neighbours=self._neighbours, damage=self.field, awake=self._awake, near_damage=self._near,
         )  # fmt: skip
 
+    def _add_finding(self, stage: Stage, sweeps: int) -> None:
+        """Add the launches of a GPU that find the damage of a step; without sweeps only what drives it."""
+        if not self._looks:
+            self._add_looking(stage)
+        device, blocks, threads = self.context.device, 1, 1
+        if device.is_cuda:
+            # Fewer blocks come together sooner.
+            most = device.sm_count * (1 if self._looks else RESIDENT[self.context.bits])
+            blocks, threads = min(most, -(-self.context.sheet.size * self._lanes // WAITING_BLOCK)), WAITING_BLOCK
+        stage.launch(
+            self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks,
+            screen=self._screen, squared_reach=self._reach, scale=self._scale, fastest=self._fastest,
+            ahead=self._ahead, neighbours=self._neighbours, couplings=self._couplings,
+            relaxations=self._relaxations(stage, self.sweeps), sweeps=sweeps, listed=self._listed, count=self._count,
+            arrived=self._arrived, severed_at=self._severed_at, driving=self._driving, before=self._before,
+            damage=self.field, other=self._other, awake=self._awake, near_damage=self._near, softening=self._softening,
+            family_class=None, inner=0, undamaged=0, others=None, other_count=None, **self.arguments(),
+        )  # fmt: skip
+
     def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
         """Add the launches that list points and sweep over them."""
         self._add_list(stage)
@@ -413,9 +448,7 @@ class DamageField(Damaged):
                 listed=self._listed, count=self._count,
             )  # fmt: skip
         together = 1 if self._found is not None else sweeps if self._ghosts is None else LAYERS
-        relaxations = self.context.array(
-            f"relaxations_{stage.name}", self.owner, self.context.types.real, self._relaxations(sweeps), per="table"
-        )
+        relaxations = self._relaxations(stage, sweeps)
         for begin in range(0, sweeps, together):
             if self._ghosts is not None and begin and begin % LAYERS == 0:
                 self._ghosts.add_exchange(stage, self.field, self._other)
@@ -423,22 +456,22 @@ class DamageField(Damaged):
                 self.owner, self.kernels.sweep, self._sweepers, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, before=self._before, fastest=self._fastest, relaxations=relaxations,
                 sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field, other=self._other,
-                arrived=self._arrived, block_dim=SWEEP_BLOCK, **{**self._shared(), "stride": self._sweepers},
+                arrived=self._arrived, block_dim=WAITING_BLOCK, **{**self._shared(), "stride": self._sweepers},
             )  # fmt: skip
 
-    def _relaxations(self, sweeps: int) -> list[float]:
-        """Relaxation factors of the sweeps, for which the error is reduced by the square of a Chebyshev polynomial.
+    def _relaxations(self, stage: Stage, sweeps: int) -> Array:
+        """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
 
         The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength
         the sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
         """
-        if self._fastest > 2.0:
-            return sweeps * [1.0]
         quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
         found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
         while len(found) < sweeps // 2:
             found.append(1.0 / (1.0 - quarter * found[-1]))
-        return 2 * found[: sweeps // 2]
+        factors = sweeps * [1.0] if self._fastest > 2.0 else 2 * found[: sweeps // 2]
+        name, real = f"relaxations_{stage.name}", self.context.types.real
+        return self.context.array(name, self.owner, real, factors, per="table")
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
@@ -473,8 +506,8 @@ class DamageField(Damaged):
                 side_stream=alone,
             )  # fmt: skip
 
-    def _add_list(self, stage: Stage) -> None:
-        """Add the launches that list points and compute their driving energy."""
+    def _add_looking(self, stage: Stage) -> None:
+        """Add the launches that list points."""
         k, given, own = self.kernels, self.arguments(), self._own
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         # Points of a GPU may be divided, so that those far from other processes do not wait for their displacements.
@@ -489,9 +522,14 @@ class DamageField(Damaged):
         )  # fmt: skip
         if self._found is not None:
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
+
+    def _add_list(self, stage: Stage) -> None:
+        """Add the launches that list points and compute their driving energy."""
+        self._add_looking(stage)
+        given = self.arguments()
         families = min(self._threads, GPU_FAMILIES) if self._lanes > 1 else self._threads
         stage.launch(
-            self.owner, k.drive, families * self._lanes,
+            self.owner, self.kernels.drive, families * self._lanes,
             scale=self._scale, fastest=self._fastest, ahead=self._ahead, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before,
             **{**self._shared(), "stride": families},
