@@ -16,6 +16,7 @@ from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import Layout, family_functions
 from .grid_barrier import wait_for_blocks
+from .numeric import numeric
 
 # Threads of a block whose threads wait for others, and number of such blocks that a multiprocessor holds, by precision.
 WAITING_BLOCK, RESIDENT = 256, {32: 2, 64: 1}
@@ -50,6 +51,36 @@ class DamageFieldKernels:
     rouse: Kernel
     fracture_energy: Kernel
     shown: Kernel
+
+
+@functools.cache
+def of_frames(bits: int) -> tuple[Kernel, Kernel]:
+    """Kernels `fracture_energy` and `shown`."""
+    real, module = numeric(bits).real, f"damage_of_frames_{bits}"
+
+    @kernel(gathers=("damage",), module=module)
+    def fracture_energy(
+        neighbours: wp.array2d(dtype=wp.int32),
+        couplings: wp.array2d(dtype=real),
+        limit: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        """`limit` is 3 Gc / (8 l) times the volume of the point [J]."""
+        i = wp.tid() + first
+        total = damage[i]
+        for k in range(neighbours.shape[0]):
+            apart = damage[i] - damage[neighbours[k, i]]
+            total += real(0.25) * couplings[k, i] * apart * apart
+        out[i] = wp.float64(limit[i] * total)
+
+    @kernel(module=module)
+    def shown(damage: wp.array(dtype=real), first: int, out: wp.array(dtype=wp.float32)):
+        i = wp.tid() + first
+        out[i] = wp.float32(damage[i])
+
+    return fracture_energy, shown
 
 
 @functools.cache
@@ -254,27 +285,6 @@ def damage_field(
                     other_count,
                 )  # fmt: skip
 
-    @kernel(gathers=("damage",))
-    def fracture_energy(
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
-        limit: wp.array(dtype=real),
-        damage: wp.array(dtype=real),
-        first: int,
-        out: wp.array(dtype=wp.float64),
-    ):
-        """`limit` is 3 Gc / (8 l) times the volume of the point [J]."""
-        i = wp.tid() + first
-        total = damage[i]
-        for k in range(neighbours.shape[0]):
-            apart = damage[i] - damage[neighbours[k, i]]
-            total += real(0.25) * couplings[k, i] * apart * apart
-        out[i] = wp.float64(limit[i] * total)
-
-    @kernel()
-    def shown(damage: wp.array(dtype=real), first: int, out: wp.array(dtype=wp.float32)):
-        i = wp.tid() + first
-        out[i] = wp.float32(damage[i])
-
+    fracture_energy, shown = of_frames(layout.bits)
     empty, wake, pack, rouse = listing(layout, atomics, spared, screened, few, shared)
     return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, find_damage, rouse, fracture_energy, shown)
