@@ -270,7 +270,8 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         between = squared < there and squared < real(2.0) * along
         return wp.where(between, squared - along * along / there, real(1.0e9))
 
-    @wp.func
+    # Called twice, and not inlined, for faster compilation.
+    @wp.func(inline=False)
     def bonds_left(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -222,7 +222,8 @@ def surface_contact(
             if count > 0:
                 any_near[0] = 1
 
-    @wp.func
+    # Not inlined, as two kernels call it for each corner.
+    @wp.func(inline=False)
     def given_to(i: int, c: Constraints, pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8)):
         """Normal impulse on a point, friction impulse, and the number of constraints that press on it."""
         pushed = wp.vec3d()
