@@ -490,20 +490,15 @@ class DamageField(Damaged):
 
     def _shared(self) -> dict[str, Any]:
         """Arguments common to all launches on listed points."""
-        return {
-            "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
-            # A graph that holds exchanges has no conditions.
-            "grouped": self._ghosts is None,
-        }  # fmt: skip
+        return {"listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count}
 
     def _add_empty(self, stage: Stage) -> None:
         """Add the launch that empties the list; on a CPU `pack` begins a new list instead."""
         if self._found is None:
-            # Where it is not left out with others, it need not hold up what follows.
-            alone = self._ghosts is not None
+            # It need not hold up what follows.
             stage.launch(
-                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=not alone,
-                side_stream=alone,
+                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count,
+                side_stream=self._ghosts is not None,
             )  # fmt: skip
 
     def _add_looking(self, stage: Stage) -> None:
