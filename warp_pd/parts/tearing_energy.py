@@ -46,8 +46,9 @@ FEW, ROUND_OFF = 4, 1e-4
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # The number of neighbours is a multiple of it.
 NEIGHBOURS = 4
-# Up to this many points a GPU lists them in the launch that also finds their damage; more need more threads.
-FEW_POINTS = 2**16
+# Up to this many points a GPU lists them in the launch that also finds their damage, each block this many at a time.
+# More points need more threads.
+FEW_POINTS, LOOKED_AT = 2**16, 256
 # Blocks of a GPU that look for points to list.
 GPU_LOOKS = 2**10
 # Families whose driving energy a GPU computes at once, each by several threads.
@@ -425,9 +426,9 @@ class DamageField(Damaged):
             self._add_looking(stage)
         device, blocks, threads = self.context.device, 1, 1
         if device.is_cuda:
-            # Fewer blocks come together sooner.
-            most = device.sm_count * (1 if self._looks else RESIDENT[self.context.bits])
-            blocks, threads = min(most, -(-self.context.sheet.size * self._lanes // WAITING_BLOCK)), WAITING_BLOCK
+            # Fewer blocks come together sooner, more find the damage of many points sooner.
+            n, together, threads = self.context.sheet.size, RESIDENT[self.context.bits], WAITING_BLOCK
+            blocks = min(device.sm_count, -(-n // LOOKED_AT)) if self._looks else device.sm_count * together
         stage.launch(
             self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks,
             screen=self._screen, squared_reach=self._reach, scale=self._scale, fastest=self._fastest,
