@@ -48,7 +48,7 @@ GPU_THREADS, CPU_THREADS = 2**15, 64
 NEIGHBOURS = 4
 # Up to this many points a GPU lists them in the launch that also finds their damage, each block this many at a time.
 # More points need more threads.
-FEW_POINTS, LOOKED_AT = 2**16, 256
+FEW_POINTS, LOOKED_AT = 2**16, 152
 # Blocks of a GPU that look for points to list.
 GPU_LOOKS = 2**10
 # Families whose driving energy a GPU computes at once, each by several threads.
