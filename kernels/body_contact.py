@@ -28,7 +28,7 @@ from .body_motion import vec6d, wrench
 from .body_search import BodySearch, body_search
 from .integrate import StepOptions, half_step
 from .numeric import numeric
-from .pointwise import Pointwise, pointwise
+from .pointwise import NEAR_BLOCK, Pointwise, pointwise
 
 # Impulse that a point got [N s], its moment about the centre of the body, its work [J]; the same of the friction in it.
 Given = wp.types.vector(length=14, dtype=wp.float64)
@@ -296,17 +296,29 @@ def point_contact(
 
 @functools.cache
 def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
-    """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end."""
+    """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end.
+
+    A point can touch at the end of a step only if it was near after the drift. That is noted for blocks of points, so
+    that all others read nothing at the end; unless something else moves points in between.
+    """
     BodyContact, plane = of.search.struct, of.search.plane
     may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
     act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
+    size = NEAR_BLOCK
 
-    @pointwise(BodyContact, writes=STRUCK if at_end else MOVED, rare=True)
+    @pointwise(BodyContact, writes=STRUCK if at_end else (*MOVED, "near"), rare=True, local=not at_end)
     def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
+        step = a.steps[0]
         for i in range(begin, end):
-            if may_touch(i, a, here):
-                act_on(i, a)
+            if wp.static(at_end):
+                if a.near[i / size] >= step or a.moves[0] != 0:
+                    if may_touch(i, a, here):
+                        act_on(i, a)
+            else:
+                if may_touch(i, a, here):
+                    a.near[i / size] = step
+                    act_on(i, a)
 
     @pointwise(BodyContact, writes=TAKEN)
     def take_impulses(begin: int, end: int, a: BodyContact):

@@ -75,16 +75,26 @@ def follow_path(
     times: wp.array(dtype=wp.float64),
     places: wp.array(dtype=wp.vec3d),
     rotations: wp.array(dtype=wp.quatd),
-    time: wp.array(dtype=wp.float64),
     advance: wp.array(dtype=wp.float64),
+    counts_time: int,
     first: int,
+    time: wp.array(dtype=wp.float64),
     place: wp.array(dtype=wp.vec3d),
     rotation: wp.array(dtype=wp.quatd),
     motion: wp.array(dtype=wp.vec3d),
+    steps: wp.array(dtype=wp.int32),
 ):
-    """Move bodies by one step along a piecewise linear path."""
+    """Move bodies by one step along a piecewise linear path; count it in `steps`, if there is this array.
+
+    `counts_time`: no clock advances the time.
+    """
+    if steps:
+        steps[1] = steps[0]
+        steps[0] = steps[0] + 1
     dt = advance[0]
     soon = wp.min(time[0] + dt, advance[1])
+    if counts_time != 0:
+        time[0] = soon
     last = times.shape[0] - 1
     there = places[0]
     turned = rotations[0]
@@ -126,7 +136,10 @@ def free_motion(bits: int) -> Kernel:
         rotation: wp.array(dtype=wp.quatd),
         motion: wp.array(dtype=wp.vec3d),
         momenta: wp.array(dtype=wp.vec3d),
+        any_near: wp.array(dtype=wp.int32),
     ):
+        # Until a point is marked.
+        any_near[0] = 0
         dt = wp.float64(step[0])
         q = rotation[0]
         spin = spin_of(q, inverse_inertia, momenta[1])

@@ -113,6 +113,10 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         arms: wp.array(dtype=wp.vec3d)
         slips: wp.array(dtype=wp.vec3d)
         yielded: wp.array(dtype=vec6d)
+        any_near: wp.array(dtype=wp.int32)
+        near: wp.array(dtype=wp.int32)
+        steps: wp.array(dtype=wp.int32)
+        moves: wp.array(dtype=wp.int32)
         changes: wp.array(dtype=wp.vec3d)
         rubbing: wp.array(dtype=wp.vec3d)
 
@@ -251,11 +255,14 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         found = distance(wp.quat_rotate_inv(q, x - a.place[0]), wp.float64(2.0) * a.skin, a.body)
         return found[3] < a.skin, wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
 
-    @pointwise(BodyContact, writes=("marks",))
+    @pointwise(BodyContact, writes=("marks", "any_near"))
     def mark(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
-            a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
+            near = near_in_step(i, a, here)
+            a.marks[i] = wp.where(near, wp.uint8(1), wp.uint8(0))
+            if near:
+                a.any_near[0] = 1
 
     @wp.func
     def yields_far(a: BodyContact):

@@ -198,7 +198,9 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                 count += 1
                 m = weight(a, at_end) * wp.float64(a.mass[i])
                 sums = with_row(sums, m, a.rows[i], -m * needed)
-        ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
+        ends = part == 0
+        if a.any_near[0] != 0:
+            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
         if ends and lane == 0:
             body.changes[0] = solved(sums, body)
 
@@ -232,7 +234,9 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                                 unit[c] = wp.float64(1.0)
                                 unit -= n[c] * n
                                 sums = with_row(sums, m, wrench(unit, arm), m * wp.dot(unit, a.slips[i]))
-        ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
+        ends = part == 0
+        if a.any_near[0] != 0:
+            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
         if ends and lane == 0:
             change = solved(sums, body)
             body.changes[0] = change
@@ -260,7 +264,9 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                     sums += separate(i, a)
                 else:
                     sums += project(i, a)
-        ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
+        ends = part == 0
+        if a.any_near[0] != 0:
+            ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
         if everywhere:
             # The last entries of a block may lie beyond the last point.
             number = wp.tile_sum(wp.tile(count))[0]

@@ -14,6 +14,9 @@ import warp as wp
 
 from .effects import Effects, warp_kernel
 
+# Points of a block for which is noted whether a body is near: a block of threads of a large sheet.
+NEAR_BLOCK = 256
+
 
 @dataclass(frozen=True)
 class Pointwise:
@@ -24,6 +27,7 @@ class Pointwise:
         arguments: Its Warp struct.
         effects: The arrays that it accesses, by their names in the struct.
         rare: Whether it needs many registers, but only at few points.
+        local: Whether it moves points where bodies are, and notes where for the end of the step.
     """
 
     function: wp.Function
@@ -31,10 +35,16 @@ class Pointwise:
     name: str
     effects: Effects
     rare: bool = False
+    local: bool = False
 
 
 def pointwise(
-    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = (), rare: bool = False
+    arguments: Any,
+    *,
+    writes: tuple[str, ...],
+    gathers: tuple[str, ...] = (),
+    rare: bool = False,
+    local: bool = False,
 ) -> Callable[[Callable[..., None]], Pointwise]:
     """Decorator that turns a function (begin, end, arguments) into a pointwise stage.
 
@@ -43,7 +53,7 @@ def pointwise(
 
     def declare(function: Callable[..., None]) -> Pointwise:
         effects = Effects("point", frozenset(writes), frozenset(gathers))
-        return Pointwise(wp.func(function), arguments, function.__name__, effects, rare)
+        return Pointwise(wp.func(function), arguments, function.__name__, effects, rare, local)
 
     return declare
 

@@ -6,6 +6,7 @@ from grid_sheets import holed
 from helpers import GENT, StopAt, jittered, square
 
 from warp_pd import (
+    BodyPath,
     BondAssociated,
     CriticalStretch,
     Explicit,
@@ -15,7 +16,10 @@ from warp_pd import (
     Pressure,
     Relaxation,
     RigidBall,
+    RigidBody,
     Simulation,
+    Sphere,
+    TriangleMesh,
 )
 from warp_pd.device import graph, launches
 from warp_pd.families import unpack
@@ -172,3 +176,21 @@ def test_bonds_break_at_both_ends(device, layout, precision):
     assert 0 < (~intact[points, members]).sum() < len(points)
     assert (intact[points, members] == intact[heads, reverse]).all()
     assert size == len(intact)
+
+
+SHAPES = {"sphere": lambda: Sphere(0.03), "mesh": lambda: TriangleMesh(*Sphere(0.03).outline(0.0))}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(device, joined_stages, monkeypatch, shape):
+    results = []
+    for moves in (False, True):
+        monkeypatch.setattr(launches.Stage, "moves_later", lambda *_, moves=moves: moves)
+        simulation = struck(square(41), 32)
+        path = BodyPath.straight((0.05, 0.05, 0.0152), (0.5, 0.0, -0.2), 0.05)
+        simulation.contact, simulation.damage = RigidBody(SHAPES[shape](), path, friction=0.3), None
+        built = simulation.run(device=device).built
+        assert built.context.noted["moves"].numpy()[0] == moves
+        results.append(left_behind(built))
+    assert np.abs(results[0]["displacement"]).max() > 1e-3
+    assert_same(*results)

@@ -1,11 +1,12 @@
-"""What points remember of the search, and marks, change no bit of a run."""
+"""What points remember of the search, marks, and what bodies note of blocks of points change no bit of a run."""
 
 import numpy as np
 import pytest
 from helpers import square
 from small_runs import simulate
 
-from warp_pd import BodyPath, Box, Explicit, Free, RigidBody, Sphere, TriangleMesh
+from warp_pd import BodyPath, Box, Explicit, Free, Pressure, RigidBody, Sphere, TriangleMesh
+from warp_pd.device.launches import Stage
 from warp_pd.parts import bodies
 
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
@@ -56,3 +57,52 @@ def test_points_without_a_mark_touch_the_same(plain, monkeypatch):
     monkeypatch.setattr(bodies, "SLACK", 0.0)
     assert plain.built.context.fields["ball_marks"].numpy().any()
     require_same_bits(plain, scene().run(device="cpu", precision=32))
+
+
+def on_paths():
+    """A ball that slides over a sheet of several blocks of points, and a turning box below it."""
+    down = BodyPath.straight((0.02, 0.02, 0.0203), (0.3, 0.2, -0.05), 0.02)
+    path = BodyPath([0.0, 0.02], [(0.06, 0.06, -0.0102), (0.065, 0.06, -0.008)], [(0.0, 0.0, 0.0, 1.0), TURNED])
+    two = [
+        RigidBody(Sphere(0.04), down, friction=0.2, name="ball"),
+        RigidBody(TriangleMesh(*Box((0.04, 0.05, 0.02)).outline(0.0)), path, friction=0.3),
+    ]
+    return simulate(square(41), Explicit(0.02, frames=4, safety=0.3), contact=two)
+
+
+@pytest.mark.parametrize("joined", [False, True])
+def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, request, monkeypatch):
+    if joined:
+        request.getfixturevalue("joined_stages")
+    noted = on_paths().run(device="cpu", precision=32)
+    near = noted.built.context.noted["near"].numpy()
+    assert noted.built.context.noted["moves"].numpy()[0] == 0
+    assert near.min() == 0
+    assert near.max() > 20
+    # As if something else moved points in between.
+    monkeypatch.setattr(Stage, "moves_later", lambda *_: True)
+    everywhere = on_paths().run(device="cpu", precision=32)
+    assert everywhere.built.context.noted["moves"].numpy()[0] == 1
+    require_same_bits(noted, everywhere)
+
+
+def test_what_moves_points_after_a_body_on_a_path_is_noticed():
+    """A free body does."""
+    assert on_paths().build("cpu").context.noted["moves"].numpy()[0] == 0
+    assert scene().build("cpu").context.noted["moves"].numpy()[0] == 1
+
+
+def test_a_body_counts_the_time_where_nothing_else_needs_the_clock():
+    for simulation, ticks in ((on_paths(), False), (simulate_with_load(), True)):
+        result = simulation.run(device="cpu", precision=32)
+        assert result.status == "finished"
+        names = [part for item in result.built.context.stages["step"] for part in item.parts]
+        assert ("tick" in names) == ticks
+        assert result.built.context.clock.time.numpy()[0] == pytest.approx(0.02, rel=1e-12)
+
+
+def simulate_with_load():
+    """The same with a load that needs a schedule."""
+    simulation = on_paths()
+    simulation.loads = [*simulation.loads, Pressure(1.0, ramp=((0.0, 0.0), (0.02, 1.0)))]
+    return simulation

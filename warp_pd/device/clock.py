@@ -36,6 +36,7 @@ class Clock:
     scheduled: Array | None = None
     time: Array | None = None
     advance: Array | None = None
+    _timed: list[str] = field(default_factory=list)
 
     def register(self, schedule: Schedule | None) -> int | None:
         """Register a schedule and return its index; without a schedule return None."""
@@ -43,6 +44,16 @@ class Clock:
             return None
         self.schedules.append(schedule)
         return len(self.schedules) - 1
+
+    def keep_time(self, part: str) -> None:
+        """Run the clock for the time alone; of several parts, the one that asks last can count it in a step."""
+        self.register(Schedule(np.array([0.0]), np.zeros((1, 3))))
+        self._timed.append(part)
+
+    @property
+    def counted_by(self) -> str | None:
+        """The part that can count the time in a step; None if there are schedules, which the clock evaluates."""
+        return self._timed[-1] if 0 < len(self._timed) == len(self.schedules) else None
 
     def soon(self, index: int) -> int:
         """Entry of `scheduled` with the value of a schedule one step later."""

@@ -133,6 +133,7 @@ class Launch:
         early: Whether it may run before the last launch of the previous repetition.
         late: The same launch after the early ones of the next repetition, if it then has other arguments.
         completing: The same launch after the next one that fills a list, which it then completes.
+        pieces: The launches of the pointwise stages that share it, if several do.
     """
 
     name: str
@@ -155,6 +156,7 @@ class Launch:
     early: bool = False
     late: Launch | None = None
     completing: Launch | None = None
+    pieces: tuple[Launch, ...] = ()
 
     @property
     def gathered(self) -> set[int]:
@@ -349,6 +351,17 @@ class Stage:
             if not any(last.touched.must_wait_for(item.touched) for item in early):
                 self.wraparound, self.leading = _joined(last, inner[0]), len(early)
 
+    def moves_later(self, displacement: Array) -> bool:
+        """Whether anything but local stages moves points after the first of these."""
+        looked = False
+        for item in self.items:
+            for piece in (item.pieces or (item,)) if isinstance(item, Launch) else (item,):
+                local = isinstance(piece, Launch) and isinstance(piece.source, Pointwise) and piece.source.local
+                if looked and not local and int(displacement.ptr) in piece.touched.writes:
+                    return True
+                looked = looked or local
+        return False
+
     def launches(self) -> Iterator[Launch]:
         """Every kernel launch, including the wraparound."""
         yield from (item for item in self.items if isinstance(item, Launch))
@@ -391,5 +404,5 @@ def _joined(first: Item, second: Item) -> Launch | None:
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
     return replace(
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
-        touched=first.touched | second.touched, late=late,
+        touched=first.touched | second.touched, late=late, pieces=(*(first.pieces or (first,)), second),
     )  # fmt: skip

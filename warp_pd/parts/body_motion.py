@@ -12,7 +12,6 @@ import warp as wp
 from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
-from ..device.schedules import Schedule
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import Given, PointContact, body_contact
@@ -248,12 +247,16 @@ class BuiltMotion:
         if pushed is not None:
             stage.pointwise(self.name, take, points, **pushed, **values)
         # Where the step is followed by the next one, the body has already moved on.
-        before = {"place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:]}
+        before = {
+            "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
+            "steps": self.context.noted["steps"][1:],
+        }  # fmt: skip
         stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
 
     def found(self) -> dict[str, Array | None]:
-        """Arrays of the points in contact with a free body, by their name in the struct of `PointContact`."""
-        return dict.fromkeys(("need", "rows", "arms", "slips", "yielded"))
+        """Arrays of the points in contact, by their name in the struct of `PointContact`."""
+        of_free, of_paths = ("need", "rows", "arms", "slips", "yielded", "any_near"), ("near", "steps", "moves")
+        return dict.fromkeys((*of_free, *of_paths))
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
@@ -292,19 +295,27 @@ class OnPath(BuiltMotion):
         self.knots = self._array("times", wp.float64, times, led, per)
         self.places = self._array("places", wp.vec3d, positions, led, per)
         self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
-        # The clock runs only if there is a schedule.
-        context.clock.register(Schedule(np.array([0.0]), positions[:1]))
+        context.clock.keep_time(name)
+        if context.features.dynamic:
+            context.bodies.append(name)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
         phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
         if phase in phases:
-            clock = self.context.clock
+            context, clock = self.context, self.context.clock
+            dynamic = context.features.dynamic
             stage.launch(
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
+                counts_time=int(dynamic and clock.counted_by == self.name),
                 rotation=self.rotation, motion=self.motion, early=True,
+                steps=context.noted["steps"] if dynamic and context.bodies[0] == self.name else None,
             )  # fmt: skip
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays in which points near the body are noted."""
+        return super().found() | self.context.noted
 
 
 class InFlight(BuiltMotion):
@@ -343,6 +354,7 @@ class InFlight(BuiltMotion):
             return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
 
         self.changes = room("changes", vec6d, 1, "once")
+        self.any_near = room("any_near", wp.int32, 1, "once")
         # Speed into the body that each point must lose [m/s], -1 for none; normal, and arm x normal.
         self._found = {"need": room("need", wp.float64, points), "rows": room("rows", vec6d, points)}
         if rubs:
@@ -368,7 +380,7 @@ class InFlight(BuiltMotion):
             stage.launch(
                 self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
                 step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
-                momenta=self.momenta,
+                momenta=self.momenta, any_near=self.any_near,
             )  # fmt: skip
 
     def add_contact(
@@ -388,7 +400,7 @@ class InFlight(BuiltMotion):
 
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact."""
-        return super().found() | self._found | {"yielded": self.changes}
+        return super().found() | self._found | {"yielded": self.changes, "any_near": self.any_near}
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
