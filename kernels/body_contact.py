@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .body_motion import vec6d, wrench
+from .body_motion import SLOW, vec6d, wrench
 from .body_search import BodySearch, body_search
 from .integrate import StepOptions, half_step
 from .numeric import numeric
@@ -299,14 +299,34 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
     """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end.
 
     A point can touch at the end of a step only if it was near after the drift. That is noted for blocks of points, so
-    that all others read nothing at the end; unless something else moves points in between.
+    that all others read nothing at the end; unless something else moves points in between. After the drift, points of
+    blocks that were further away than a margin are told by their velocity until they or the body may have come nearer.
     """
     BodyContact, plane = of.search.struct, of.search.plane
     may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
     act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
-    size = NEAR_BLOCK
+    size, in_margin = NEAR_BLOCK, of.search.in_margin
 
-    @pointwise(BodyContact, writes=STRUCK if at_end else (*MOVED, "near"), rare=True, local=not at_end)
+    @wp.func
+    def look(i: int, step: int, a: BodyContact):
+        """Whether to look how near a point is in this step."""
+        if a.margin == wp.float64(0.0):
+            return True
+        last = a.search[0]
+        looks = a.around[i / size] >= last or a.moves[0] != 0
+        if last == step:
+            if in_margin(i, a):
+                a.around[i / size] = step
+            looks = True
+        elif not looks:
+            v = wp.vec3(a.velocity[i])
+            dt = wp.float32(a.step[0])
+            if dt * dt * wp.dot(v, v) > wp.float32(SLOW * SLOW * a.margin * a.margin):
+                a.around[i / size] = step
+                looks = True
+        return looks
+
+    @pointwise(BodyContact, writes=STRUCK if at_end else (*MOVED, "near", "around"), rare=True, local=not at_end)
     def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
         step = a.steps[0]
@@ -315,7 +335,7 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
                 if a.near[i / size] >= step or a.moves[0] != 0:
                     if may_touch(i, a, here):
                         act_on(i, a)
-            else:
+            elif look(i, step, a):
                 if may_touch(i, a, here):
                     a.near[i / size] = step
                     act_on(i, a)

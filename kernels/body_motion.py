@@ -16,6 +16,8 @@ import warp as wp
 from .effects import Kernel, kernel
 from .numeric import numeric
 
+# Distance that a point far from a body goes in a step without being looked at, over the margin.
+SLOW = wp.constant(wp.float64(1.0 / 32.0))
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 
 
@@ -77,20 +79,24 @@ def follow_path(
     rotations: wp.array(dtype=wp.quatd),
     advance: wp.array(dtype=wp.float64),
     counts_time: int,
+    counts_steps: int,
+    radius: wp.float64,
+    margin: wp.float64,
     first: int,
     time: wp.array(dtype=wp.float64),
     place: wp.array(dtype=wp.vec3d),
     rotation: wp.array(dtype=wp.quatd),
     motion: wp.array(dtype=wp.vec3d),
     steps: wp.array(dtype=wp.int32),
+    search: wp.array(dtype=wp.int32),
+    travelled: wp.array(dtype=wp.float64),
 ):
-    """Move bodies by one step along a piecewise linear path; count it in `steps`, if there is this array.
+    """Move bodies by one step along a piecewise linear path.
 
-    `counts_time`: no clock advances the time.
+    `counts_time`: no clock advances the time; `counts_steps`: it is the first of the bodies. search: the last step in
+    which points further away than `margin` [m] were told apart, see kernels/body_contact.py. travelled: how far the
+    body and one of those points may have come nearer since [m].
     """
-    if steps:
-        steps[1] = steps[0]
-        steps[0] = steps[0] + 1
     dt = advance[0]
     soon = wp.min(time[0] + dt, advance[1])
     if counts_time != 0:
@@ -116,9 +122,23 @@ def follow_path(
     motion[2] = motion[0]
     motion[3] = motion[1]
     # In static equilibrium no time passes.
+    turn = turn_between(was, turned)
     if dt > wp.float64(0.0):
         motion[0] = (there - here) / dt
-        motion[1] = turn_between(was, turned) / dt
+        motion[1] = turn / dt
+    if steps:
+        if counts_steps != 0:
+            steps[1] = steps[0]
+            steps[0] = steps[0] + 1
+        moved = wp.length(there - here)
+        if wp.length_sq(turn) > wp.float64(0.0):
+            moved += radius * wp.length(turn)
+        gone = travelled[0] + moved + SLOW * margin
+        travelled[0] = gone
+        # The body and the points may move as far again in the step that follows from this test.
+        if gone + moved + SLOW * margin >= wp.float64(0.9) * margin:
+            search[0] = steps[0]
+            travelled[0] = wp.float64(0.0)
 
 
 @functools.cache

@@ -30,6 +30,7 @@ class BodySearch:
         surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
         plane: a -> normal (components 1 to 3, in the coordinates of the sheet) and height (4) of a half space; zero for
             other shapes.
+        in_margin: (i, a) -> whether a point is within `margin` of where it may touch.
         may_touch_in_step: (i, a, plane) -> whether a point may touch within the step, after the drift.
         may_touch_now: (i, a, plane) -> whether it may touch at the end of the step.
         touch_in_step: (i, x, a) -> results of `way_out` but the last, in the coordinates of the sheet, and the arm at
@@ -44,6 +45,7 @@ class BodySearch:
     position: wp.Function
     surface_velocity: wp.Function
     plane: wp.Function
+    in_margin: wp.Function
     may_touch_in_step: wp.Function
     may_touch_now: wp.Function
     touch_in_step: wp.Function
@@ -116,6 +118,9 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         any_near: wp.array(dtype=wp.int32)
         near: wp.array(dtype=wp.int32)
         steps: wp.array(dtype=wp.int32)
+        search: wp.array(dtype=wp.int32)
+        around: wp.array(dtype=wp.int32)
+        margin: wp.float64
         moves: wp.array(dtype=wp.int32)
         changes: wp.array(dtype=wp.vec3d)
         rubbing: wp.array(dtype=wp.vec3d)
@@ -169,6 +174,14 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
     @wp.func
     def height(i: int, a: BodyContact, plane: wp.vec4d):
         return wp.dot(wp.vec3d(plane[0], plane[1], plane[2]), position(i, a)) - plane[3]
+
+    @wp.func
+    def in_margin(i: int, a: BodyContact):
+        """Whether a point is so near a bounded body that it may touch it before the next search."""
+        dt = wp.float64(a.step[0])
+        reach = dt * wp.length(wp.vec3d(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin + a.margin
+        reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
+        return wp.length(position(i, a) - a.place[0]) < reach
 
     @wp.func
     def near_in_step(i: int, a: BodyContact, plane: wp.vec4d):
@@ -274,6 +287,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         return wp.float64(2.0) * moved > a.slack
 
     return BodySearch(
-        BodyContact, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
+        BodyContact, position, surface_velocity, plane, in_margin, may_touch_in_step, may_touch_now, touch_in_step,
         push_out, touch_now, mark, yields_far,
     )  # fmt: skip

@@ -86,6 +86,19 @@ def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, req
     require_same_bits(noted, everywhere)
 
 
+@pytest.mark.parametrize("margin", [1e-6, 4.0])
+def test_points_that_are_far_are_told_by_their_velocity(margin, monkeypatch):
+    """With the smaller margin every point is looked at in every step."""
+    results = []
+    for used in (margin, bodies.MARGIN):
+        monkeypatch.setattr(bodies, "MARGIN", used)
+        results.append(on_paths().run(device="cpu", precision=32))
+    require_same_bits(*results)
+    searches = [result.built.context.fields["ball_search"].numpy()[0] for result in results]
+    steps = results[0].built.context.noted["steps"].numpy()[0]
+    assert (searches[0] == steps) == (margin < 1e-3)
+
+
 def test_what_moves_points_after_a_body_on_a_path_is_noticed():
     """A free body does."""
     assert on_paths().build("cpu").context.noted["moves"].numpy()[0] == 0

@@ -22,7 +22,7 @@ from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
 from .body_checks import bond_bits, passes, sweeps, torn_since
-from .body_motion import BodyMotion
+from .body_motion import UNBOUNDED, BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, ForceColumns
@@ -35,8 +35,8 @@ FAR, UNSURE = 4.0, 1e-5
 EDGE_TRAVEL = 0.05
 # Distance by which a free body may yield in a step before any point may touch it [spacings].
 SLACK = 0.05
-# Radius of a half space [m].
-UNBOUNDED = 1e30
+# Distance from a body on a path within which points are looked at in every step [spacings].
+MARGIN = 1.0
 # Static contact: depth inside a body, over its thickness, at which a point between two equilibria counts as passing
 # through; a point that slides along a sphere may go 80 degrees around.
 PASSING = 0.125
@@ -131,6 +131,9 @@ class BuiltBody(ForceColumns):
         self._rubs = part.friction > 0.0
         self.set_forces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
+        # A half space has no margin: a search in every step.
+        bounded = part.shape.bounded
+        self.motion.extent = (part.shape.radius(), MARGIN * sheet.spacing) if bounded else (UNBOUNDED, 0.0)
         self._surface: BodySurface | None = None
         if part.surface:
             self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
@@ -203,6 +206,7 @@ class BuiltBody(ForceColumns):
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
             "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing,
+            "margin": motion.extent[1],
             "slack": SLACK * context.sheet.spacing if part.motion.free else 0.0, "unsure": self._unsure,
             "seen": self._seen, "marks": motion.marks, "friction": float(part.friction),
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,

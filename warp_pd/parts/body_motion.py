@@ -17,10 +17,13 @@ from ..interfaces.phases import Phase
 from ..kernels.body_contact import Given, PointContact, body_contact
 from ..kernels.body_motion import follow_path, free_motion, vec6d
 from ..kernels.free_contact import Equations, FreeBody, free_contact
+from ..kernels.pointwise import NEAR_BLOCK
 from .block_list import BlockList
 from .body_shapes import BodyShape
 
 Vector = Sequence[float]
+# Radius of a half space [m].
+UNBOUNDED = 1e30
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 # Smallest least eigenvalue of an inertia over the largest.
 LEAST_INERTIA = 1e-9
@@ -210,9 +213,11 @@ class BuiltMotion:
     Attributes:
         marks: Whether each point may touch a free body, (N,) uint8; see kernels/body_search.py.
         free: Whether the sheet moves the body.
+        extent: Distance of its furthest point from the centre, and margin in which points count as around it [m].
     """
 
     free: ClassVar[bool] = False
+    extent: tuple[float, float]
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
         """Allocate the arrays of the pose."""
@@ -246,6 +251,8 @@ class BuiltMotion:
         points = self.context.sheet.size
         if pushed is not None:
             stage.pointwise(self.name, take, points, **pushed, **values)
+        if at_end:
+            values = {**values, "search": None}
         # Where the step is followed by the next one, the body has already moved on.
         before = {
             "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
@@ -255,7 +262,8 @@ class BuiltMotion:
 
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact, by their name in the struct of `PointContact`."""
-        of_free, of_paths = ("need", "rows", "arms", "slips", "yielded", "any_near"), ("near", "steps", "moves")
+        of_free = ("need", "rows", "arms", "slips", "yielded", "any_near")
+        of_paths = ("near", "steps", "moves", "search", "around")
         return dict.fromkeys((*of_free, *of_paths))
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
@@ -295,6 +303,10 @@ class OnPath(BuiltMotion):
         self.knots = self._array("times", wp.float64, times, led, per)
         self.places = self._array("places", wp.vec3d, positions, led, per)
         self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
+        self.search = self._array("search", wp.int32, np.zeros(1, np.int32), restart=False)
+        self._travelled = self._array("travelled", wp.float64, np.array([UNBOUNDED]), restart=False)
+        blocks = -(-context.sheet.size // NEAR_BLOCK)
+        self._around = context.array(f"{name}_around", name, wp.int32, shape=blocks, per="table")
         context.clock.keep_time(name)
         if context.features.dynamic:
             context.bodies.append(name)
@@ -308,14 +320,16 @@ class OnPath(BuiltMotion):
             stage.launch(
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
-                counts_time=int(dynamic and clock.counted_by == self.name),
+                counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
+                margin=self.extent[1], search=self.search, travelled=self._travelled,
                 rotation=self.rotation, motion=self.motion, early=True,
-                steps=context.noted["steps"] if dynamic and context.bodies[0] == self.name else None,
+                steps=context.noted["steps"] if dynamic else None,
+                counts_steps=int(dynamic and context.bodies[0] == self.name),
             )  # fmt: skip
 
     def found(self) -> dict[str, Array | None]:
         """Arrays in which points near the body are noted."""
-        return super().found() | self.context.noted
+        return super().found() | self.context.noted | {"search": self.search, "around": self._around}
 
 
 class InFlight(BuiltMotion):
