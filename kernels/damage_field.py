@@ -335,6 +335,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         family_class: wp.array(dtype=wp.int32),
         inner: int,
         undamaged: wp.uint32,
+        stop: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
@@ -368,7 +369,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                 if after == 1:
                     if others.shape[0] > 0:
                         # The kernel of undamaged families has taken it for one.
-                        if family_class[i] == inner and intact[0, i] == undamaged:
+                        if i < stop and family_class[i] == inner and intact[0, i] == undamaged:
                             others[wp.atomic_add(other_count, 0, 1)] = i
                     for word in range(family.words):
                         intact[word, i] = bonds_left(

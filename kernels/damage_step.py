@@ -191,6 +191,7 @@ def damage_field(
         family_class: wp.array(dtype=wp.int32),
         inner: int,
         undamaged: wp.uint32,
+        stop: int,
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
@@ -203,7 +204,7 @@ def damage_field(
         finish_points(
             family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask, squared_reach,
             severed_at, fastest, neighbours, damage, before, listed, wp.tid() + first, count[0], stride, family_class,
-            inner, undamaged, intact, awake, near_damage, softening, released, others, other_count,
+            inner, undamaged, stop, intact, awake, near_damage, softening, released, others, other_count,
         )  # fmt: skip
 
     @kernel(
@@ -234,6 +235,7 @@ def damage_field(
         family_class: wp.array(dtype=wp.int32),
         inner: int,
         undamaged: wp.uint32,
+        stop: int,
         first: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -281,7 +283,7 @@ def damage_field(
                 finish_points(
                     family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask,
                     squared_reach, severed_at, fastest, neighbours, damage, before, listed, thread, end, needed * size,
-                    family_class, inner, undamaged, intact, awake, near_damage, softening, released, others,
+                    family_class, inner, undamaged, stop, intact, awake, near_damage, softening, released, others,
                     other_count,
                 )  # fmt: skip
 

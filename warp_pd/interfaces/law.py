@@ -99,6 +99,7 @@ class OtherFamilies:
         family_class: Class of each family, (N,) int32.
         inner: Class of the inner families.
         undamaged: Bits of the bonds of an undamaged inner family.
+        stop: Number of points that the first kernel reaches; later ones list the others.
         points: The list, int32.
         count: Number of its entries, (1,) int32.
     """
@@ -106,6 +107,7 @@ class OtherFamilies:
     family_class: Array
     inner: int
     undamaged: int
+    stop: int
     points: Array
     count: Array
 

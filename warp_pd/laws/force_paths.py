@@ -434,12 +434,12 @@ class UndamagedLattice(Reference):
 
     @property
     def other_families(self) -> OtherFamilies | None:
-        """The list of other families, unless each strip has a list."""
-        law = self.law
-        if not law.layout.breakable or self.forces.turns_over:
+        """The list of other families, if bonds can break."""
+        law, stop = self.law, self.forces.strips[0].end
+        if not law.layout.breakable:
             return None
         undamaged = (1 << law.families.members) - 1
-        return OtherFamilies(law.struct.family_class, self.inner, undamaged, self.others, self.count)
+        return OtherFamilies(law.struct.family_class, self.inner, undamaged, stop, self.others, self.count)
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""

@@ -436,7 +436,7 @@ class DamageField(Damaged):
             relaxations=self._relaxations(stage, self.sweeps), sweeps=sweeps, listed=self._listed, count=self._count,
             arrived=self._arrived, severed_at=self._severed_at, driving=self._driving, before=self._before,
             damage=self.field, other=self._other, awake=self._awake, near_damage=self._near, softening=self._softening,
-            family_class=None, inner=0, undamaged=0, others=None, other_count=None, **self.arguments(),
+            family_class=None, inner=0, undamaged=0, stop=0, others=None, other_count=None, **self.arguments(),
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
@@ -483,7 +483,8 @@ class DamageField(Damaged):
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, near_damage=self._near, softening=self._softening,
             family_class=None if other is None else other.family_class, inner=0 if other is None else other.inner,
-            undamaged=0 if other is None else other.undamaged, others=None, other_count=None,
+            undamaged=0 if other is None else other.undamaged, stop=0 if other is None else other.stop,
+            others=None, other_count=None,
             completing=None if other is None else {"others": other.points, "other_count": other.count},
             **given, **self._shared(),
         )  # fmt: skip
