@@ -113,9 +113,10 @@ def damage_of(name, clamp):
     return CriticalEnergy(500.0) if name == "energy" else None
 
 
-def scene(name, points=None, frames=2, duration=DURATION):
+def scene(name, points=None, frames=2, duration=None):
     """A sheet that is pulled, in many variants."""
-    points = points or (LARGE if name.endswith("large") else POINTS)
+    large = name.endswith("large")
+    points, duration = points or (LARGE if large else POINTS), duration or (3.0 if large else 1.0) * DURATION
     sheet = sheet_of(name, points)
     low, high = (
         sheet.edges(*(("bottom",) if name == "tube" else ("left",))),
