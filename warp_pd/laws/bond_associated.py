@@ -23,7 +23,7 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .force_paths import PATHS, FamilyBlocks, ForcePath, UndamagedLattice, force_path
+from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
 from .variational import Key
@@ -178,7 +178,7 @@ class BondAssociatedForce(FamilyLaw):
     @property
     def other_families(self) -> OtherFamilies | None:
         """Those of its force path."""
-        return self.path.other_families if isinstance(self.path, UndamagedLattice) else None
+        return self.path.other_families
 
     @functools.cached_property
     def pairs(self) -> Array:

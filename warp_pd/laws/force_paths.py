@@ -83,6 +83,11 @@ class ForcePath(Protocol):
 
     name: ClassVar[str]
 
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """As `BuiltLaw.other_families`."""
+        ...
+
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
         """The path of a law on its sheet and device, or None if it does not apply.
@@ -130,6 +135,11 @@ class Reference:
     def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
         self.law, self.response = law, response
 
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """None: one kernel computes all families."""
+        return None
+
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
         """The path, which always applies."""
@@ -168,6 +178,11 @@ class RowSums:
 
     def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
         self.law, self.response = law, response
+
+    @property
+    def other_families(self) -> OtherFamilies | None:
+        """None, as for `Reference`."""
+        return None
 
     def _kernel(self, what: str) -> Kernel:
         """Kernel of family_rows."""

@@ -25,15 +25,7 @@ from . import restart
 from .built import Built, compose
 from .divergence import DivergedError, free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
-from .folder import (
-    PAGE,
-    clear,
-    clear_unfinished,
-    remove_if_empty,
-    sole_use,
-    writable_folder,
-    write_atomically,
-)
+from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .frame_points import FramePoints
 from .processes import communicator_here
 from .recorder import Recorder
