@@ -1,7 +1,7 @@
 """Small scenes that one process and several run alike, and the processes that run them.
 
-`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME...` runs scenes into
-FOLDER/NAME.
+`python -m torch.distributed.run --standalone --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME...` runs
+scenes into FOLDER/NAME.
 """
 
 import os
@@ -181,7 +181,9 @@ def composed(made, rank=0, size=2, precision=None):
 
 def started(processes, *arguments):
     """Python with some arguments in several processes of torchrun; the finished one."""
-    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", str(processes), *map(str, arguments)]
+    # By itself torchrun takes a fixed port, which another run may have.
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(processes)]
+    command += map(str, arguments)
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
 

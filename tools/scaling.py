@@ -4,10 +4,10 @@
     python tools/scaling.py --processes 2 --points 10000 --device cuda --out FOLDER [--stride 16] [--no-restart]
 
 A square lattice under pressure, or with --cloud a jittered cloud. With --weak every process has a square of so many
-points along x; otherwise all share one. A step is the slope between the times of --steps and of five times as many,
-without set-up, the least of --repeats; `cpu_us` is that of the busiest process, for a machine that others use. `bits`
-is the same in all runs of one sheet. With --out there is one run, which writes its files there. Memory is the most of
-any process. The page docs/scaling.md has the results.
+points along x; otherwise all share one. A step is the slope between the least times of --repeats runs of --steps and
+of five times as many, without set-up; `cpu_us` is that of the busiest process, for a machine that others use. `bits` is
+the same in all runs of one sheet. With --out there is one run, which writes its files there. Memory is the most of any
+process. The page docs/scaling.md has the results.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warp_pd import (
@@ -81,11 +82,10 @@ def here(options: argparse.Namespace) -> None:
     wall = perf_counter() - begin
     row: dict[str, Any] = {}
     if options.out is None:
-        rounds = []
-        for _ in range(options.repeats):
-            short, long = (timed(options, processes, n * options.steps)[1:] for n in (1, LONGER))
-            rounds.append([(b - a) / ((LONGER - 1) * options.steps) for a, b in zip(short, long, strict=True)])
-        row["step_us"], row["cpu_us"] = (1e6 * min(times) for times in zip(*rounds, strict=True))
+        # The least slope would be one whose shorter run was disturbed.
+        runs = [[timed(options, processes, n * options.steps)[1:] for n in (1, LONGER)] for _ in range(options.repeats)]
+        short, long = np.min(runs, axis=0)
+        row["step_us"], row["cpu_us"] = (1e6 * (long - short) / ((LONGER - 1) * options.steps)).tolist()
     device = wp.get_device(str(result.built.context.device))
     row |= {
         "points": result.summary["points"], "steps": result.summary["steps"], "status": result.status,
@@ -137,7 +137,7 @@ def main() -> None:
     for number in options.processes:
         start = [sys.executable]
         if number > 1:
-            start += ["-m", "torch.distributed.run", "--nproc-per-node", str(number)]
+            start += ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(number)]
         command = [*start, __file__, *sys.argv[1:], "--here"]
         said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
         print(json.dumps(together([json.loads(line) for line in said.splitlines() if line[:1] == "{"])), flush=True)
