@@ -1,5 +1,7 @@
 """Run every scene small, and make the gallery: docs/gallery.md, a picture and a page of each scene in docs/gallery/.
 
+docs/scenes.png, which shows all scenes at once, is made of these pictures.
+
     python tools/gallery.py                        all scenes, some twenty minutes on two CPU cores
     python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
     python tools/gallery.py --only-page            without running anything: pages of the runs in runs/gallery
@@ -21,7 +23,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from small_pictures import encoded
+from PIL import Image, ImageDraw, ImageFont
+from small_pictures import encoded, limit, shrunk
 from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
 
 from warp_pd import InputError
@@ -36,6 +39,9 @@ SCRIPTS = "../../warp_pd/output/page"
 # A picture in pixels and colours; and what a page holds: points of a long and of a short run, frames, bits a number.
 WIDTH, HEIGHT, COLOURS = 720, 450, 96
 POINTS, MOST_POINTS, FRAMES, BITS = 750, 1700, 16, 10
+# The picture of all scenes: panels in a row, their size and that of a name in pixels; and the part of a picture without
+# time and colour bar.
+COLUMNS, PANEL, NAME, SEEN = 6, (136, 78), 14, (0, 40, 640, 405)
 
 
 @dataclass(frozen=True)
@@ -165,8 +171,6 @@ def _page_of(scene: str) -> str:
 
 def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:
     """The picture of a page, with few colours."""
-    from PIL import Image
-
     opened = browser.new_page(viewport={"width": WIDTH, "height": 900})
     opened.goto(path.as_uri())
     opened.add_style_tag(content=f"#stage {{ height: {HEIGHT}px !important; background: #fff; border: none; }}")
@@ -184,6 +188,21 @@ def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:
     taken = Image.open(io.BytesIO(opened.locator("#stage").screenshot())).convert("RGB")
     opened.close()
     return encoded(taken, COLOURS)
+
+
+def write_overview(path: Path) -> None:
+    """One picture of all scenes."""
+    pictures = sorted(GALLERY.glob("*.png"))
+    width, height = PANEL[0], PANEL[1] + NAME
+    whole = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height), "white")
+    pen, font = ImageDraw.Draw(whole), ImageFont.load_default(10)
+    for number, picture in enumerate(pictures):
+        x, y = number % COLUMNS * width, number // COLUMNS * height
+        pen.text((x + width // 2, y), picture.stem, "black", font, anchor="ma")
+        panel = Image.open(picture).convert("RGB").crop(SEEN).resize(PANEL, Image.Resampling.LANCZOS)
+        whole.paste(panel, (x, y + NAME))
+    whole.save(path)
+    path.write_bytes(shrunk(path, limit(path)))
 
 
 def gallery_page() -> str:
@@ -230,6 +249,7 @@ def main() -> None:
         with ThreadPoolExecutor(options.jobs) as pool:
             list(pool.map(run_scene, scenes))
     write_pages(scenes)
+    write_overview(DOCS / "scenes.png")
     write_page(DOCS / "gallery.md", gallery_page())
 
 

@@ -6,7 +6,7 @@
     python tools/scenes.py --only-page                     from the runs in the work folder
 
 It takes a few minutes on one H200 and some hours on two CPU cores. A section whose run is not in the work folder stays
-as it is on the page. `tools/montage.py` makes the picture of all scenes, docs/scenes.png; docs/ball.png is the picture
+as it is on the page. `tools/gallery.py` makes the picture of all scenes, docs/scenes.png; docs/ball.png is the picture
 damage.png of `ball_penetration`.
 """
 

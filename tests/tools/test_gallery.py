@@ -56,7 +56,8 @@ def test_pages_are_made_of_the_runs_that_exist(tmp_path, monkeypatch):
     (tmp_path / "gallery" / "needle").mkdir(parents=True)
     (tmp_path / "gallery" / "needle" / "frames.vtkhdf").touch()
     # Neither the browser nor docs/ is needed to see which scenes are drawn again.
-    for name, value in {"RUNS": tmp_path, "write_pages": written.extend, "write_page": lambda *_: None}.items():
+    others = dict.fromkeys(("write_overview", "write_page"), lambda *_: None)
+    for name, value in {"RUNS": tmp_path, "write_pages": written.extend, **others}.items():
         monkeypatch.setattr(gallery, name, value)
     monkeypatch.setattr(sys, "argv", ["gallery.py", "--only-page"])
     gallery.main()

@@ -118,24 +118,6 @@ def from_above(
     save(figure, path)
 
 
-def thumbnail(
-    axes: Any, frame: Shown, field: str, limits: tuple[float, float] | None = None, above: bool = False
-) -> None:
-    """Draw one frame on existing axes, without coordinates and colour bar, in 3D or from above."""
-    scale = scale_of([frame], field, "", limits)
-    places = places_of(frame)
-    low, high = places.min(axis=0), places.max(axis=0)
-    seen = View(low, high, np.ones(3), np.eye(3)) if above else View.of(low, high, 28.0, -60.0)
-    across = seen.seen(places)[:, :2]
-    if len(frame.triangles):
-        _paint(axes, frame, field, scale, seen)
-    else:
-        axes.scatter(*across.T, c=scale.colours(frame.fields[field]), s=6.0)
-    margin = 0.02 * float(np.ptp(across, axis=0).max())
-    axes.set(aspect="equal", xlim=(across[:, 0].min() - margin, across[:, 0].max() + margin),
-             ylim=(across[:, 1].min() - margin, across[:, 1].max() + margin))  # fmt: skip
-
-
 @drawn_beside
 def reference(
     path: Path,
@@ -385,4 +367,4 @@ def _side(component: float, negative: str, positive: str) -> str:
 
 
 __all__ = ["ENERGIES", "Shown", "curves", "directions", "frames_at", "from_above", "new_figure", "profiles",
-           "reference", "save", "surfaces", "thumbnail"]  # fmt: skip
+           "reference", "save", "surfaces"]  # fmt: skip
