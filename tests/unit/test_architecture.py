@@ -48,13 +48,6 @@ def test_table_of_phases_is_the_step():
     assert [(name.strip("`"), text) for name, text in table("The step")] == [(p.name, p.value) for p in STEP]
 
 
-def test_picture_of_the_layers_is_up_to_date():
-    done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "draw_layers.py", "--check"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-
-
 def test_no_file_is_longer_than_its_subject_may_be():
     lines = {path: len(path.read_text().splitlines()) for path in [*PACKAGE.rglob("*.py"), *KERNELS.glob("*.py")]}
     assert len(lines) > 90
