@@ -1,30 +1,41 @@
-"""Bending stiffness beside a force law: an energy of the curvature of the deformed sheet."""
+"""Bending stiffness beside a force law: an energy of the curvature of the deformed sheet, its force and its tangent."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, positive, said
-from ..device.fields import Array
+from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
-from ..interfaces import BuiltLaw, History, Tangent
+from ..interfaces import BuiltLaw, Solve, SparseTangent, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
-from .bending_tangent import BendingTangent
 from .slopes import CHUNK, fitted_slopes
+from .sparse import factorised
 
-OWNER = "bending"
+OWNER, NEWTON = "bending", "Newton"
+# Points up to which the tangent is factorised on the host: shorter waves are too stiff for 3x3 blocks.
+DIRECT_POINTS = 100_000
 # Points that are held in all three components, or in a rigid inclusion.
 HELD, RIGID = 7, 8
 # Strain of the differences that give the modulus of a law.
 STRAIN = 1e-3
+# What the law with bending takes from the law: attributes, and methods in which bending changes nothing.
+OF_THE_LAW = (
+    "label", "weights", "has_energy", "families", "struct", "intact", "constants", "energy_constants", "point_values",
+    "horizon_ratio", "inverse_horizon", "unit_volume", "correction", "earlier_energy", "driving_energy",
+    "partial_energy", "goes_slack", "slack_frequency",
+    "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density", "fictitious_mass",
+    "request_fields", "field_names", "sums", "column_names", "columns", "notes", "fingerprint", "likely_cause",
+)  # fmt: skip
 # Numbers of tables that differ by less count as the same: the round-off of a lattice.
 SAME = 1e-10
 
@@ -60,7 +71,7 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
     if context.regions or context.by_point or context.remembers:
         raise InputError(f"bending = {given}: expected one material, the same at all points")
-    return BendingForce(law, context, given)
+    return BendingForce(law, context, given)  # type: ignore[abstract]
 
 
 def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
@@ -87,7 +98,7 @@ class BendingForce(BuiltLaw):
     The law stays a law of families, which parts ask for their own purposes; bending has its own tables.
 
     Attributes:
-        law: The law; attributes of `BuiltLaw` that are not listed here are its own.
+        law: The law; OF_THE_LAW names what this object has from it.
         context: Its context.
         kernels: Kernels of bending.
         plate: Their tables.
@@ -100,14 +111,8 @@ class BendingForce(BuiltLaw):
 
     def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
         self.law, self.context = law, context
-        self.label, self.weights, self.has_energy = law.label, law.weights, law.has_energy
-        self.families, self.struct, self.intact = law.families, law.struct, law.intact
-        self.constants, self.energy_constants, self.point_values = law.constants, law.energy_constants, law.point_values
-        self.horizon_ratio, self.inverse_horizon = law.horizon_ratio, law.inverse_horizon
-        self.unit_volume, self.correction = law.unit_volume, law.correction
-        self.earlier_energy, self.driving_energy = law.earlier_energy, law.driving_energy
-        self.partial_energy = law.partial_energy
-        self.goes_slack, self.slack_frequency = law.goes_slack, law.slack_frequency
+        for name in OF_THE_LAW:
+            setattr(self, name, getattr(law, name))
         f = context.features
         self.kernels: BendingKernels = bending(
             context.bits, context.sheet.frames is not None, f.breakable, f.softened, f.breakable and f.tracked
@@ -338,8 +343,6 @@ class BendingForce(BuiltLaw):
         """
         return BendingTangent(self, self.law.tangent(context, geometric))
 
-    # What it does as without bending -------------------------------------------------------------------
-
     @property
     def strain_energy(self) -> Array | None:
         """Energy of each family at the last frame, without bending [J]."""
@@ -350,61 +353,166 @@ class BendingForce(BuiltLaw):
         """Name of the force path of the law."""
         return self.law.force_path
 
-    def begin(self) -> None:
-        """Do the host work of the law at the start of a run."""
-        self.law.begin()
 
-    def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add the law's launch that computes its force and flags blocks of points whose bonds may break."""
-        return self.law.screen_with_force(stage, squared_stretch, exceeding)
+class BendingTangent(Tangent):
+    """The tangent of a law and of bending.
 
-    def bond_force(self) -> Array:
-        """Force of each family on its pairs [N]."""
-        return self.law.bond_force()
+    Attributes:
+        force: The law with bending.
+        law: Tangent of the law alone.
+    """
 
-    def represented_areas(self) -> np.ndarray:
-        """Area represented by the bonds of each point [m^2]."""
-        return self.law.represented_areas()
+    direct_points = DIRECT_POINTS
 
-    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
-        """Energy density of stretch [J/m^3]."""
-        return self.law.energy_density(stretch, across)
+    def __init__(self, force: BendingForce, law: Tangent) -> None:
+        self.force, self.law, self.inverse_blocks = force, law, law.inverse_blocks
+        self._stage: str | None = None
+        context, t = force.context, force.context.types
+        self._here, self._along, self._out = (
+            context.array(f"bending_{name}", NEWTON, t.vec3, shape=context.sheet.size)
+            for name in ("here", "along", "image")
+        )
+        self._slope, self._slope_change = (force.slope_array(f"tangent_{name}") for name in ("slope", "change"))
+        self._changes = force.triangle_array("changes")
 
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches of the law's fictitious mass."""
-        return self.law.fictitious_mass(stage)
+    def is_slack(self) -> bool:
+        """False: a sheet without stress resists bending."""
+        return False
 
-    def request_fields(self, names: Sequence[str]) -> None:
-        """Add fields of the law to the frames."""
-        self.law.request_fields(names)
+    def modulus(self) -> float:
+        """Modulus of the sheet without bending [Pa]."""
+        return self.law.modulus()
 
-    def field_names(self) -> Sequence[str]:
-        """Names of the fields of the law."""
-        return self.law.field_names()
+    def min_tension(self, relative: float) -> float:
+        """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
+        return self.law.min_tension(relative)
 
-    def sums(self) -> Mapping[str, Array]:
-        """Point arrays of the law to sum."""
-        return self.law.sums()
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
+        self.law.add_linearise(stage, displacement, tension)
+        force = self.force
+        n = force.context.sheet.size
+        stage.launch(NEWTON, force.kernels.keep, n, displacement=displacement, kept=self._here)
+        force.add_slopes(stage, self._here, self._slope)
 
-    def column_names(self) -> Sequence[str]:
-        """Names of the law's columns."""
-        return self.law.column_names()
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
+        self.law.add_product(stage, direction, change)
+        self.add_bending(stage, direction, change)
 
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Values of the law's columns."""
-        return self.law.columns(totals, elapsed)
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
+        """Add the launch of the law without bending."""
+        return self.law.add_turning(stage, direction)
 
-    def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes of the law."""
-        return self.law.notes(history, load_duration)
+    def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that add the part of bending."""
+        force = self.force
+        force.add_slopes(stage, direction, self._slope_change)
+        stage.launch(
+            NEWTON, force.kernels.change, len(force.context.sheet.triangles), plate=force.plate,
+            displacement=self._here, slope=self._slope, direction=direction, slope_change=self._slope_change,
+            pulls=force.pulls, changes=self._changes,
+        )  # fmt: skip
+        force.add_sums(stage, force.kernels.gather_change, self._changes, change)
 
-    def fingerprint(self) -> str:
-        """Hash of the law's user functions."""
-        return self.law.fingerprint()
+    def sparse(self) -> SparseTangent:
+        """The tangent as a sparse matrix, from the next linearisation on."""
+        return BendingMatrix(self, self.law.sparse())
 
-    def likely_cause(self, safety: float) -> str:
-        """The law's likely cause if a run diverged."""
-        return self.law.likely_cause(safety)
+    @functools.cached_property
+    def _columns(self) -> Columns:
+        return Columns(self.force)
+
+    def matrix(self) -> Any:
+        """K of bending alone [N/m], sparse, shape (3 N, 3 N)."""
+        context, columns = self.force.context, self._columns
+        if self._stage is None:
+            # Of this tangent: natural modes have one of their own, after Newton's.
+            self._stage = f"columns of bending {len(context.stages)}"
+            stage = context.stage(self._stage, "every column of the stiffness of bending")
+            self.add_bending(stage, self._along, self._out)
+        run = context.sequence(self._stage).run
+        blocks = np.zeros((len(columns.other), 3, 3))
+        for colour, entries in enumerate(columns.of_colour):
+            chosen = columns.colours == colour
+            for c in range(3):
+                along = np.zeros((len(chosen), 3))
+                along[chosen, c] = 1.0
+                assign(self._along, along)
+                self._out.zero_()
+                run()
+                blocks[entries, :, c] = -self._out.numpy()[columns.point[entries]]
+        return columns.assembled(blocks)
+
+
+class Columns:
+    """Points whose columns of the stiffness have no row in common are of one colour: one product fills them all.
+
+    See Curtis, Powell and Reid, J. Inst. Maths Applics 13, 1974.
+
+    Attributes:
+        point, other: Rows and columns of the 3x3 blocks, (E,).
+        colours: Colour of each point, (N,).
+        of_colour: Blocks in the columns of each colour.
+    """
+
+    def __init__(self, force: BendingForce) -> None:
+        from scipy import sparse
+
+        triangles, slopes, n = force.context.sheet.triangles, force.slopes, force.context.sheet.size
+        faces = np.repeat(np.arange(len(triangles)), 3)
+        corners = sparse.csr_matrix(
+            (np.ones(len(faces), np.float32), (faces, triangles.ravel())), shape=(len(triangles), n)
+        )
+        ends = np.append(slopes.point, np.arange(n)), np.append(slopes.other, np.arange(n))
+        fits = sparse.csr_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(n, n))
+        of_triangle = corners @ fits
+        self.pattern = (of_triangle.T @ of_triangle).tocsr()
+        self.pattern.sort_indices()
+        self.point = np.repeat(np.arange(n), np.diff(self.pattern.indptr))
+        self.other = self.pattern.indices
+        self.colours = self._coloured()
+        order = np.argsort(self.colours[self.other], kind="stable")
+        counts = np.bincount(self.colours[self.other])
+        self.of_colour = np.split(order, np.cumsum(counts)[:-1])
+
+    def _coloured(self) -> np.ndarray:
+        """The first free colour of each point in turn."""
+        conflicts = (self.pattern @ self.pattern).tocsr()
+        colours = np.full(conflicts.shape[0], -1)
+        begins, others = conflicts.indptr, conflicts.indices
+        for i in range(len(colours)):
+            taken = np.zeros(len(colours) + 1 if i == 0 else colours[:i].max() + 3, bool)
+            taken[colours[others[begins[i] : begins[i + 1]]]] = True
+            taken[-1] = False
+            colours[i] = int(np.argmin(taken))
+        return colours
+
+    def assembled(self, blocks: np.ndarray) -> Any:
+        """The matrix of these blocks."""
+        from scipy import sparse
+
+        n = len(self.colours)
+        return sparse.bsr_matrix((blocks, self.other, self.pattern.indptr), shape=(3 * n, 3 * n))
+
+
+class BendingMatrix:
+    """The tangent as a sparse matrix on the host, for a direct factorisation.
+
+    Attributes:
+        free: Mask of free components, shape (3 N,).
+    """
+
+    def __init__(self, tangent: BendingTangent, law: SparseTangent) -> None:
+        self._tangent, self._law, self.free = tangent, law, law.free
+
+    def matrix(self) -> Any:
+        """K of the free components [N/m], a SciPy sparse matrix."""
+        return (self._law.matrix() + self._tangent.matrix().tocsr()[self.free][:, self.free]).tocsc()
+
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
+        return factorised(self.matrix(), self.free, added)
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
