@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -22,11 +20,11 @@ from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
-from .family_law import FamilyLaw, require_one_material
-from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
+from .family_law import require_one_material
+from .force_paths import PATHS, FamilyBlocks, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
-from .variational import Key
+from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
@@ -85,14 +83,10 @@ class BondAssociated:
         return BondAssociatedForce(self, context)
 
 
-class BondAssociatedForce(FamilyLaw):
+class BondAssociatedForce(BondAssociatedLaw):
     """The law on one sheet and device.
 
     Attributes:
-        weights: The weights in use, "published", "plain" or "corrected".
-        layout: Layout of its families.
-        key: What determines its kernels: layout, material functions, form.
-        paths: Types of its force paths, in the order in which they are tried.
         path: The force path in use.
         response: Response of a viscous law (kernels/reference_force.py), or None.
         terms: Its constants.
@@ -106,7 +100,7 @@ class BondAssociatedForce(FamilyLaw):
     takes_tension_field = True
     takes_regions = True
     divides = True
-    paths: ClassVar[Sequence[type[ForcePath]]] = PATHS
+    paths = PATHS
     response: FunctionFactory | None = None
     terms: Array | None = None
     state: Array | None = None
@@ -140,7 +134,7 @@ class BondAssociatedForce(FamilyLaw):
             self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
-        self.key: Key = (self.layout, law.material.functions, law.form)
+        self.key = (self.layout, law.material.functions, law.form)
         self.earlier_energy, self.partial_energy = family_energies(*self.key)
         self.path = force_path(self, inverse, weights)
 
@@ -179,14 +173,6 @@ class BondAssociatedForce(FamilyLaw):
     def other_families(self) -> OtherFamilies | None:
         """Those of its force path."""
         return self.path.other_families
-
-    @functools.cached_property
-    def pairs(self) -> Array:
-        """Array of `bond_force`, allocated on first use."""
-        shape = (self.families.members, self.points)
-        return self.context.array(
-            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond"
-        )  # fmt: skip
 
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3.

@@ -10,7 +10,7 @@ them would take most of the memory.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -488,4 +488,4 @@ class UndamagedLattice(Reference):
 
 
 # In the order in which they are tried.
-PATHS = (RowSums, UndamagedLattice, FamilyBlocks, Reference)
+PATHS: Sequence[type[ForcePath]] = (RowSums, UndamagedLattice, FamilyBlocks, Reference)

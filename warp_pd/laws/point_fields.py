@@ -14,11 +14,11 @@ from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
 from ..kernels.effects import Kernel
-from ..kernels.factories import FunctionFactory
+from ..kernels.factories import FunctionFactory, PairFactory
+from ..kernels.families import Layout
 from ..kernels.family_fields import point_fields
 from ..kernels.principal_fields import Wanted, field_arrays
 from ..materials import Capabilities, Material, capabilities
-from .variational import Key
 
 # Names that a scene or a user gives, and the arrays that frames then hold.
 KINEMATIC = {"stretch": ("stretch_1", "stretch_2"), "direction": ("stretch_direction",)}
@@ -128,7 +128,9 @@ class ShownFields:
         functions = None if material is None else material.functions
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
-    def of_bonds(self, key: Key, material: Material, response: FunctionFactory | None) -> Kernel:
+    def of_bonds(
+        self, key: tuple[Layout, PairFactory, str], material: Material, response: FunctionFactory | None
+    ) -> Kernel:
         """Kernel for means over bonds, for a law with one gradient per bond; arguments as for `bond_fields`."""
         known: Capabilities = capabilities(material)
         stiffened = self.law.context.sheet.stiffness is not None
