@@ -28,8 +28,8 @@ from warp_pd import (
 )
 from warp_pd.device.checks import below_one, count, not_negative, one_of, positive
 from warp_pd.geometry.enclosure import volume_of
+from warp_pd.interfaces import Solver
 from warp_pd.measures import largest
-from warp_pd.solvers import Solver
 
 RADIUS, THICKNESS, MU = 0.1, 1e-3, 1e6
 EXACT = "exact, by virtual work"

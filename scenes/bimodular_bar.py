@@ -15,7 +15,7 @@ import numpy as np
 
 from warp_pd import Bimodular, BodyForce, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of, positive
-from warp_pd.solvers import Solver
+from warp_pd.interfaces import Solver
 
 LENGTH, LOAD, WEIGHT, COMPRESSIVE = 10.0, 6.0, 2.0, 5000.0
 RAMP = [(0.0, 0.0), (1.0, 1.0)]

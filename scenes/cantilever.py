@@ -16,8 +16,8 @@ micromoduli=corrected` takes that away. `--set stiffness=constant` uses the pape
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import InputError, finite, one_of, positive
+from warp_pd.interfaces import Solver
 from warp_pd.measures import row_at
-from warp_pd.solvers import Solver
 
 LENGTH, HEIGHT, TENSILE = 2.0, 0.21, 3.84e8
 DOWN, IN = -0.7690, -0.1867

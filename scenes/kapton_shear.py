@@ -36,8 +36,8 @@ from warp_pd import (
     TensionField,
 )
 from warp_pd.device.checks import InputError, count, finite, one_of
+from warp_pd.interfaces import Solver
 from warp_pd.measures import at_time, row_at, support_force
-from warp_pd.solvers import Solver
 
 WIDTH, HEIGHT, THICKNESS, TENSILE, PRESTRESS = 0.38, 0.128, 25e-6, 3.5e9, 1.5e6
 POISSON, FREE_ENDS = 1.0 / 3.0, 1.085

@@ -30,10 +30,10 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.device.checks import InputError, one_of, positive
+from warp_pd.interfaces import Solver
 from warp_pd.materials import WRINKLES, with_wrinkles
 from warp_pd.measures import time_above
 from warp_pd.parts import stretching_edges
-from warp_pd.solvers import Solver
 
 SIZE, THICKNESS, RADIUS, CRACK = 0.5, 0.01, 0.0625, 0.1
 CENTRES = ((-2.5 * RADIUS, 0.0), (2.5 * RADIUS, 0.0), (0.0, -1.5 * RADIUS), (0.0, 1.5 * RADIUS))

@@ -38,8 +38,8 @@ from warp_pd import (
     TensionField,
 )
 from warp_pd.device.checks import InputError, count, finite, not_negative, one_of, positive
+from warp_pd.interfaces import Solver
 from warp_pd.measures import TearLine, largest, support_force, when_above
-from warp_pd.solvers import Solver
 
 WIDTH, HEIGHT, NOTCH, TRAVEL = 0.1, 0.04, 6e-3, 3.0e-4
 MODULUS, POISSON = 1e5, 1.0 / 3.0

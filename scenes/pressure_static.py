@@ -9,8 +9,8 @@ import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Newton, Pressure, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of
+from warp_pd.interfaces import Solver
 from warp_pd.laws import force_law
-from warp_pd.solvers import Solver
 
 CENTRE = {20.0: 0.302585}
 

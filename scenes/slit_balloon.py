@@ -23,7 +23,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import count, one_of
-from warp_pd.solvers import Solver
+from warp_pd.interfaces import Solver
 
 RADIUS, LENGTH, THICKNESS, MU, SLIT = 0.02, 0.06, 1e-3, 1e6, 0.016
 # Opening [m] at 4 kPa from finite elements.

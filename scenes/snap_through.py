@@ -12,8 +12,8 @@ from warp_pd import ArcLength, BondAssociated, Fixed, Measure, Newton, Outcome, 
 from warp_pd.device.checks import count, one_of, positive
 from warp_pd.fitting import Deflection
 from warp_pd.geometry.curves import Circle
+from warp_pd.interfaces import Solver
 from warp_pd.scenes.balloon_paths import where_it_begins_to_fall, where_it_stops_falling
-from warp_pd.solvers import Solver
 
 RADIUS, THICKNESS, C10, C30 = 0.05, 1e-3, 5e4, 5.0
 # Exact: largest and smallest pressure [Pa], and the height [m] at 6 kPa.

@@ -14,7 +14,7 @@ import numpy as np
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of, positive
-from warp_pd.solvers import Solver
+from warp_pd.interfaces import Solver
 
 SIDE = 0.5
 

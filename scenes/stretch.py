@@ -40,10 +40,9 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import count, finite, one_of, positive
-from warp_pd.laws import ForceLaw
+from warp_pd.interfaces import Law, Solver
 from warp_pd.materials.bond_neo_hookean import MODES, exact_traction
 from warp_pd.measures import support_force
-from warp_pd.solvers import Solver
 
 SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
 HALF, RADIUS, CRACK = 0.5 * SIDE, 0.08, 0.16
@@ -112,7 +111,7 @@ def build(
     else:
         sheet = outlined(points, defect)
     edge = sheet.where(lambda x, y: (x >= HALF * (1.0 - 1e-9)) & (np.abs(y) <= HALF * (1.0 + 1e-9)))
-    chosen: ForceLaw
+    chosen: Law
     if bonds:
         fit = "published" if force == "bond_based" else "refitted"
         chosen = HyperelasticBonds(BondNeoHookean(MU, mode if law == "auto" else law, fit), horizon=horizon)

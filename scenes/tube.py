@@ -24,8 +24,8 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import one_of, positive
+from warp_pd.interfaces import Solver
 from warp_pd.measures import support_force
-from warp_pd.solvers import Solver
 
 RADIUS, LENGTH, THICKNESS, MU = 0.02, 0.06, 1e-3, 1e6
 EXACT = "exact, by virtual work"

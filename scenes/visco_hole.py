@@ -34,9 +34,9 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.device.checks import InputError, count, one_of, positive
+from warp_pd.interfaces import Solver
 from warp_pd.measures import worst_balance
 from warp_pd.parts import stretching_edges
-from warp_pd.solvers import Solver
 
 SIZE, THICKNESS, RADIUS = 0.5, 0.01, 0.08
 POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)

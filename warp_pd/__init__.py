@@ -70,56 +70,7 @@ if TYPE_CHECKING:
     from .solvers.newton import Newton
     from .solvers.relaxation import Relaxation
 else:
-    __getattr__ = lazy(
-        __name__,
-        {
-            "materials.bond_neo_hookean": "BondNeoHookean",
-            "run.built": "Built",
-            "device.checks": "InputError",
-            "interfaces.frame": "Frame Surface",
-            "laws.bond_associated": "BondAssociated",
-            "laws.bond_based": "BondBased",
-            "laws.hyperelastic_bonds": "HyperelasticBonds",
-            "laws.neural.law": "Neural",
-            "laws.nodal": "Nodal",
-            "laws.visco": "Visco",
-            "laws.visco_bonds": "ViscoBondBased",
-            "materials": "ArrudaBoyce Bimodular ByRegion Gent Incompressible Material Maxwell MooneyRivlin NeoHookean "
-            "Ogden PairwiseMaterial Prony TensionField Yeoh",
-            "output.frames": "Frames SavedFrame",
-            "output.sheet_plot": "draw_sheet",
-            "output.vtkhdf": "read_frame read_series",
-            "geometry.together": "glued placed together",
-            "parts.bodies": "RigidBody",
-            "parts.body_mesh": "TriangleMesh",
-            "parts.body_motion": "BodyPath Free",
-            "parts.body_shapes": "Box Capsule Cylinder Plane Sphere",
-            "parts.boundary_force": "BoundaryForce",
-            "parts.contact": "RigidBall",
-            "parts.enclosed": "EnclosedGas EnclosedVolume",
-            "parts.joint": "Joint",
-            "parts.loads": "BodyForce PointForce Pressure",
-            "parts.newton_world": "newton_bodies",
-            "parts.point_values": "ValuesInTime",
-            "parts.reaction": "Reaction",
-            "parts.rupture": "CriticalEnergy CriticalStretch",
-            "parts.self_contact": "SelfContact",
-            "parts.supports": "Fixed Motion",
-            "parts.tearing_energy": "TearingEnergy",
-            "run.result": "Result",
-            "run.scene": "Measure Outcome",
-            "geometry.curves": "Circle Polygon Spline",
-            "geometry.files": "read_mesh",
-            "geometry.pieces": "Place",
-            "geometry.svg": "read_outline",
-            "geometry.sheet": "Sheet",
-            "run.simulation": "Simulation",
-            "solvers.arc_length": "ArcLength",
-            "solvers.explicit": "Explicit",
-            "solvers.newton": "Newton",
-            "solvers.relaxation": "Relaxation",
-        },
-    )
+    __getattr__ = lazy(__name__)
 
 __version__ = "0.1.0"
 

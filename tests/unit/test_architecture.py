@@ -94,7 +94,7 @@ def test_nobody_asks_for_the_type_of_a_part():
             assert ours == defined, f"{path}: isinstance(..., {kind})"
 
 
-@pytest.mark.parametrize("package", ["warp_pd", "warp_pd.laws", "warp_pd.solvers"])
+@pytest.mark.parametrize("package", ["warp_pd", "warp_pd.laws", "warp_pd.parts", "warp_pd.interfaces"])
 def test_packages_offer_what_they_say(package):
     """Names are imported on first use, each from the module that has it."""
     module = importlib.import_module(package)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 
-def lazy(package: str, offered: Mapping[str, str]) -> Callable[[str], Any]:
-    """Create the `__getattr__` of a package; `offered` lists the public names of each of its modules."""
-    places = {name: module for module, names in offered.items() for name in names.split()}
+def lazy(package: str) -> Callable[[str], Any]:
+    """Create the `__getattr__` of a package, which imports what its file imports below `if TYPE_CHECKING:`."""
+    text = Path(str(sys.modules[package].__file__)).read_text("utf-8")
+    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level == 1]
+    places = {alias.name: str(node.module) for node in imports for alias in node.names}
 
     def find(name: str) -> Any:
         """The object of that name, or the module. Raises AttributeError if there is neither."""

@@ -18,16 +18,7 @@ if TYPE_CHECKING:
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
     from .solver import BuiltSolver, FrameSink, Solver, System
 else:
-    __getattr__ = lazy(
-        __name__,
-        {
-            "built_part": "BuiltPart History StepLimit",
-            "law": "BuiltLaw Law OtherFamilies Solve SparseTangent Tangent",
-            "output": "FrameReport Reporter Writer",
-            "part": "BuiltContact BuiltLoad BuiltRupture Constraint Contact Load Part Rupture Solid",
-            "solver": "BuiltSolver FrameSink Solver System",
-        },
-    )
+    __getattr__ = lazy(__name__)
 
 __all__ = [
     "BuiltContact",

@@ -5,23 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..device.checks import InputError, one_of
+from ..interfaces import Law
 from ..materials import WRINKLES, Material, with_wrinkles
 from .bond_associated import BondAssociated
-from .bond_based import BondBased
-from .hyperelastic_bonds import HyperelasticBonds
 from .neural.law import Neural
 from .nodal import Nodal
-from .visco import Visco
-from .visco_bonds import ViscoBondBased
-
-ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural | Visco | ViscoBondBased
 
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
 
-def force_law(
-    name: str, material: Material, horizon: float, weights: str = "auto", wrinkles: str = "resolved"
-) -> ForceLaw:
+def force_law(name: str, material: Material, horizon: float, weights: str = "auto", wrinkles: str = "resolved") -> Law:
     """Create the law named by a scene's argument `force`.
 
     Args:

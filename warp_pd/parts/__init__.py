@@ -14,16 +14,7 @@ if TYPE_CHECKING:
     from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
     from .supports import stretching_edges
 else:
-    __getattr__ = lazy(
-        __name__,
-        {
-            "contact": "RigidContact",
-            "enclosed": "BuiltEnclosed Enclosed",
-            "rupture": "BondCriterion",
-            "scene_rupture": "horizon_for_tears length_for_tears notes_on_criterion stretch_or_energy",
-            "supports": "stretching_edges",
-        },
-    )
+    __getattr__ = lazy(__name__)
 
 __all__ = [
     "BondCriterion",
