@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from ..device.checks import InputError
 from ..device.fields import assign
+from ..interfaces import FrameSink
 from ..interfaces.frame import Frame
 from ..run.built import Built
 from ..run.frame_points import FramePoints
@@ -23,28 +24,8 @@ FIT_ACCURACY = {64: 1e-6, 32: 1e-4}
 MAX_HALVINGS = 6
 
 
-@dataclass
-class Silent:
+class Silent(FrameSink):
     """A frame sink that discards everything."""
-
-    frame_index: int = 0
-    time: float = 0.0
-    steps: int = 0
-    stable_dt: float | None = None
-    residual: float | None = None
-    solve: dict[str, Any] | None = None
-
-    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
-        """Record nothing."""
-
-    def row(self, now: float, dt: float) -> None:
-        """Record nothing."""
-
-    def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
-        """Report nothing."""
-
-    def keep_going(self) -> None:
-        """Never stop the search early."""
 
 
 class NoEquilibriumError(Exception):

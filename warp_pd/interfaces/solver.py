@@ -21,7 +21,7 @@ from .phases import Phase
 
 
 class FrameSink(Protocol):
-    """Receives the frames of a solver, and provides the state of a resumed run.
+    """Receives the frames of a solver, and provides the state of a resumed run; by default it does nothing.
 
     Attributes:
         frame_index: Index of the last frame.
@@ -32,31 +32,31 @@ class FrameSink(Protocol):
         solve: Report of a static solver, or None.
     """
 
-    frame_index: int
-    time: float
-    steps: int
-    stable_dt: float | None
-    residual: float | None
-    solve: dict[str, Any] | None
+    frame_index: int = 0
+    time: float = 0.0
+    steps: int = 0
+    stable_dt: float | None = None
+    residual: float | None = None
+    solve: dict[str, Any] | None = None
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
         """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one."""
-        ...
+        return None
 
     def row(self, now: float, dt: float) -> None:
         """Record a row of the history between frames, after a step of dt [s]; the host reads nothing."""
-        ...
+        return None
 
     def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
         """Report the progress of a static solver between frames; `round_of` as in "round 2 of contact", or ""."""
-        ...
+        return None
 
     def keep_going(self) -> None:
         """Raise KeyboardInterrupt if the user asked to stop some time ago and the frame is still not finished.
 
         Solvers call it between the steps of a frame.
         """
-        ...
+        return None
 
 
 @dataclass(eq=False)
