@@ -167,22 +167,10 @@ class Reference:
         law.add_launch(stage, kernel, displacement, unit_volume=law.unit_volume, out=energies)
 
 
-class RowSums:
-    """The CPU path: sums over the rows of small tables.
-
-    Attributes:
-        response: Response of a viscous law (kernels/reference_force.py), or None.
-    """
+class RowSums(Reference):
+    """The CPU path: sums over the rows of small tables."""
 
     name: ClassVar[str] = "rows"
-
-    def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
-        self.law, self.response = law, response
-
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """None, as for `Reference`."""
-        return None
 
     def _kernel(self, what: str) -> Kernel:
         """Kernel of family_rows."""
@@ -199,11 +187,6 @@ class RowSums:
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
         """The path on a CPU unless families are too large; see `ForcePath.of`."""
         return cls(law) if cls.applies(law) else None
-
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches that fill the pairs and sum them."""
-        self.add_pairs(stage, displacement, NOT_VISCOUS)
-        self.law.add_gather(stage, self.law.pairs, force)
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""

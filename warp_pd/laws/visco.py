@@ -107,7 +107,7 @@ class ViscousForce(ElasticVisco):
 
     depends_on_time = True
     takes_regions = False
-    path: RowSums | Reference
+    path: Reference
     terms: Array
     state: Array
     viscous: Array
