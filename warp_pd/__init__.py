@@ -65,9 +65,9 @@ if TYPE_CHECKING:
     from .run.result import Result
     from .run.scene import Measure, Outcome
     from .run.simulation import Simulation
-    from .solvers.arc_length import ArcLength
     from .solvers.explicit import Explicit
     from .solvers.newton import Newton
+    from .solvers.path import ArcLength
     from .solvers.relaxation import Relaxation
 else:
     __getattr__ = lazy(__name__)

@@ -266,7 +266,7 @@ def sweep_values(
     is that of the worst run.
     """
     from .run.arguments import split_values
-    from .run.sweep_command import run_sweep
+    from .run.sweep import run_sweep
 
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():

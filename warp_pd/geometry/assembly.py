@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.checks import InputError
-from .cracks import split_along
 from .edges import SIDES
 from .shape import Shape
-from .topology import boundary_edges
+from .topology import boundary_edges, split_along
 from .triangulation import point_areas, voronoi_areas
 
 # Names of other points: the sides of the bounding box, and the whole boundary.

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
-from .cracks import split_along
 from .shape import Shape
 from .surfaces import tangents
-from .topology import boundary_edges, directed_edges, undirected
+from .topology import boundary_edges, directed_edges, split_along, undirected
 from .triangulation import doubled_normals, voronoi_areas
 
 # A level below this fraction of its largest difference along an edge is zero, and a place may be this fraction of the

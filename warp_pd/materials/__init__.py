@@ -4,12 +4,11 @@ from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
 from .energy import borne, energy_density, stretch_of_density, tension_energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
-from .maxwell import Maxwell
 from .pairwise import Bimodular
 from .plane_stress import PlaneStress
-from .prony import Prony
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
 from .tension_field import WRINKLES, TensionField, with_wrinkles
+from .viscous import Maxwell, Prony
 
 __all__ = [
     "WRINKLES",

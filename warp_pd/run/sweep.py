@@ -1,4 +1,4 @@
-"""Parameter sweep: a scene run for all combinations of values, each in a separate folder, and a results table."""
+"""Parameter sweep: a scene run for all combinations of values, a folder for each, with a table and a plot."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..device.checks import InputError
+import click
+
+from ..device.checks import DIVERGED as DIVERGED_CODE
+from ..device.checks import INTERRUPTED, WRONG_INPUT, InputError
+from ..geometry.picture_files import Drawing, drawing
+from ..output.curves import draw_sweep
 from . import restart
 from .built import compose
 from .divergence import DivergedError
-from .folder import run_summary, write_csv
+from .folder import remove_if_empty, run_summary, writable_folder, write_csv
 from .runner import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
+from .scene_files import build_scene, load_scene
 
 REFUSED = "refused"
 # Runs that are over: to run them again would give the same.
@@ -193,3 +199,45 @@ def _text(name: str, cell: Any) -> str:
     if name.endswith(" error"):
         return f"{100.0 * cell:+.3f} %"
     return f"{cell:.1f}" if name == "seconds" else f"{cell:.6g}"
+
+
+def run_sweep(
+    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, options: Mapping[str, Any], overwrite: bool,
+    quiet: bool,
+) -> int:  # fmt: skip
+    """Run a sweep, print and write its table, draw its plot, and return the exit code of the worst run.
+
+    Arguments are those of `sweep`; `quiet` prints only the table.
+    """
+    load_scene(scene)
+    writable_folder(folder, resume=False)
+
+    def told(number: int, count: int, row: Row) -> None:
+        if not quiet:
+            seconds = f" in {row.summary['wall_s']:.1f} s" if row.summary and not row.skipped else ""
+            text = f"{row.status}{', done before' if row.skipped else ''}{seconds}"
+            click.echo(f"[{number}/{count}] {row.name}: {text}", err=True)
+
+    def build(values: dict[str, str]) -> Any:
+        return build_scene(scene, values)
+
+    rows = sweep(build, choices, folder, options, overwrite=overwrite, told=told)
+    for row in rows:
+        if row.message:
+            click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
+    click.echo(printed_table(rows))
+    if not write_table(folder / "sweep.csv", rows):
+        if (folder / "sweep.csv").is_file():
+            click.echo(
+                f"warp-pd: {folder / 'sweep.csv'}: not replaced: it has results that the new table lacks", err=True
+            )
+        remove_if_empty(folder)
+        return WRONG_INPUT
+    with drawing(Drawing(Path(scene).stem)):
+        drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
+    click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
+    ends = {row.status for row in rows}
+    if STOPPED in ends:
+        click.echo("warp-pd: interrupted: repeat the command to continue", err=True)
+        return INTERRUPTED
+    return DIVERGED_CODE if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0
