@@ -126,11 +126,6 @@ def test_a_result_is_one_line():
     assert repr(result) == "Result(simulation: finished, 3 frames; one = 1.0)"
 
 
-def test_an_outcome_that_raises_is_said():
-    result = simulation(outcomes=[Outcome("bad", "m", lambda history: 1 / 0)]).run(device="cpu")
-    assert "Outcome 'bad': ZeroDivisionError: division by zero" in result.summary["notes"]
-
-
 def test_drawing_leaves_the_backend_alone(tmp_path):
     code = """
 import pathlib, sys, matplotlib
