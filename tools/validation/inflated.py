@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from validation.comparison import Comparison, UnfinishedError
-from warp_pd import BondAssociated, Fixed, NeoHookean, Pressure, Relaxation, Sheet, Simulation, TensionField
+from warp_pd import BondAssociated, Fixed, NeoHookean, Newton, Pressure, Sheet, Simulation, TensionField
 
 # Diagonal and thickness [m], Young's modulus and pressure [Pa], Poisson's ratio.
 DIAGONAL, THICKNESS, YOUNG, POISSON, PRESSURE = 1.2, 0.6e-3, 588e6, 0.4, 5e3
@@ -16,7 +16,7 @@ def bag(points: int, device: str | None) -> Sequence[float]:
     """Rise of the centre and way of the middle of an edge [m], largest stress at the centre [MPa].
 
     One sheet, whose edges stay in the plane between the two; strains are below one percent, so any law with these
-    constants would do.
+    constants would do. Its edges are slack, which multigrid does not solve.
     """
     middle = 0.5 * SIDE
     sheet = Sheet.rectangle(SIDE, SIDE, thickness=THICKNESS, density=1000.0, points=points)
@@ -30,7 +30,7 @@ def bag(points: int, device: str | None) -> Sequence[float]:
             Fixed([sheet.nearest(0.0, middle), sheet.nearest(SIDE, middle)], "y"),
             Pressure(PRESSURE),
         ],
-        solver=Relaxation(tolerance=1e-4),
+        solver=Newton(preconditioner="algebraic", most_iterations=60),
         fields=("cauchy",),
     ).run(device=device, usd=False, pictures=False)
     if result.status != "finished":
@@ -42,6 +42,6 @@ def bag(points: int, device: str | None) -> Sequence[float]:
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
-        "bag", ("centre (m)", "edge (m)", "stress (MPa)"), (0.2167, 0.1227, 3.8), SIDE, (25, 51), (25, 51), bag
+        "bag", ("centre (m)", "edge (m)", "stress (MPa)"), (0.2167, 0.1227, 3.8), SIDE, (25, 51), (25, 51, 101), bag
     ),
 )

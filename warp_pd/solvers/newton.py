@@ -212,7 +212,7 @@ class BuiltNewton(StaticSystem):
         return converged, residual
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes on load steps between which the sheet may have jumped."""
+        """Notes on load steps between which the sheet may have jumped, or that multigrid did not solve."""
         return [
             f"Newton: between load factors {jump['from']:.4g} and {jump['to']:.4g} the sheet moved "
             f"{jump['moved']:.3g} m, {jump['times']:.1f} times as far as in the load steps before: it may have "
@@ -220,4 +220,14 @@ class BuiltNewton(StaticSystem):
             "the solver ArcLength follows what lies between, or prescribe a displacement (Motion) or the volume "
             "(EnclosedVolume)"
             for jump in self.jumps
-        ] + self.rounds.notes()
+        ] + [*self._lattice_notes(), *self.rounds.notes()]
+
+    def _lattice_notes(self) -> list[str]:
+        """A note if the run ended on a load step that multigrid did not solve."""
+        steps = self.report.load_steps
+        if self.preconditioner != "multigrid" or not steps or steps[-1]["converged"]:
+            return []
+        return [
+            f"Newton: the load step to {steps[-1]['share']:.4g} did not converge with 'multigrid', whose "
+            "coarser lattices do not see slack regions of a few spacings: try 'algebraic'"
+        ]
