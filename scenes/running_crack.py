@@ -30,6 +30,7 @@ def build(
     wrinkles: str = "relaxed",
     tearing_energy: float = 4.0,
     damage_length: float | None = None,
+    every_step: bool = False,
     overload: float = 2.0,
     duration: float = 0.6,
     damping: float = 1.0,
@@ -43,6 +44,7 @@ def build(
 
     Args:
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        every_step: Whether the damage is found closely enough for the speed of fast cracks, see TearingEnergy.
         points: Points along the height: rows.
         overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
     """
@@ -84,7 +86,7 @@ def build(
             Motion(top, times=[0.0], x=0.0, y=[travel], z=0.0),
             Motion(bottom, times=[0.0], x=0.0, y=[-travel], z=0.0),
         ],
-        damage=TearingEnergy(energy, damage_length, spared=grips),
+        damage=TearingEnergy(energy, damage_length, spared=grips, every_step=every_step),
         initial_displacement=stretched,
         solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
         measures=[

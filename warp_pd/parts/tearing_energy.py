@@ -38,6 +38,8 @@ SCREEN = 0.8
 # from there; see docs/tearing-energy.md for the effect of more sweeps.
 INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
+# Factor of the sweeps over length / spacing with `every_step`; more change nothing.
+CLOSER = 4.0
 # Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0
 # Members that the screen looks at one by one, and the margin for round-off when it does.
@@ -88,6 +90,8 @@ class TearingEnergy(Rupture):
         initial_damage: Initial damage of the points in addition to that of cuts, shape (N,), for example of a puncture.
         screened: Whether to check only points near damage or with a strongly stretched bond; checking all points in
             every step is slow and gives the same result.
+        every_step: Whether to find the damage in every step and by more sweeps, instead of in every second step. Damage
+            then does not lag behind cracks that run faster than half a shear wave; see docs/tearing-energy.md.
 
     Raises:
         InputError: if a value is not positive, both strength and stretch_at_break are given, or one of them is given
@@ -102,6 +106,7 @@ class TearingEnergy(Rupture):
     cut_profile: bool = True
     initial_damage: np.ndarray | None = None
     screened: bool = True
+    every_step: bool = False
 
     is_field: ClassVar[bool] = True
     layers: ClassVar[int] = LAYERS
@@ -126,6 +131,7 @@ class TearingEnergy(Rupture):
             )
         one_of("TearingEnergy.cut_profile", self.cut_profile, (True, False))
         one_of("TearingEnergy.screened", self.screened, (True, False))
+        one_of("TearingEnergy.every_step", self.every_step, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion; `build` selects the points of this process."""
@@ -147,7 +153,7 @@ class DamageField(Damaged):
     Attributes:
         field: Damage of the points, (N,), in the precision of the simulation.
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
-        sweeps: Number of sweeps every INTERVAL steps.
+        sweeps: Number of sweeps of the damage each time.
         memory: State for restarts: the bits of intact bonds, the field, and data derived during a tear.
     """
 
@@ -175,7 +181,9 @@ class DamageField(Damaged):
         self._declare_severing(self._least, context.here(ahead))
         finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         # Without acceleration their number grows with the square of the length.
-        self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
+        self._every, closer = (1, CLOSER) if rupture.every_step else (INTERVAL, 1.0)
+        growth = closer * SWEEPS * (self.length / finest) ** (2 if weak else 1)
+        self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
         self._screen, few = self._screen_of(law)
         shared = context.device.is_cuda and law.partial_energy is not None
         self._lanes = lanes_of(law.families.members) if shared else 1
@@ -350,7 +358,7 @@ class DamageField(Damaged):
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that compute the damage of a step and break bonds."""
-        with stage.every(INTERVAL):
+        with stage.every(self._every):
             if self._at_once:
                 self._add_finding(stage, self.sweeps)
             else:
