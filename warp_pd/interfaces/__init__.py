@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .law import BuiltLaw, Law, OtherFamilies, Solve, SparseTangent, Tangent
     from .output import FrameReport, Reporter, Writer
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
-    from .solver import BuiltSolver, FrameSink, Solver, System
+    from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System
 else:
     __getattr__ = lazy(__name__)
 
@@ -29,6 +29,7 @@ __all__ = [
     "BuiltSolver",
     "Constraint",
     "Contact",
+    "DivergedError",
     "FrameReport",
     "FrameSink",
     "History",

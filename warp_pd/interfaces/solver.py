@@ -20,6 +20,10 @@ from .part import BuiltRupture, Constraint
 from .phases import Phase
 
 
+class DivergedError(RuntimeError):
+    """The state became NaN or Inf, or moves impossibly fast; the message gives the place, time and likely cause."""
+
+
 class FrameSink(Protocol):
     """Receives the frames of a solver, and provides the state of a resumed run; by default it does nothing.
 
@@ -39,8 +43,19 @@ class FrameSink(Protocol):
     residual: float | None = None
     solve: dict[str, Any] | None = None
 
-    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
-        """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one."""
+    def frame(self, index: int, now: float, steps: int, dt: float, repeatable: bool = False) -> None:
+        """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one.
+
+        `repeatable`: whether the solver can compute the frame again.
+
+        Raises:
+            DivergedError: if the state is not sound, or if it is suspect and the frame is repeatable. Nothing of the
+                frame is then recorded.
+        """
+        return None
+
+    def repeat(self) -> None:
+        """Forget what came after the last recorded frame: the solver computes the frame again."""
         return None
 
     def row(self, now: float, dt: float) -> None:

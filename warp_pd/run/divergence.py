@@ -6,15 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..interfaces import DivergedError
 from ..interfaces.frame import format_time
 from .built import Built
 
 # Energy out of nowhere, over the largest energy or work so far, at which a run counts as diverged.
 MAX_GAIN = 0.5
-
-
-class DivergedError(RuntimeError):
-    """The state became NaN or Inf, or moves impossibly fast; the message gives the place, time and likely cause."""
+# Energy gained between two frames, over the same, at which a frame that can be computed again is.
+SUSPECT_GAIN = 0.05
 
 
 class Soundness:
@@ -59,12 +58,16 @@ class Soundness:
                 f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
             )
 
-    def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
-        """Raise DivergedError if the sheet has more energy than was ever put in."""
-        if row.get("balance_error", 0.0) > MAX_GAIN:
+    def require_no_gain(self, row: Mapping[str, float], before: float, index: int, dt: float, suspect: bool) -> None:
+        """Raise DivergedError if the sheet has more energy than was ever put in.
+
+        If `suspect`, also if the balance error is much larger than `before`, that of the last frame.
+        """
+        error = row.get("balance_error", 0.0)
+        if error > MAX_GAIN or (suspect and error > before + SUSPECT_GAIN):
             raise DivergedError(
                 f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet has more energy than was ever put "
-                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt, row['time'])}"
+                f"in, balance error {100.0 * error:.0f} %; likely cause: {self.cause(dt, row['time'])}"
             )
 
     def cause(self, dt: float, now: float) -> str:

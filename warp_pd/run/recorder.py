@@ -78,6 +78,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
+        repeated: Number of times that a frame was computed again.
         missing: For each measure that failed, the number of frames and the first reason.
         points: The points stored in frames.
     """
@@ -99,6 +100,7 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
+    repeated: int = 0
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
     points: FramePoints = field(init=False)
 
@@ -137,17 +139,24 @@ class Recorder:
         if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
-    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+    def repeat(self) -> None:
+        """Forget what came after the last recorded frame: the solver computes the frame again."""
+        self.repeated += 1
+        if self.fine is not None:
+            self.fine.forget()
+        self.start_clock()
+
+    def frame(self, index: int, now: float, steps: int, dt: float, repeatable: bool = False) -> None:
         """Check the state, pass it to the writers, and save it for a restart.
 
         Raises:
-            DivergedError: if it is NaN or Inf; it is then not written.
+            DivergedError: if it is not sound, or suspect and the frame is repeatable; it is then not recorded.
         """
         communicator = self.built.context.communicator
         self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        taken = communicator.root(lambda: self._take(index, now, dt))
+        taken = communicator.root(lambda: self._take(index, now, dt, repeatable))
         for part in self.built.parts:
             part.end_frame()
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
@@ -158,27 +167,24 @@ class Recorder:
         if self.stop_asked:
             raise KeyboardInterrupt
 
-    def _take(self, index: int, now: float, dt: float) -> tuple[dict[str, float], Frame, Frame]:
+    def _take(self, index: int, now: float, dt: float, repeatable: bool) -> tuple[dict[str, float], Frame, Frame]:
         """The row of the history without measures, the frame to write, and the frame of all points for the measures."""
         totals = self.built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
+        row = self._row(now, totals, now - self.time, dt)
+        before = self.history[-1].get("balance_error", 0.0) if self.history else 0.0
+        self.soundness.require_no_gain(row, before, index, dt, repeatable)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
-        row = self._row(now, totals, now - self.time, dt)
         frame = measured = self.points.frame(index, now)
         if self.built.simulation.measures and not self.points.all:
             measured = FramePoints(self.built).frame(index, now)
         return row, frame, measured
 
     def _record(self, row: dict[str, float], frame: Frame, measured: Frame, steps: int, dt: float) -> None:
-        """Evaluate the measures, pass the frame to the writers, and save it for a restart.
-
-        Raises:
-            DivergedError: if the frame has more energy than was put in.
-        """
+        """Evaluate the measures, pass the frame to the writers, and save it for a restart."""
         self._measure(measured, row)
-        self.soundness.require_no_gain(row, frame.index, dt)
         self.history.append(row)
         self.frame_index, self.time, self.dt = frame.index, frame.time, dt
         self.steps += steps

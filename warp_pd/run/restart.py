@@ -24,9 +24,21 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 7
+VERSION = 8
 # Numbers of the recorder that a restart keeps.
-NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
+NUMBERS = (
+    "frame_index",
+    "time",
+    "steps",
+    "dt",
+    "stable_dt",
+    "step_seconds",
+    "residual",
+    "solve",
+    "history",
+    "missing",
+    "repeated",
+)
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
 # Longest value kept as text, longer ones as their hash; and most differences that a message names.

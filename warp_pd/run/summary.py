@@ -42,6 +42,9 @@ def notes_of(recorder: Recorder) -> list[str]:
     for name, found in recorder.missing.items():
         frames = "one frame" if found["frames"] == 1 else f"{found['frames']} frames"
         notes.append(f"Measure {name!r}: missing in {frames}, {found['why']}")
+    if recorder.repeated:
+        times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
+        notes.append(f"steps: a frame was computed again {times}, each time with half the step, because it diverged")
     return notes + _energy_notes(recorder)
 
 
@@ -158,6 +161,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "points": points,
         "bonds": law.families.bond_count,
         "steps": recorder.steps,
+        "repeated": recorder.repeated,
         "time": recorder.time if load_duration is None else None,
         "load_share": None if load_duration is None else recorder.time / load_duration,
         "dt": recorder.dt,

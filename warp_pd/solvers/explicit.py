@@ -13,10 +13,11 @@ from ..device.checks import InputError, count, not_negative, numbers, positive
 from ..device.fields import assign
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, StepLimit, System
+from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
 from .integrator import add_motion
+from .retries import Retries
 from .stable_step import StableStep
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
@@ -53,6 +54,9 @@ class Explicit:
         history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
             The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
             measures are computed only at frames.
+        retries: How many times a frame in which the run diverges is computed again, each time with half the step; the
+            step becomes longer again after some frames. A frame that gains a twentieth of all energy counts, too. 0:
+            never, and no copy of the state is kept. A fixed step is never halved.
     """
 
     duration: float
@@ -61,6 +65,7 @@ class Explicit:
     safety: float | None = None
     step: float | None = None
     history_every: float | None = None
+    retries: int = 4
     precision: int = 32
 
     dynamic: ClassVar[bool] = True
@@ -80,6 +85,7 @@ class Explicit:
         else:
             count("frames", self.frames, 1)
         not_negative("damping", self.damping)
+        count("retries", self.retries, 0)
         if self.safety is not None and not 0.0 < positive("safety", self.safety) <= 1.2:
             raise InputError(f"safety = {self.safety!r}: expected a number greater than 0 and at most 1.2")
         if self.step is not None:
@@ -153,6 +159,8 @@ class BuiltExplicit(BuiltSolver):
         self._exchanging = [part for part in system.parts if part.interval() is not None]
         if self._exchanging:
             self._interval_seconds = self._exchange_interval()
+        repeatable = self.solver.step is None and not self._exchanging
+        self.retries = Retries(self.context, self.solver.retries if repeatable else 0)
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def _exchange_interval(self) -> float:
@@ -168,36 +176,65 @@ class BuiltExplicit(BuiltSolver):
         self._interval = self.context.stages[self.context.prefix + "step"].interval
         self._ones = [self.context.sequence("step", begin=place) for place in range(self._interval)]
         self._many = self.context.sequence("step", repeat=self._interval * math.ceil(MANY / self._interval))
-        since = self._since_estimate
         if sink.stable_dt is None:
             sink.stable_dt = self.estimate(FIRST_ITERATIONS)
             self._check_step(sink.stable_dt)
         for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
-            now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
-            taken, dt = 0, 0.0
-            for stop in self._stops(now, end):
-                for part in self._exchanging:
-                    part.before_interval(self._interval_seconds)
-                while now < stop:
-                    sink.keep_going()
-                    if since >= STEPS_BETWEEN:
-                        sink.stable_dt = self.estimate(LATER_ITERATIONS)
-                        since = 0
-                    wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
-                    left = max(1, math.ceil((stop - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
-                    # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
-                    steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
-                    dt = (stop - now) / left
-                    self._set_step(dt, now)
-                    self._take(steps, dt, now, sink)
-                    since += steps
-                    taken += steps
-                    now = stop if steps == left else now + steps * dt
-                for part in self._exchanging:
-                    part.after_interval()
-            self._since_estimate, self._since_row = since, 0
-            sink.frame(index, end, taken, dt)
+            self._frame(index, sink)
         return "finished"
+
+    def _frame(self, index: int, sink: FrameSink) -> None:
+        """Compute and record a frame, with a shorter step if the run diverges."""
+        self.retries.keep()
+        begun, stable = self._progress(), sink.stable_dt
+        taken = 0
+        while True:
+            steps, dt = self._advance(index, sink)
+            taken += steps
+            try:
+                sink.frame(index, self.solver.frame_time(index), taken, dt, self.retries.left)
+            except DivergedError:
+                if not self.retries.left:
+                    raise
+            else:
+                break
+            self.retries.halve()
+            self._resume(begun)
+            sink.stable_dt = stable
+            sink.repeat()
+            self.context.run("setup")
+        self.retries.count_sound()
+
+    def _advance(self, index: int, sink: FrameSink) -> tuple[int, float]:
+        """Take the steps up to a frame; their number, and the last one [s]."""
+        now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
+        taken, dt, since = 0, 0.0, self._since_estimate
+        for stop in self._stops(now, end):
+            for part in self._exchanging:
+                part.before_interval(self._interval_seconds)
+            while now < stop:
+                sink.keep_going()
+                if since >= STEPS_BETWEEN:
+                    sink.stable_dt = self.estimate(LATER_ITERATIONS)
+                    since = 0
+                left = max(1, math.ceil((stop - now) / self._longest_step(sink.stable_dt) * (1.0 - 1e-12)))
+                # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
+                steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
+                dt = (stop - now) / left
+                self._set_step(dt, now)
+                self._take(steps, dt, now, sink)
+                since += steps
+                taken += steps
+                now = stop if steps == left else now + steps * dt
+            for part in self._exchanging:
+                part.after_interval()
+        self._since_estimate, self._since_row = since, 0
+        return taken, dt
+
+    def _longest_step(self, stable: float) -> float:
+        """Longest step that may be taken now [s], if the stable one is `stable`."""
+        wanted = self.solver.step if self.solver.step is not None else self.safety * stable
+        return math.ldexp(min(wanted, self._limit.seconds), -self.retries.halvings)
 
     def _stops(self, now: float, end: float) -> list[float]:
         """Times within a frame at which stepping pauses: its end, and the exchanges before it [s]."""
@@ -246,7 +283,7 @@ class BuiltExplicit(BuiltSolver):
         assign(self.context.state.step, np.array([dt]))
         self.system.set_clock(dt, self.solver.duration, begin)
 
-    def host_state(self) -> dict[str, Any]:
+    def _progress(self) -> dict[str, Any]:
         """Steps since the last estimate and since the last full stage, and the number of estimates."""
         return {
             "since_estimate": self._since_estimate,
@@ -254,7 +291,16 @@ class BuiltExplicit(BuiltSolver):
             "estimates": self.stable_step.host_state(),
         }
 
+    def _resume(self, progress: Mapping[str, Any]) -> None:
+        """Restore the result of `_progress`."""
+        self._since_estimate, self._place = progress["since_estimate"], progress["place"]
+        self.stable_step.restore(progress["estimates"])
+
+    def host_state(self) -> dict[str, Any]:
+        """Where the steps and estimates are, and how often the step is halved."""
+        return {**self._progress(), "retries": self.retries.host_state()}
+
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
-        self._since_estimate, self._place = state["since_estimate"], state["place"]
-        self.stable_step.restore(state["estimates"])
+        self._resume(state)
+        self.retries.restore(state["retries"])

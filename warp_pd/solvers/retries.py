@@ -1,0 +1,63 @@
+"""Frames in which a run diverges are computed again with a shorter step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ..interfaces.context import Context
+
+# Number of sound frames after which a step that was halved is doubled.
+SOUND_FRAMES = 8
+OWNER = "retries"
+
+
+class Retries:
+    """The state at the last frame, and how often the step is halved.
+
+    The estimate of the stable step follows the sheet as it stiffens, but some stiffening comes and goes within a few
+    steps: torn edges that are pressed together, folds, a slack sheet that becomes taut, the lock of a material.
+
+    Attributes:
+        halvings: Number of times that the step is halved now.
+    """
+
+    def __init__(self, context: Context, most: int) -> None:
+        """Allocate copies of the arrays that a restart needs; none if `most`, the largest number of halvings, is 0."""
+        self.halvings, self._most, self._sound = 0, most, 0
+        self._copies = []
+        for stored in [s for s in context.fields if s.field.restart and most > 0]:
+            name, array = f"{stored.name}_before", stored.array
+            copy = context.array(name, OWNER, array.dtype, shape=array.shape, per=stored.field.per)
+            self._copies.append((array, copy))
+
+    @property
+    def left(self) -> bool:
+        """Whether the step can be halved once more."""
+        return self.halvings < self._most
+
+    def keep(self) -> None:
+        """Copy the state."""
+        for array, copy in self._copies:
+            wp.copy(copy, array)
+
+    def halve(self) -> None:
+        """Return to the copied state, with half the step."""
+        self.halvings, self._sound = self.halvings + 1, 0
+        for array, copy in self._copies:
+            wp.copy(array, copy)
+
+    def count_sound(self) -> None:
+        """Count a sound frame; double the step after several."""
+        self._sound += 1
+        if self.halvings > 0 and self._sound >= SOUND_FRAMES:
+            self.halvings, self._sound = self.halvings - 1, 0
+
+    def host_state(self) -> list[int]:
+        """The halvings and the sound frames since, for a restart."""
+        return [self.halvings, self._sound]
+
+    def restore(self, state: Any) -> None:
+        """Restore the result of `host_state`."""
+        self.halvings, self._sound = state
