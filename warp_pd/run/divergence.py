@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,8 +13,9 @@ from .built import Built
 
 # Energy out of nowhere, over the largest energy or work so far, at which a run counts as diverged.
 MAX_GAIN = 0.5
-# Energy gained between two frames, over the same, at which a frame that can be computed again is.
-SUSPECT_GAIN = 0.05
+# Energy gained between two frames, over the same, at which a frame is computed again if it can be, unless the shorter
+# step of the last attempt did not halve the gain: then something else than an unstable step adds it.
+SUSPECT_GAIN = 0.01
 
 
 class Soundness:
@@ -28,6 +30,7 @@ class Soundness:
         self.built = built
         self.stable_dt: float | None = None
         self.last_time: float | None = None
+        self._gain = math.inf
 
     def require_finite(self, index: int, now: float, dt: float, totals: Mapping[str, float]) -> None:
         """Raise DivergedError if the state is NaN or Inf, or a point moves more than a horizon in a step."""
@@ -58,17 +61,22 @@ class Soundness:
                 f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
             )
 
-    def require_no_gain(self, row: Mapping[str, float], before: float, index: int, dt: float, suspect: bool) -> None:
+    def require_no_gain(self, row: Mapping[str, float], before: float, index: int, dt: float, repeatable: bool) -> None:
         """Raise DivergedError if the sheet has more energy than was ever put in.
 
-        If `suspect`, also if the balance error is much larger than `before`, that of the last frame.
+        If the frame is `repeatable`, also if it has much more than `before`, the balance error of the last frame.
         """
         error = row.get("balance_error", 0.0)
-        if error > MAX_GAIN or (suspect and error > before + SUSPECT_GAIN):
+        earlier, self._gain = self._gain, error - before
+        if error > MAX_GAIN or (repeatable and SUSPECT_GAIN < self._gain < 0.5 * earlier):
             raise DivergedError(
                 f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet has more energy than was ever put "
                 f"in, balance error {100.0 * error:.0f} %; likely cause: {self.cause(dt, row['time'])}"
             )
+
+    def accept(self, now: float) -> None:
+        """Count the frame at time `now` [s] as sound."""
+        self.last_time, self._gain = now, math.inf
 
     def cause(self, dt: float, now: float) -> str:
         """Likely cause of divergence at time `now` [s] with the step dt [s]."""

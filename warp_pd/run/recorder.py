@@ -210,7 +210,8 @@ class Recorder:
 
     def accept(self, frame: Frame) -> None:
         """Store a frame that has passed the checks as the last good one."""
-        self.last, self.soundness.last_time = frame, frame.time
+        self.last = frame
+        self.soundness.accept(frame.time)
 
     def _restart_due(self, index: int) -> bool:
         """Whether to write a restart file: at the first and last frame, when stopped, and from time to time between."""

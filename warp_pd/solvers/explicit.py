@@ -55,8 +55,8 @@ class Explicit:
             The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
             measures are computed only at frames.
         retries: How many times a frame in which the run diverges is computed again, each time with half the step; the
-            step becomes longer again after some frames. A frame that gains a twentieth of all energy counts, too. 0:
-            never, and no copy of the state is kept. A fixed step is never halved.
+            step becomes longer again after some frames. A frame that gains a hundredth of all energy counts,
+            too. 0: never, and no copy of the state is kept. A fixed step is never halved.
     """
 
     duration: float
@@ -203,7 +203,6 @@ class BuiltExplicit(BuiltSolver):
             sink.stable_dt = stable
             sink.repeat()
             self.context.run("setup")
-        self.retries.count_sound()
 
     def _advance(self, index: int, sink: FrameSink) -> tuple[int, float]:
         """Take the steps up to a frame; their number, and the last one [s]."""

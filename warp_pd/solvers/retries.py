@@ -38,7 +38,11 @@ class Retries:
         return self.halvings < self._most
 
     def keep(self) -> None:
-        """Copy the state."""
+        """Copy the state at a sound frame; after several, double a step that was halved."""
+        if self.halvings > 0:
+            self._sound += 1
+            if self._sound > SOUND_FRAMES:
+                self.halvings, self._sound = self.halvings - 1, 0
         for array, copy in self._copies:
             wp.copy(copy, array)
 
@@ -47,12 +51,6 @@ class Retries:
         self.halvings, self._sound = self.halvings + 1, 0
         for array, copy in self._copies:
             wp.copy(array, copy)
-
-    def count_sound(self) -> None:
-        """Count a sound frame; double the step after several."""
-        self._sound += 1
-        if self.halvings > 0 and self._sound >= SOUND_FRAMES:
-            self.halvings, self._sound = self.halvings - 1, 0
 
     def host_state(self) -> list[int]:
         """The halvings and the sound frames since, for a restart."""

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from helpers import GENT, build, jittered, square
-from small_runs import BALL, cli, run
+from small_runs import cli, run
 
 from warp_pd import (
     BondAssociated,
@@ -71,7 +71,7 @@ def test_the_point_that_crosses_a_horizon_in_a_step_is_named(precision):
 def test_gent_near_its_lock_ends_with_the_cause():
     sheet = square(7)
     simulation = Simulation(
-        sheet, BondAssociated(GENT, weights="plain"), Explicit(1.0, frames=50),
+        sheet, BondAssociated(GENT, weights="plain"), Explicit(1.0, frames=50, retries=0),
         loads=[Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 2.0])],
     )  # fmt: skip
     result = simulation.run(device="cpu")
@@ -87,7 +87,7 @@ def test_edges_pulled_faster_than_waves_are_the_cause(waves, motion):
     sides = (("left", -1), ("right", 1))
     ends = [Motion(sheet.edges(name), [0.0, 1.0], x=[0.0, side * pulled]) for name, side in sides]
     law = BondAssociated(GENT, weights="plain", horizon=2.015)
-    result = Simulation(sheet, law, Explicit(0.5 / pulled, frames=50), loads=ends).run(device="cpu")
+    result = Simulation(sheet, law, Explicit(0.5 / pulled, frames=50, retries=0), loads=ends).run(device="cpu")
     assert result.status == "diverged"
     said = f"supports move points at {pulled:g} m/s, faster than any wave"
     assert (said in result.summary["message"]) == motion, result.summary["message"]
@@ -98,7 +98,7 @@ def test_a_slack_sheet_that_becomes_taut_has_a_step_that_follows():
     sheet, law = square(21), BondAssociated(TensionField(NeoHookean(1e5, 1e7)), horizon=2.015)
     loads = [Fixed(sheet.edges("all")), Pressure(100.0)]
     default, long = (
-        Simulation(sheet, law, Explicit(0.1, frames=10, safety=safety), loads=loads).run(device="cpu")
+        Simulation(sheet, law, Explicit(0.1, frames=10, safety=safety, retries=0), loads=loads).run(device="cpu")
         for safety in (None, 0.9)
     )
     assert default.status == "finished" and max(abs(row["balance_error"]) for row in default.history) < 0.005
@@ -106,12 +106,10 @@ def test_a_slack_sheet_that_becomes_taut_has_a_step_that_follows():
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
-    done = cli("run", *BALL, "--set", "safety=1.2", "--frames", "8", "--no-usd", "--no-pictures",
-               "--out", tmp_path)  # fmt: skip
+    done = cli("run", "pressure_static", "--points", "11", "--set", "pressure=500", "--device", "cpu", "--no-usd",
+               "--no-pictures", "--out", tmp_path)  # fmt: skip
     assert done.exit_code == 3
-    assert (
-        "diverged" in done.output and "likely cause: the step" in done.output and "above the stable step" in done.output
-    )
+    assert "diverged" in done.output and "likely cause: no equilibrium near" in done.output
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["status"] == "diverged"
     with h5py.File(tmp_path / "frames.vtkhdf") as file:
