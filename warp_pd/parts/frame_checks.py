@@ -151,14 +151,27 @@ class EnergyBalance(BuiltPart):
     def error(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
         """Energy gained since the first row, less the work, over the largest energy or work so far.
 
-        Gained are changes of the stored energies and of the losses. See kernels/integrate.py for the kinetic energy at
-        half steps. `least` is the least energy to divide by [J].
+        `least` is the least energy to divide by [J].
         """
         rows = [*history, row]
+        return self._relative(self._gained(rows[0], row), rows, least)
+
+    def gain(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
+        """The same since the last row."""
+        rows = [*history, row]
+        return self._relative(self._gained(rows[-2 if history else -1], row), rows, least)
+
+    def _gained(self, before: Mapping[str, float], row: Mapping[str, float]) -> float:
+        """Changes of the stored energies and of the losses between two rows, less the work [J].
+
+        See kernels/integrate.py for the kinetic energy at half steps.
+        """
         counted = ["half_step_kinetic" if name == "kinetic" else name for name in (*self.stored, *self.lost)]
-        gained = sum(row[name] - rows[0][name] for name in counted) - row["external"]
+        return sum(row[name] - before[name] for name in counted) - (row["external"] - before["external"])
+
+    def _relative(self, energy: float, rows: Sequence[Mapping[str, float]], least: float) -> float:
         scale = max(least, *(max(abs(r["external"]), abs(sum(r[name] for name in self.stored))) for r in rows))
-        return gained / scale if scale > 0.0 else 0.0
+        return energy / scale if scale > 0.0 else 0.0
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """The columns of `columns`, since all are sums."""

@@ -61,14 +61,14 @@ class Soundness:
                 f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
             )
 
-    def require_no_gain(self, row: Mapping[str, float], before: float, index: int, dt: float, repeatable: bool) -> None:
+    def require_no_gain(self, row: Mapping[str, float], gain: float, index: int, dt: float, repeatable: bool) -> None:
         """Raise DivergedError if the sheet has more energy than was ever put in.
 
-        If the frame is `repeatable`, also if it has much more than `before`, the balance error of the last frame.
+        If the frame is `repeatable`, also if `gain`, the energy gained since the last frame over the largest, is much.
         """
         error = row.get("balance_error", 0.0)
-        earlier, self._gain = self._gain, error - before
-        if error > MAX_GAIN or (repeatable and SUSPECT_GAIN < self._gain < 0.5 * earlier):
+        earlier, self._gain = self._gain, gain
+        if error > MAX_GAIN or (repeatable and SUSPECT_GAIN < gain < 0.5 * earlier):
             raise DivergedError(
                 f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet has more energy than was ever put "
                 f"in, balance error {100.0 * error:.0f} %; likely cause: {self.cause(dt, row['time'])}"

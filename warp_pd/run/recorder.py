@@ -173,8 +173,7 @@ class Recorder:
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
         row = self._row(now, totals, now - self.time, dt)
-        before = self.history[-1].get("balance_error", 0.0) if self.history else 0.0
-        self.soundness.require_no_gain(row, before, index, dt, repeatable)
+        self.soundness.require_no_gain(row, self._gain(row), index, dt, repeatable)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
         frame = measured = self.points.frame(index, now)
@@ -227,14 +226,23 @@ class Recorder:
         row: dict[str, float] = {"time": now, "step": dt}
         row |= built.energy.columns(totals, elapsed)
         if built.energy.balances:
-            least = self._noise * (1.0 + now / dt) / dt**2 if dt > 0.0 else 0.0
-            row["balance_error"] = built.energy.error(self.history, row, least)
+            row["balance_error"] = built.energy.error(self.history, row, self._least_energy(now, dt))
         for part in built.parts:
             for name, value in part.columns(totals, elapsed).items():
                 if name in row:
                     raise InputError(f"history: two parts report {name!r}: expected one")
                 row[name] = value
         return row
+
+    def _gain(self, row: dict[str, float]) -> float:
+        """Energy gained since the last frame, over the largest energy so far."""
+        if not self.built.energy.balances:
+            return 0.0
+        return self.built.energy.gain(self.history, row, self._least_energy(row["time"], row["step"]))
+
+    def _least_energy(self, now: float, dt: float) -> float:
+        """Energy that round-off of the initial displacement may add until `now` [s] in steps of `dt` [s]."""
+        return self._noise * (1.0 + now / dt) / dt**2 if dt > 0.0 else 0.0
 
     def _round_off(self) -> float:
         """Energy [J] times step squared that round-off of the initial displacement can add in a step.
