@@ -29,6 +29,7 @@ class Field:
         restart: Whether restart files store it; such names are unique in a simulation.
         halo: Whether ghost points need it if several processes divide the points.
         own_exchange: Whether its owner keeps it valid in the whole halo.
+        intermediate: Whether each step writes all of it before it is read.
         output: Unique name of the field in frames, or "" if it is not in frames.
         density: Whether frames show it divided by the volume of the point [m^3].
     """
@@ -39,6 +40,7 @@ class Field:
     restart: bool = False
     halo: bool = False
     own_exchange: bool = False
+    intermediate: bool = False
     output: str = ""
     density: bool = False
 

@@ -264,6 +264,11 @@ class Stage:
         """The items that run in a repetition."""
         return [item for item in self.items if number % item.every == item.since]
 
+    def writes(self, array: Array) -> bool:
+        """Whether an item writes to an array, or to a part of it."""
+        start, stop = int(array.ptr or 0), int(array.ptr or 0) + int(array.capacity)
+        return any(start <= address < stop for item in self.items for address in item.touched.writes)
+
     @contextlib.contextmanager
     def every(self, repetitions: int) -> Iterator[None]:
         """Context in which added items run only in every n-th repetition, n = `repetitions`."""

@@ -194,11 +194,12 @@ class Context:
         restart: bool = False,
         halo: bool = False,
         own_exchange: bool = False,
+        intermediate: bool = False,
         output: str = "",
         density: bool = False,
     ) -> Array:
         """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`."""
-        declared = Field(name, owner, per, restart, halo, own_exchange, output, density)
+        declared = Field(name, owner, per, restart, halo, own_exchange, intermediate, output, density)
         return self.fields.allocate(declared, dtype, values, shape)
 
     @functools.cached_property

@@ -253,7 +253,9 @@ class BondForces:
             self.array = law.pairs
             return
         shape = (law.families.members, ring)
-        self.array = law.context.array("bond_force_ring", law.owner, law.context.types.vec3, shape=shape, per="bond")
+        self.array = law.context.array(
+            "bond_force_ring", law.owner, law.context.types.vec3, shape=shape, per="bond", intermediate=True
+        )
 
     @property
     def turns_over(self) -> bool:

@@ -68,7 +68,9 @@ class PointLaw(FamilyLaw):
         self.weights = weights
         super().__init__(law, context, families, inverse, found)
         shape = (families.members, context.sheet.size)
-        self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
+        self.pairs = context.array(
+            "bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True, intermediate=True
+        )
 
 
 class NodalForce(PointLaw):

@@ -40,4 +40,6 @@ class BondAssociatedLaw(FamilyLaw):
     def pairs(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3, allocated on first use."""
         shape = (self.families.members, self.points)
-        return self.context.array("bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond")
+        return self.context.array(
+            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond", intermediate=True
+        )

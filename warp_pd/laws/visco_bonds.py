@@ -77,7 +77,9 @@ class ViscoBondBasedForce(FamilyLaw):
         self.kernels = visco_bonds(context.layout, bool(law.prony))
         self.earlier_energy = self.kernels.earlier_energy
         shape = (families.members, self.points)
-        self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
+        self.pairs = context.array(
+            "bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True, intermediate=True
+        )
         self.prony: Array | None = None
         self.internal: dict[str, Any] = {}
         if law.prony:

@@ -160,7 +160,7 @@ class BuiltExplicit(BuiltSolver):
         if self._exchanging:
             self._interval_seconds = self._exchange_interval()
         repeatable = self.solver.step is None and not self._exchanging
-        self.retries = Retries(self.context, self.solver.retries if repeatable else 0)
+        self.retries = Retries(self.context, step, self.solver.retries if repeatable else 0)
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def _exchange_interval(self) -> float:
@@ -202,7 +202,6 @@ class BuiltExplicit(BuiltSolver):
             self._resume(begun)
             sink.stable_dt = stable
             sink.repeat()
-            self.context.run("setup")
 
     def _advance(self, index: int, sink: FrameSink) -> tuple[int, float]:
         """Take the steps up to a frame; their number, and the last one [s]."""

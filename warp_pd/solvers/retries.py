@@ -6,6 +6,8 @@ from typing import Any
 
 import warp as wp
 
+from ..device.fields import Stored
+from ..device.launches import Stage
 from ..interfaces.context import Context
 
 # Number of sound frames after which a step that was halved is doubled.
@@ -23,11 +25,11 @@ class Retries:
         halvings: Number of times that the step is halved now.
     """
 
-    def __init__(self, context: Context, most: int) -> None:
-        """Allocate copies of the arrays that a restart needs; none if `most`, the largest number of halvings, is 0."""
+    def __init__(self, context: Context, step: Stage, most: int) -> None:
+        """Allocate copies of the arrays that a step changes; none if `most`, the largest number of halvings, is 0."""
         self.halvings, self._most, self._sound = 0, most, 0
         self._copies = []
-        for stored in [s for s in context.fields if s.field.restart and most > 0]:
+        for stored in [stored for stored in context.fields if most > 0 and _changes(step, stored)]:
             name, array = f"{stored.name}_before", stored.array
             copy = context.array(name, OWNER, array.dtype, shape=array.shape, per=stored.field.per)
             self._copies.append((array, copy))
@@ -59,3 +61,8 @@ class Retries:
     def restore(self, state: Any) -> None:
         """Restore the result of `host_state`."""
         self.halvings, self._sound = state
+
+
+def _changes(step: Stage, stored: Stored) -> bool:
+    """Whether a field changes in a step in a way that matters to the next one."""
+    return stored.field.restart or (step.writes(stored.array) and not stored.field.intermediate)

@@ -26,7 +26,8 @@ pytestmark = pytest.mark.usefixtures("joined_stages")
 FILE = Path(shared_scenes.__file__)
 # More kinds are in `shared_scenes`.
 COMPARED = (
-    "torn", "cloud", "field hole", "loads", "relaxed", "scattered", "energy", "field", "field cloud", "field relaxed"
+    "torn", "cloud", "field hole", "loads", "relaxed", "scattered", "energy", "field", "field cloud", "field relaxed",
+    "taut",
 )  # fmt: skip
 
 
@@ -75,6 +76,10 @@ def test_three_processes_leave_the_same_bits(alone, tmp_path):
 def test_the_scenes_that_are_compared_tear(name, alone):
     names, *rows = (line.split(",") for line in arrays_of(alone(name))[1].splitlines())
     assert float(rows[-1][names.index("mean_damage")]) - float(rows[0][names.index("mean_damage")]) > 0.01
+
+
+def test_a_frame_of_the_scenes_that_are_compared_is_computed_again(alone):
+    assert json.loads((alone("taut") / "summary.json").read_text())["repeated"] > 0
 
 
 def command(processes, folder, *more):

@@ -155,8 +155,12 @@ class NeuralForce(PointLaw):
             self.outside = context.array("outside_range", self.owner, wp.int32, shape=self.points)
         if law.evaluation == "torch":
             slots, types = self.families.members * self.points, context.types
-            self._features = context.array("features", self.owner, types.parameters, shape=slots, per="bond")
-            self._results = context.array("bond_pairs", self.owner, types.vec2, shape=slots, per="bond")
+            self._features = context.array(
+                "features", self.owner, types.parameters, shape=slots, per="bond", intermediate=True
+            )
+            self._results = context.array(
+                "bond_pairs", self.owner, types.vec2, shape=slots, per="bond", intermediate=True
+            )
             self._frame = context.array("frame", self.owner, types.mat32, shape=self.points)
             self._network, self._fingerprint = _torch_call(law, self.owner, self._features, self._results)
 
