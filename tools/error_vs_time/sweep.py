@@ -12,8 +12,7 @@ from time import process_time
 from study import Row, device_title, load_rows, provenance, save_rows
 
 from warp_pd import Frame, InputError
-from warp_pd.interfaces import Writer
-from warp_pd.run.divergence import DivergedError
+from warp_pd.interfaces import DivergedError, Writer
 
 from .studies import ELEMENTS, Configuration, Study, configurations, simulation_of
 

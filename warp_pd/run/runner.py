@@ -16,14 +16,14 @@ from typing import Any
 
 from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
-from ..interfaces import History, Reporter, Writer
+from ..interfaces import DivergedError, History, Reporter, Writer
 from ..interfaces.frame import format_time
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
 from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
 from . import restart
 from .built import Built, compose
-from .divergence import DivergedError, free_motions
+from .divergence import free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .frame_points import FramePoints

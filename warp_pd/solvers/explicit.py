@@ -215,6 +215,7 @@ class BuiltExplicit(BuiltSolver):
                 if since >= STEPS_BETWEEN:
                     sink.stable_dt = self.estimate(LATER_ITERATIONS)
                     since = 0
+                assert sink.stable_dt is not None
                 left = max(1, math.ceil((stop - now) / self._longest_step(sink.stable_dt) * (1.0 - 1e-12)))
                 # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN

@@ -24,9 +24,9 @@ from warp_pd import (
 )
 from warp_pd.__main__ import build_scene
 from warp_pd.families.partition import partition_sheet
+from warp_pd.interfaces import DivergedError
 from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.parts.frame_checks import FrameChecks
-from warp_pd.run.divergence import DivergedError
 from warp_pd.run.recorder import Recorder
 
 
