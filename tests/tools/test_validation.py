@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from study import load_rows
-from validation import __main__, bulges, comparison, crack_paths, page, printed, relaxation, spread
+from validation import __main__, bulges, comparison, crack_paths, cracks, page, printed, relaxation, spread
 
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.fitting import nominal_stress
@@ -96,6 +96,17 @@ def test_a_sheet_in_two_parts_has_no_loose_piece():
     above = sheet.points[:, 1] > 0.055
     intact = np.flatnonzero(np.ptp(above[sheet.triangles].astype(int), axis=1) == 0)
     assert np.isnan(crack_paths.aspects(sheet, intact)).all()
+
+
+def test_a_crack_is_two_where_intact_faces_part_it():
+    x, y = (grid.ravel() for grid in np.meshgrid(np.arange(0.5, 100.0), np.arange(0.5, 40.0)))
+    lower, upper = np.abs(y - 20.0 + np.maximum(x - 60.0, 0.0)), np.abs(y - 20.0 - np.maximum(x - 60.0, 0.0))
+    wide, fork = np.abs(y - 20.0) < 8.0, np.minimum(lower, upper) < 2.0
+    faces = np.column_stack([x, y])
+    assert cracks.doubled(faces[wide], 1.0, 4.0) == 0.0
+    # Bands of 4 rows along y = 20 +- (x - 60), which leave the sheet at x = 82, are 4 rows apart from x = 64 on.
+    reached = x < 80.0
+    assert cracks.doubled(faces[fork & reached], 1.0, 4.0) == pytest.approx((80.0 - 64.0) / 80.0, abs=0.02)
 
 
 def test_largest_tangential_stress_is_where_the_shear_stress_vanishes():
