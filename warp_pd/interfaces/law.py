@@ -80,6 +80,10 @@ class Tangent(Protocol):
         """Modulus of the sheet [Pa] at the last linearisation."""
         ...
 
+    def mean_tension(self) -> float:
+        """Mean tension of the sheet at the last linearisation [Pa], of laws that can be built on coarser sheets."""
+        ...
+
     def min_tension(self, relative: float) -> float:
         """Minimum isotropic tension [Pa] that the tangent needs at a relative residual."""
         ...

@@ -383,6 +383,10 @@ class BendingTangent(Tangent):
         """Modulus of the sheet without bending [Pa]."""
         return self.law.modulus()
 
+    def mean_tension(self) -> float:
+        """Mean tension of the sheet [Pa]."""
+        return self.law.mean_tension()
+
     def min_tension(self, relative: float) -> float:
         """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
         return self.law.min_tension(relative)

@@ -122,6 +122,10 @@ class BondAssociatedTangent:
         """Mean of dS11/dC11 over the sheet [Pa], at the last linearisation."""
         return float(self.moduli.numpy()[..., 0].sum() / self.force.points)
 
+    def mean_tension(self) -> float:
+        """Mean of (S11 + S22) / 2 over the sheet [Pa], at the last linearisation."""
+        return float(0.5 * self.stress.numpy()[..., :2].sum() / self.force.points)
+
     def min_tension(self, relative: float) -> float:
         """Zero, because the tangent needs no added tension."""
         return 0.0

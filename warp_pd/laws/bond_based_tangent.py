@@ -69,6 +69,10 @@ class BondBasedTangent:
             family=force.struct, intact=force.intact, blocks=self.blocks, direction=direction, change=change,
         )  # fmt: skip
 
+    def mean_tension(self) -> float:
+        """Zero: the law has no coarser lattices."""
+        return 0.0
+
     def min_tension(self, relative: float) -> float:
         """Isotropic tension [Pa] to add to the tangent at a relative residual."""
         goes_slack = capabilities(self.material).goes_slack

@@ -116,11 +116,20 @@ class Hierarchy:
         )  # fmt: skip
 
     def linearise(self, finest: int, tension: float) -> None:
-        """Compute the tangents of `finest` and all coarser levels at its displacement, and set up the smoothers."""
+        """Compute the tangents of `finest` and all coarser levels at its displacement, and set up the smoothers.
+
+        Where a sheet is slack on a coarser level but not on the finest, the V-cycle would take far too long a step. So
+        coarser levels of a material that goes slack get the mean tension of the sheet in addition.
+        """
         self.levels[finest].linearise(tension)
-        for index in range(finest, len(self.levels) - 1):
+        last = len(self.levels) - 1
+        for index in range(finest, last):
             self.levels[index].run("sample")
-            self.levels[index + 1].linearise(tension)
+        if finest < last and self.levels[last].law.goes_slack:
+            self.levels[last].linearise(tension)
+            tension = max(tension, self.levels[last].tangent.mean_tension())
+        for level in self.levels[finest + 1 :]:
+            level.linearise(tension)
         self._coarsest = self._sparse.factorise()
         if finest < len(self.levels) - 1:
             # Common to all levels: measured on a small one.
