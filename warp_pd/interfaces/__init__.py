@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .law import BuiltLaw, Law, OtherFamilies, Solve, SparseTangent, Tangent
     from .output import FrameReport, Reporter, Writer
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
-    from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System
+    from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
 else:
     __getattr__ = lazy(__name__)
 
@@ -46,5 +46,6 @@ __all__ = [
     "StepLimit",
     "System",
     "Tangent",
+    "UnbalancedError",
     "Writer",
 ]

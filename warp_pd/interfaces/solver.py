@@ -24,6 +24,10 @@ class DivergedError(RuntimeError):
     """The state became NaN or Inf, or moves impossibly fast; the message gives the place, time and likely cause."""
 
 
+class UnbalancedError(DivergedError):
+    """The energy balance changed more in a frame than by steps that are short enough."""
+
+
 class FrameSink(Protocol):
     """Receives the frames of a solver, and provides the state of a resumed run; by default it does nothing.
 
@@ -43,14 +47,12 @@ class FrameSink(Protocol):
     residual: float | None = None
     solve: dict[str, Any] | None = None
 
-    def frame(self, index: int, now: float, steps: int, dt: float, repeatable: bool = False) -> None:
+    def frame(self, index: int, now: float, steps: int, dt: float, strict: bool = False) -> None:
         """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one.
 
-        `repeatable`: whether the solver can compute the frame again.
-
-        Raises:
-            DivergedError: if the state is not sound, or if it is suspect and the frame is repeatable. Nothing of the
-                frame is then recorded.
+        Raises, and then records nothing of the frame:
+            DivergedError: if the state is not sound.
+            UnbalancedError: if `strict` and the energy balance changed much since the last frame.
         """
         return None
 

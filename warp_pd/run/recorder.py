@@ -146,17 +146,19 @@ class Recorder:
             self.fine.forget()
         self.start_clock()
 
-    def frame(self, index: int, now: float, steps: int, dt: float, repeatable: bool = False) -> None:
+    def frame(self, index: int, now: float, steps: int, dt: float, strict: bool = False) -> None:
         """Check the state, pass it to the writers, and save it for a restart.
 
         Raises:
-            DivergedError: if it is not sound, or suspect and the frame is repeatable; it is then not recorded.
+            DivergedError: if it is not sound; it is then not recorded.
+            UnbalancedError: if `strict` and the energy balance changed much since the last frame; likewise.
         """
         communicator = self.built.context.communicator
         self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        taken = communicator.root(lambda: self._take(index, now, dt, repeatable))
+        self.start_clock()
+        taken = communicator.root(lambda: self._take(index, now, dt, strict))
         for part in self.built.parts:
             part.end_frame()
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
@@ -167,13 +169,16 @@ class Recorder:
         if self.stop_asked:
             raise KeyboardInterrupt
 
-    def _take(self, index: int, now: float, dt: float, repeatable: bool) -> tuple[dict[str, float], Frame, Frame]:
+    def _take(self, index: int, now: float, dt: float, strict: bool) -> tuple[dict[str, float], Frame, Frame]:
         """The row of the history without measures, the frame to write, and the frame of all points for the measures."""
         totals = self.built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
         row = self._row(now, totals, now - self.time, dt)
-        self.soundness.require_no_gain(row, self._gain(row), index, dt, repeatable)
+        self.soundness.require_no_gain(row, index, dt)
+        if strict and self.built.energy.balances:
+            gain = self.built.energy.gain(self.history, row, self._least_energy(now, dt))
+            self.soundness.require_balance(gain, index)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
         frame = measured = self.points.frame(index, now)
@@ -209,8 +214,7 @@ class Recorder:
 
     def accept(self, frame: Frame) -> None:
         """Store a frame that has passed the checks as the last good one."""
-        self.last = frame
-        self.soundness.accept(frame.time)
+        self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
         """Whether to write a restart file: at the first and last frame, when stopped, and from time to time between."""
@@ -233,12 +237,6 @@ class Recorder:
                     raise InputError(f"history: two parts report {name!r}: expected one")
                 row[name] = value
         return row
-
-    def _gain(self, row: dict[str, float]) -> float:
-        """Energy gained since the last frame, over the largest energy so far."""
-        if not self.built.energy.balances:
-            return 0.0
-        return self.built.energy.gain(self.history, row, self._least_energy(row["time"], row["step"]))
 
     def _least_energy(self, now: float, dt: float) -> float:
         """Energy that round-off of the initial displacement may add until `now` [s] in steps of `dt` [s]."""

@@ -13,7 +13,7 @@ from ..device.checks import InputError, count, not_negative, numbers, positive
 from ..device.fields import assign
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System
+from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
 from .integrator import add_motion
@@ -54,9 +54,9 @@ class Explicit:
         history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
             The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
             measures are computed only at frames.
-        retries: How many times a frame in which the run diverges is computed again, each time with half the step; the
-            step becomes longer again after some frames. A frame that gains a hundredth of all energy counts,
-            too. 0: never, and no copy of the state is kept. A fixed step is never halved.
+        retries: How many times a frame is computed again, each time with half the step, if the run diverges in it or its
+            energy balance changes by more than a hundredth of all energy. The step becomes longer again after some
+            frames. 0: never, and no copy of the state is kept. A fixed step is never halved.
     """
 
     duration: float
@@ -65,7 +65,7 @@ class Explicit:
     safety: float | None = None
     step: float | None = None
     history_every: float | None = None
-    retries: int = 4
+    retries: int = 5
     precision: int = 32
 
     dynamic: ClassVar[bool] = True
@@ -191,17 +191,28 @@ class BuiltExplicit(BuiltSolver):
         while True:
             steps, dt = self._advance(index, sink)
             taken += steps
-            try:
-                sink.frame(index, self.solver.frame_time(index), taken, dt, self.retries.left)
-            except DivergedError:
-                if not self.retries.left:
-                    raise
-            else:
-                break
+            if self._recorded(index, taken, dt, sink):
+                return
             self.retries.halve()
             self._resume(begun)
             sink.stable_dt = stable
             sink.repeat()
+
+    def _recorded(self, index: int, taken: int, dt: float, sink: FrameSink) -> bool:
+        """Record a frame unless it should be computed again with half the step; whether it is recorded."""
+        now, left = self.solver.frame_time(index), self.retries.left
+        try:
+            sink.frame(index, now, taken, dt, self.retries.strict)
+        except UnbalancedError:
+            if not left:
+                self.retries.give_up()
+                sink.frame(index, now, taken, dt)
+            return not left
+        except DivergedError:
+            if not left:
+                raise
+            return False
+        return True
 
     def _advance(self, index: int, sink: FrameSink) -> tuple[int, float]:
         """Take the steps up to a frame; their number, and the last one [s]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import warp as wp
 
@@ -23,11 +23,12 @@ class Retries:
 
     Attributes:
         halvings: Number of times that the step is halved now.
+        strict: Whether a frame in which the energy balance changes much is computed again.
     """
 
     def __init__(self, context: Context, step: Stage, most: int) -> None:
         """Allocate copies of the arrays that a step changes; none if `most`, the largest number of halvings, is 0."""
-        self.halvings, self._most, self._sound = 0, most, 0
+        self.halvings, self.strict, self._most, self._sound = 0, most > 0, most, 0
         self._copies = []
         for stored in [stored for stored in context.fields if most > 0 and _changes(step, stored)]:
             name, array = f"{stored.name}_before", stored.array
@@ -54,13 +55,17 @@ class Retries:
         for array, copy in self._copies:
             wp.copy(array, copy)
 
-    def host_state(self) -> list[int]:
-        """The halvings and the sound frames since, for a restart."""
-        return [self.halvings, self._sound]
+    def give_up(self) -> None:
+        """Be strict no longer: something else than the step changes the energy balance."""
+        self.halvings, self._sound, self.strict = 0, 0, False
 
-    def restore(self, state: Any) -> None:
+    def host_state(self) -> list[int]:
+        """The halvings, the sound frames since, and whether to be strict, for a restart."""
+        return [self.halvings, self._sound, int(self.strict)]
+
+    def restore(self, state: Sequence[int]) -> None:
         """Restore the result of `host_state`."""
-        self.halvings, self._sound = state
+        self.halvings, self._sound, self.strict = state[0], state[1], bool(state[2])
 
 
 def _changes(step: Stage, stored: Stored) -> bool:
