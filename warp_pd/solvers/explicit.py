@@ -54,8 +54,8 @@ class Explicit:
         history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
             The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
             measures are computed only at frames.
-        retries: How many times a frame is computed again, each time with half the step, if the run diverges in it or its
-            energy balance changes by more than a hundredth of all energy. The step becomes longer again after some
+        retries: How many times a frame is computed again, each time with half the step, if the run diverges in it or
+            its energy balance changes by more than a hundredth of all energy. The step becomes longer again after some
             frames. 0: never, and no copy of the state is kept. A fixed step is never halved.
     """
 
