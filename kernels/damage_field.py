@@ -56,6 +56,27 @@ NEAR = 0.55
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 
 
+@wp.struct
+class OtherFamilies:
+    """The list of families that a kernel of undamaged inner families leaves to another one.
+
+    Bonds may break between the two kernels if the families that lose their first one are added to the list. Without
+    arrays there is no list.
+
+    family_class: Class of each family, (N,).
+    inner, undamaged: Class of the inner families, and the bits of the bonds of an undamaged one.
+    stop: Number of points that the first kernel reaches; later ones list the others themselves.
+    points, count: The list and the number of its entries, (1,).
+    """
+
+    family_class: wp.array(dtype=wp.int32)
+    inner: wp.int32
+    undamaged: wp.uint32
+    stop: wp.int32
+    points: wp.array(dtype=wp.int32)
+    count: wp.array(dtype=wp.int32)
+
+
 @functools.cache
 def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int) -> wp.Function:
     """Function `drive_points` of a thread: what `drive` does; arguments as for `damage_field`."""
@@ -332,19 +353,13 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         thread: int,
         end: int,
         stride: int,
-        family_class: wp.array(dtype=wp.int32),
-        inner: int,
-        undamaged: wp.uint32,
-        stop: int,
+        others: OtherFamilies,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
-        others: wp.array(dtype=wp.int32),
-        other_count: wp.array(dtype=wp.int32),
     ):
-        """The last arguments but `released` are those of `OtherFamilies` (interfaces/law.py), or empty."""
         for n in range(thread, end, stride):
             i = listed[n]
             if damage[i] > real(0.0) and before[i] == real(0.0):
@@ -367,10 +382,10 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
             lost = real(0.0)
             for after in range(wp.where(breaks, 2, 1)):
                 if after == 1:
-                    if others.shape[0] > 0:
+                    if i < others.stop:
                         # The kernel of undamaged families has taken it for one.
-                        if i < stop and family_class[i] == inner and intact[0, i] == undamaged:
-                            others[wp.atomic_add(other_count, 0, 1)] = i
+                        if others.family_class[i] == others.inner and intact[0, i] == others.undamaged:
+                            others.points[wp.atomic_add(others.count, 0, 1)] = i
                     for word in range(family.words):
                         intact[word, i] = bonds_left(
                             family, intact, damage, severed_at, spared_mask, squared_reach, i, word

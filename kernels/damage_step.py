@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .damage_field import driving, finishing, sweeping
+from .damage_field import OtherFamilies, driving, finishing, sweeping
 from .damage_list import listing, screen_struct, waking
 from .effects import Kernel, kernel
 from .factories import constants_of
@@ -169,7 +169,7 @@ def damage_field(
                 count[0], stride, blocks, damage, other, arrived,
             )  # fmt: skip
 
-    @kernel(per="list", gathers=("displacement", "velocity", "damage"))
+    @kernel(per="list", gathers=("displacement", "velocity", "damage"), writes=("others.points", "others.count"))
     def finish(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -188,23 +188,18 @@ def damage_field(
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         stride: int,
-        family_class: wp.array(dtype=wp.int32),
-        inner: int,
-        undamaged: wp.uint32,
-        stop: int,
+        others: OtherFamilies,
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
-        others: wp.array(dtype=wp.int32),
-        other_count: wp.array(dtype=wp.int32),
     ):
         finish_points(
             family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask, squared_reach,
-            severed_at, fastest, neighbours, damage, before, listed, wp.tid() + first, count[0], stride, family_class,
-            inner, undamaged, stop, intact, awake, near_damage, softening, released, others, other_count,
+            severed_at, fastest, neighbours, damage, before, listed, wp.tid() + first, count[0], stride, others,
+            intact, awake, near_damage, softening, released,
         )  # fmt: skip
 
     @kernel(
@@ -232,10 +227,6 @@ def damage_field(
         relaxations: wp.array(dtype=real),
         sweeps: int,
         blocks: int,
-        family_class: wp.array(dtype=wp.int32),
-        inner: int,
-        undamaged: wp.uint32,
-        stop: int,
         first: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -250,8 +241,6 @@ def damage_field(
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
-        others: wp.array(dtype=wp.int32),
-        other_count: wp.array(dtype=wp.int32),
     ):
         """`blocks`: number of all blocks. Without sweeps it only fills `driving` and `before`."""
         thread = wp.tid() + first
@@ -283,8 +272,7 @@ def damage_field(
                 finish_points(
                     family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask,
                     squared_reach, severed_at, fastest, neighbours, damage, before, listed, thread, end, needed * size,
-                    family_class, inner, undamaged, stop, intact, awake, near_damage, softening, released, others,
-                    other_count,
+                    OtherFamilies(), intact, awake, near_damage, softening, released,
                 )  # fmt: skip
 
     fracture_energy, shown = of_frames(layout.bits)

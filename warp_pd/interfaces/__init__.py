@@ -13,7 +13,7 @@ from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
-    from .law import BuiltLaw, Law, OtherFamilies, Solve, SparseTangent, Tangent
+    from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
     from .output import FrameReport, Reporter, Writer
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
@@ -35,7 +35,6 @@ __all__ = [
     "History",
     "Law",
     "Load",
-    "OtherFamilies",
     "Part",
     "Reporter",
     "Rupture",

@@ -183,9 +183,11 @@ def _depth_of(stored: Stored) -> int:
 
 
 def add_exchanges(context: Context) -> None:
-    """Insert halo exchanges into all stages."""
+    """Insert halo exchanges into all stages; launches that may complete a list go behind the one that fills it."""
     partition = context.partition
     if partition is None:
+        for stage in context.stages.values():
+            stage.items = complete_later(stage.items)
         return
     exchanges, owned = Exchanges(context), partition.owned
     exchanges.leave_ghosts_out(owned)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -93,29 +92,6 @@ class Tangent(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class OtherFamilies:
-    """The list of families that the kernel of undamaged inner families leaves to another one.
-
-    Bonds may break between the two kernels if the families that lose their first one are added to the list.
-
-    Attributes:
-        family_class: Class of each family, (N,) int32.
-        inner: Class of the inner families.
-        undamaged: Bits of the bonds of an undamaged inner family.
-        stop: Number of points that the first kernel reaches; later ones list the others.
-        points: The list, int32.
-        count: Number of its entries, (1,) int32.
-    """
-
-    family_class: Array
-    inner: int
-    undamaged: int
-    stop: int
-    points: Array
-    count: Array
-
-
 class BuiltLaw(BuiltPart, Protocol):
     """A force law on a device.
 
@@ -139,6 +115,8 @@ class BuiltLaw(BuiltPart, Protocol):
         goes_slack: Whether the material carries nothing in compression.
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
             stiffer in other states, such as a bimodular one; None for other laws.
+        other_families: The families that are not undamaged, a struct `OtherFamilies` of kernels/damage_field.py, if a
+            kernel of its own computes the others and bonds can break; else None.
     """
 
     weights: str
@@ -159,11 +137,7 @@ class BuiltLaw(BuiltPart, Protocol):
     needs_finest: str
     goes_slack: bool
     slack_frequency: float | None
-
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """The list of families that are not undamaged, if a kernel of its own computes the others; else None."""
-        return None
+    other_families: Any | None = None
 
     @property
     def strain_energy(self) -> Array | None:

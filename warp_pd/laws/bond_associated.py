@@ -11,7 +11,7 @@ from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw, OtherFamilies, Tangent
+from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bond_associated import family_energies
@@ -137,6 +137,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         self.key = (self.layout, law.material.functions, law.form)
         self.earlier_energy, self.partial_energy = family_energies(*self.key)
         self.path = force_path(self, inverse, weights)
+        self.other_families = self.path.other_families
 
     def _put_values(self, values: Any) -> None:
         """Put the values by point of the material's last constant on the device, or start its internal variable there.
@@ -169,10 +170,6 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Name of its force path."""
         return self.path.name
 
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """Those of its force path."""
-        return self.path.other_families
 
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3.

@@ -18,10 +18,10 @@ import numpy as np
 import warp as wp
 
 from ..device.fields import Array
-from ..device.launches import Span, Stage
-from ..interfaces import OtherFamilies
+from ..device.launches import Span, Stage, with_values
 from ..interfaces.context import Context
 from ..kernels.bond_state import energy_of_families
+from ..kernels.damage_field import OtherFamilies
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -79,14 +79,11 @@ class ForcePath(Protocol):
 
     Attributes:
         name: Name of the path in the plan.
+        other_families: As `BuiltLaw.other_families`.
     """
 
     name: ClassVar[str]
-
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """As `BuiltLaw.other_families`."""
-        ...
+    other_families: Any | None
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
@@ -131,14 +128,10 @@ class Reference:
     """
 
     name: ClassVar[str] = "reference"
+    other_families: Any | None = None
 
     def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
         self.law, self.response = law, response
-
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """None: one kernel computes all families."""
-        return None
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
@@ -419,6 +412,12 @@ class UndamagedLattice(Reference):
         count = None if breakable else np.array([len(self.edges)], np.int32)
         self.others = context.array("other_points", law.owner, wp.int32, listed, shape=law.points, per="table")
         self.count = context.array("other_count", law.owner, wp.int32, count, shape=1, per="once")
+        if breakable:
+            values = {
+                "family_class": law.struct.family_class, "inner": inner, "undamaged": (1 << law.families.members) - 1,
+                "stop": self.forces.strips[0].end, "points": self.others, "count": self.count,
+            }  # fmt: skip
+            self.other_families = with_values(OtherFamilies(), values)
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
@@ -431,15 +430,6 @@ class UndamagedLattice(Reference):
             return None
         found = undamaged_stencil(law.families, inverse, weights)
         return None if found is None else cls(law, near, *found)
-
-    @property
-    def other_families(self) -> OtherFamilies | None:
-        """The list of other families, if bonds can break."""
-        law, stop = self.law, self.forces.strips[0].end
-        if not law.layout.breakable:
-            return None
-        undamaged = (1 << law.families.members) - 1
-        return OtherFamilies(law.struct.family_class, self.inner, undamaged, stop, self.others, self.count)
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""

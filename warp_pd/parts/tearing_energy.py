@@ -19,7 +19,7 @@ from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR
+from ..kernels.damage_field import NEAR, OtherFamilies
 from ..kernels.damage_list import TOGETHER, screen_struct
 from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
@@ -215,8 +215,12 @@ class DamageField(Damaged):
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
         self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else self._threads
-        # Whether one launch finds the damage of a step, and whether it also lists the points.
-        self._at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
+        at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
+        # Whether several launches find the damage of a step beside the force of undamaged families, which takes longer
+        # on a large sheet; whether one launch does, and whether it also lists the points.
+        large = self._ghosts is not None or (at_once and not self._looks)
+        self._beside = self.law.other_families is not None and large
+        self._at_once = at_once and not self._beside
         self._arrived = context.array("arrived_sweepers", owner, wp.int32, shape=1, per="once")
         self._found: Array | None = None
         if not context.device.is_cuda:
@@ -444,7 +448,7 @@ class DamageField(Damaged):
             relaxations=self._relaxations(stage, self.sweeps), sweeps=sweeps, listed=self._listed, count=self._count,
             arrived=self._arrived, severed_at=self._severed_at, driving=self._driving, before=self._before,
             damage=self.field, other=self._other, awake=self._awake, near_damage=self._near, softening=self._softening,
-            family_class=None, inner=0, undamaged=0, stop=0, others=None, other_count=None, **self.arguments(),
+            **self.arguments(),
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
@@ -465,7 +469,8 @@ class DamageField(Damaged):
                 self.owner, self.kernels.sweep, self._sweepers, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, before=self._before, fastest=self._fastest, relaxations=relaxations,
                 sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field, other=self._other,
-                arrived=self._arrived, block_dim=WAITING_BLOCK, **{**self._shared(), "stride": self._sweepers},
+                arrived=self._arrived, block_dim=WAITING_BLOCK, side_stream=self._beside,
+                **{**self._shared(), "stride": self._sweepers},
             )  # fmt: skip
 
     def _relaxations(self, stage: Stage, sweeps: int) -> Array:
@@ -484,17 +489,14 @@ class DamageField(Damaged):
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
-        given, other = self.arguments(), None if self._ghosts is None else self.law.other_families
+        given = self.arguments()
         given.pop("horizon")
         stage.launch(
             self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, near_damage=self._near, softening=self._softening,
-            family_class=None if other is None else other.family_class, inner=0 if other is None else other.inner,
-            undamaged=0 if other is None else other.undamaged, stop=0 if other is None else other.stop,
-            others=None, other_count=None,
-            completing=None if other is None else {"others": other.points, "other_count": other.count},
-            **given, **self._shared(),
+            others=OtherFamilies(),
+            completing={"others": self.law.other_families} if self._beside else None, **given, **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
 
@@ -506,10 +508,7 @@ class DamageField(Damaged):
         """Add the launch that empties the list; on a CPU `pack` begins a new list instead."""
         if self._found is None:
             # It need not hold up what follows.
-            stage.launch(
-                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count,
-                side_stream=self._ghosts is not None,
-            )  # fmt: skip
+            stage.launch(self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, side_stream=True)
 
     def _add_looking(self, stage: Stage) -> None:
         """Add the launches that list points."""
@@ -522,7 +521,7 @@ class DamageField(Damaged):
         stage.launch(
             self.owner, k.wake, threads, start=own.start, stop=own.stop, blocks=blocks, screen=self._screen,
             awake=self._awake, found=self._found, driving=None if self._ghosts is None else self._driving, span=span,
-            **listing,
+            side_stream=self._beside, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:
@@ -536,7 +535,7 @@ class DamageField(Damaged):
         stage.launch(
             self.owner, self.kernels.drive, families * self._lanes,
             scale=self._scale, fastest=self._fastest, ahead=self._ahead, awake=self._awake, damage=self.field,
-            severed_at=self._severed_at, driving=self._driving, before=self._before,
+            severed_at=self._severed_at, driving=self._driving, before=self._before, side_stream=self._beside,
             **{**self._shared(), "stride": families},
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
