@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shared_scenes
 from grid_sheets import holed
 from helpers import GENT, StopAt, jittered, square
 
@@ -23,6 +24,7 @@ from warp_pd import (
 )
 from warp_pd.device import graph, launches
 from warp_pd.families import unpack
+from warp_pd.parts import tearing_energy
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
 
@@ -132,6 +134,24 @@ def test_strips_through_a_ring_give_the_same_bits(device, tune, layout, torn, pr
         names = [part for item in result.built.context.stages["step"] for part in item.parts]
         # A CPU takes one kernel for all families.
         assert (names.count("undamaged_family_force") > 1) == (ring < 10**9 and "cuda" in device)
+        results.append(left_behind(result.built))
+    assert_same(*results)
+
+
+@pytest.mark.parametrize("ring", [400, 2**19], ids=["strips", "whole"])
+def test_damage_found_beside_the_force_or_before_it_gives_the_same_bits(device, tune, monkeypatch, ring):
+    """A large sheet with a damage field computes the force of undamaged families before bonds break."""
+    results = []
+    tune(lattice_bonds=0, ring=ring)
+    for few in (0, 10**9):
+        monkeypatch.setattr(tearing_energy, "FEW_POINTS", few)
+        result = shared_scenes.scene("field").run(device=device)
+        assert result.frame.damage.max() > 0.9
+        names = [item.name for item in result.built.context.stages["step"]]
+        # A CPU has one kernel for all families, and several for the damage.
+        assert ("find_damage" in names) == (few > 0 and "cuda" in device)
+        if few == 0 and "cuda" in device:
+            assert names.index("sweep") < names.index("undamaged_family_force") < names.index("finish")
         results.append(left_behind(result.built))
     assert_same(*results)
 
