@@ -147,6 +147,19 @@ def finds_at_once(context: Context) -> bool:
     return context.device.is_cuda and context.features.dynamic and context.partition is None
 
 
+def relaxations(sweeps: int) -> list[float]:
+    """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
+
+    The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength the
+    sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
+    """
+    quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
+    found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
+    while len(found) < sweeps // 2:
+        found.append(1.0 / (1.0 - quarter * found[-1]))
+    return 2 * found[: sweeps // 2]
+
+
 class DamageField(Damaged):
     """The damage field on a device.
 
@@ -184,6 +197,9 @@ class DamageField(Damaged):
         self._every, closer = (1, CLOSER) if rupture.every_step else (INTERVAL, 1.0)
         growth = closer * SWEEPS * (self.length / finest) ** (2 if weak else 1)
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
+        self.sweeps *= 1 if context.features.dynamic else SWEEPS_AT_REST
+        factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
+        self._relaxations = context.array("relaxations", self.owner, real, factors, per="table")
         self._screen, few = self._screen_of(law)
         shared = context.device.is_cuda and law.partial_energy is not None
         self._lanes = lanes_of(law.families.members) if shared else 1
@@ -366,7 +382,7 @@ class DamageField(Damaged):
             if self._at_once:
                 self._add_finding(stage, self.sweeps)
             else:
-                self._add_sweeps(stage, self.sweeps)
+                self._add_sweeps(stage)
                 self._add_severing(stage)
 
     def prepare_at_rest(self) -> None:
@@ -374,7 +390,7 @@ class DamageField(Damaged):
         damage = self.context.stage("damage", AT_REST)
         self._add_empty(damage)
         self._add_rousing(damage)
-        self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
+        self._add_sweeps(damage)
         rupture = self.context.stage("rupture", AT_REST)
         self._add_severing(rupture)
         self._add_rousing(rupture)
@@ -445,14 +461,15 @@ class DamageField(Damaged):
             self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks,
             screen=self._screen, squared_reach=self._reach, scale=self._scale, fastest=self._fastest,
             ahead=self._ahead, neighbours=self._neighbours, couplings=self._couplings,
-            relaxations=self._relaxations(stage, self.sweeps), sweeps=sweeps, listed=self._listed, count=self._count,
+            relaxations=self._relaxations, sweeps=sweeps, listed=self._listed, count=self._count,
             arrived=self._arrived, severed_at=self._severed_at, driving=self._driving, before=self._before,
             damage=self.field, other=self._other, awake=self._awake, near_damage=self._near, softening=self._softening,
             **self.arguments(),
         )  # fmt: skip
 
-    def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
+    def _add_sweeps(self, stage: Stage) -> None:
         """Add the launches that list points and sweep over them."""
+        sweeps = self.sweeps
         self._add_list(stage)
         if self._ghosts is not None:
             self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
@@ -461,31 +478,16 @@ class DamageField(Damaged):
                 listed=self._listed, count=self._count,
             )  # fmt: skip
         together = 1 if self._found is not None else sweeps if self._ghosts is None else LAYERS
-        relaxations = self._relaxations(stage, sweeps)
         for begin in range(0, sweeps, together):
             if self._ghosts is not None and begin and begin % LAYERS == 0:
                 self._ghosts.add_exchange(stage, self.field, self._other)
             stage.launch(
                 self.owner, self.kernels.sweep, self._sweepers, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, before=self._before, fastest=self._fastest, relaxations=relaxations,
+                driving=self._driving, before=self._before, fastest=self._fastest, relaxations=self._relaxations,
                 sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field, other=self._other,
                 arrived=self._arrived, block_dim=WAITING_BLOCK, side_stream=self._beside,
                 **{**self._shared(), "stride": self._sweepers},
             )  # fmt: skip
-
-    def _relaxations(self, stage: Stage, sweeps: int) -> Array:
-        """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
-
-        The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength
-        the sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
-        """
-        quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
-        found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
-        while len(found) < sweeps // 2:
-            found.append(1.0 / (1.0 - quarter * found[-1]))
-        factors = sweeps * [1.0] if self._fastest > 2.0 else 2 * found[: sweeps // 2]
-        name, real = f"relaxations_{stage.name}", self.context.types.real
-        return self.context.array(name, self.owner, real, factors, per="table")
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
