@@ -5,7 +5,8 @@ of the force. The update is v <- M^-1 K v - b v', where v' is the previous direc
 lambda is the current estimate. Modes with eigenvalues up to DAMPED lambda then grow at the same rate, and the mode of
 lambda grows 1.15 times as fast. Without momentum (b = 0), a mode at 0.99 lambda falls behind by only 1 % per iteration.
 Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling).
-Each thread of `respond` sums one block of points in order, so the sums are reproducible bit for bit.
+`respond` sums each block of points in order, so the sums are reproducible bit for bit. On a GPU the threads of a warp
+share a block: one alone would wait for memory at every point.
 """
 
 import functools
@@ -16,6 +17,7 @@ import warp as wp
 from .block_sums import BLOCK
 from .effects import Kernel, kernel
 from .integrate import RIGID, free_components
+from .lanes import value_of_lane
 from .numeric import numeric
 
 # Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to
@@ -47,15 +49,15 @@ class PowerIteration:
 
 
 @functools.cache
-def power_iteration(bits: int) -> PowerIteration:
-    """Kernels of a precision."""
+def power_iteration(bits: int, lanes: int) -> PowerIteration:
+    """Kernels of a precision; `lanes`: threads that share a block in `respond`."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid, block = RIGID, BLOCK
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
     noise_size = wp.constant(real(NOISE))
     without_held = free_components(bits)
-    module = f"power_iteration_{bits}"
+    value_of, module = value_of_lane(64), f"power_iteration_{bits}_{lanes}"
 
     @kernel(module=module)
     def disturb(
@@ -102,26 +104,38 @@ def power_iteration(bits: int) -> PowerIteration:
         response: wp.array(dtype=vec3),
         sums: wp.array2d(dtype=wp.float64),
     ):
-        b = wp.tid() + first
+        thread = wp.tid() + first
+        b = thread // wp.static(lanes)
         norm = wp.float64(0.0)
         product = wp.float64(0.0)
         image = wp.float64(0.0)
-        largest = real(0.0)
-        for i in range(b * block, wp.min((b + 1) * block, direction.shape[0])):
-            r = (response[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
-            if held_mask:
-                r = without_held(held_mask[i], rigid, r)
-            response[i] = r
-            v = direction[i]
-            m = wp.float64(mass[i])
-            norm += m * wp.float64(wp.dot(v, v))
-            product += m * wp.float64(wp.dot(v, r))
-            image += m * wp.float64(wp.dot(r, r))
-            largest = wp.max(largest, wp.max(wp.max(wp.abs(r[0]), wp.abs(r[1])), wp.abs(r[2])))
-        sums[0, b] = norm
-        sums[1, b] = product
-        sums[2, b] = image
-        sums[3, b] = wp.float64(largest)
+        largest = wp.float64(0.0)
+        for begin in range(b * block, wp.min((b + 1) * block, direction.shape[0]), wp.static(lanes)):
+            i = begin + thread % wp.static(lanes)
+            m = wp.float64(0.0)
+            v = vec3()
+            r = vec3()
+            if i < direction.shape[0]:
+                m = wp.float64(mass[i])
+                v = direction[i]
+                r = (response[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
+                if held_mask:
+                    r = without_held(held_mask[i], rigid, r)
+                response[i] = r
+            vv = m * wp.float64(wp.dot(v, v))
+            vr = m * wp.float64(wp.dot(v, r))
+            rr = m * wp.float64(wp.dot(r, r))
+            most = wp.float64(wp.max(wp.max(wp.abs(r[0]), wp.abs(r[1])), wp.abs(r[2])))
+            for k in range(wp.static(lanes)):
+                norm += value_of(vv, k, wp.static(lanes))
+                product += value_of(vr, k, wp.static(lanes))
+                image += value_of(rr, k, wp.static(lanes))
+                largest = wp.max(largest, value_of(most, k, wp.static(lanes)))
+        if thread % wp.static(lanes) == 0:
+            sums[0, b] = norm
+            sums[1, b] = product
+            sums[2, b] = image
+            sums[3, b] = largest
 
     @kernel(per="once", module=module)
     def summarise(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shared_scenes
+import warp as wp
 from grid_sheets import holed
 from helpers import GENT, StopAt, jittered, square
 
@@ -24,6 +25,10 @@ from warp_pd import (
 )
 from warp_pd.device import graph, launches
 from warp_pd.families import unpack
+from warp_pd.kernels import block_sums
+from warp_pd.kernels.lanes import WARP
+from warp_pd.kernels.numeric import numeric
+from warp_pd.kernels.stable_step import power_iteration
 from warp_pd.parts import tearing_energy
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
@@ -165,6 +170,27 @@ def stretched(solver):
             Pressure(1.0),
         ],
     )  # fmt: skip
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not wp.get_cuda_device_count(), reason="needs a GPU")
+@pytest.mark.parametrize("precision", [32, 64])
+def test_threads_that_share_a_block_of_points_leave_the_sums_of_one(precision):
+    """The last block is not full."""
+    types, rng, n = numeric(precision), np.random.default_rng(0), 1000
+    blocks, results = -(-n // block_sums.BLOCK), []
+    vectors = [rng.normal(size=(n, 3)) for _ in range(3)]
+    mass, held = rng.uniform(1.0, 2.0, n), rng.integers(0, 8, n).astype(np.uint8)
+    for lanes in (1, WARP):
+        made = [wp.array(values, dtype=types.vec3, device="cuda:0") for values in vectors]
+        response, sums = made[2], wp.zeros((4, blocks), dtype=wp.float64, device="cuda:0")
+        reach = wp.array([0.1], dtype=types.real, device="cuda:0")
+        given = [wp.array(mass, dtype=types.real, device="cuda:0"), wp.array(held, device="cuda:0"), made[0], reach]
+        kernel = power_iteration(precision, lanes).respond.kernel
+        wp.launch(kernel, lanes * blocks, inputs=[*given, made[1], 0, response, sums], device="cuda:0")
+        results.append({"response": response.numpy(), "sums": sums.numpy()})
+    assert results[0]["sums"].min() != 0.0
+    assert_same(*results)
 
 
 RUNS = {

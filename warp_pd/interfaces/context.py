@@ -232,6 +232,7 @@ class Context:
         arrays: Mapping[str, Array | None],
         sums: Mapping[str, Array],
         outputs: Sequence[str] = (),
+        lanes: int = 1,
         **others: Any,
     ) -> None:
         """Add the launch of a kernel that sums over blocks of points.
@@ -243,13 +244,14 @@ class Context:
             arrays: Its point arrays, by argument.
             sums: Arrays of block sums that it writes, by argument.
             outputs: Arguments in `arrays` that it writes.
+            lanes: Threads that share a block.
             others: Other arguments.
         """
         partition = self.partition
         given: dict[str, Any] = {**sums, **others}
         own: dict[str, Any] = {name: None if array is None else self.own(array) for name, array in arrays.items()}
         if partition is None or partition.owners is None:
-            stage.launch(owner, kernel, self.own_blocks, **own, **given)
+            stage.launch(owner, kernel, lanes * self.own_blocks, **own, **given)
             return
         # If the points of a block are scattered over processes, they are gathered first.
         there = {name: array for name, array in arrays.items() if array is not None}
@@ -266,8 +268,8 @@ class Context:
                 name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
                 for name, made in sums.items()
             }
-            stage.launch(owner, kernel, blocks, **own, **{**given, **unused})
-        stage.launch(owner, kernel, self.own_blocks, **{**own, **brought}, **given)
+            stage.launch(owner, kernel, lanes * blocks, **own, **{**given, **unused})
+        stage.launch(owner, kernel, lanes * self.own_blocks, **{**own, **brought}, **given)
 
     def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
         """Block sums [rows, blocks] gathered from all processes in a stage; the array itself for a single process."""

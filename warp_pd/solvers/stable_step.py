@@ -9,6 +9,7 @@ from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
+from ..kernels.lanes import WARP
 from ..kernels.stable_step import PowerIteration, power_iteration
 
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
@@ -35,7 +36,8 @@ class StableStep:
         self.direction = context.array("direction", OWNER, types.vec3, shape=n, restart=True, halo=True)
         self._earlier = context.array("earlier_direction", OWNER, types.vec3, shape=n)
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
-        kernels = power_iteration(types.bits)
+        self._lanes = WARP if context.device.is_cuda else 1
+        kernels = power_iteration(types.bits, self._lanes)
         self._add_noise(context.stage("noise", "each estimate of the stable step"), kernels.disturb)
         stage = context.stage("estimate", "each iteration of the stable step")
         self._add_iteration(stage, system, inertia, kernels)
@@ -65,7 +67,7 @@ class StableStep:
             "response": response,
         }  # fmt: skip
         context.launch_on_blocks(
-            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach
+            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], self._lanes, reach=reach
         )  # fmt: skip
         everything = context.few_blocks(stage, sums, "sums_of_all", OWNER, maxima=1)
         stage.launch(
