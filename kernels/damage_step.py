@@ -1,8 +1,9 @@
 """Kernels that find the damage of a step (kernels/damage_field.py) at the points listed (kernels/damage_list.py).
 
-A CPU has a kernel for each part, as has a GPU in static equilibrium and where several processes exchange damage between
-them. Otherwise one kernel of a GPU does all, since a launch takes longer than the work on few points: its blocks wait
-for each other, so at most RESIDENT of them may belong to a multiprocessor.
+A CPU has a kernel for each part, as has a GPU in static equilibrium, where several processes exchange damage between
+them, and on a large lattice, where all but `finish` run beside the force of undamaged families. Otherwise one kernel of
+a GPU does all, since a launch takes longer than the work on few points: its blocks wait for each other, so at most
+RESIDENT of them may belong to a multiprocessor.
 """
 
 import functools
