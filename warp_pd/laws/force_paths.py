@@ -10,6 +10,7 @@ them would take most of the memory.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
@@ -19,6 +20,7 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
+from ..families.partition import ALIGNED
 from ..interfaces.context import Context
 from ..kernels.bond_state import energy_of_families
 from ..kernels.damage_field import OtherFamilies
@@ -216,14 +218,18 @@ def strips_of(here: slice, points: int, reach: int, ring: int) -> list[Strip]:
         reach: Largest difference of the indices of two points that share a bond.
         ring: Number of columns.
     """
-    size = ring - 2 * reach
+    # Strips end where lines of memory do, as far as columns of the ring do.
+    step = math.gcd(ring, ALIGNED)
+    size = ring - 2 * reach - step + 1
     if points <= 2 * ring or size < ring // 2:
         return [Strip(here.start, here.stop, 0, points)]
     strips: list[Strip] = []
-    for begin in range(here.start, here.stop, size):
-        end = min(begin + size, here.stop)
-        gathered = strips[-1].gather_end if strips else 0
-        strips.append(Strip(begin, end, gathered, points if end == here.stop else end - reach))
+    begin, gathered = here.start, 0
+    while begin < here.stop:
+        end = min((begin + size) // step * step, here.stop)
+        complete = points if end == here.stop else (end - reach) // step * step
+        strips.append(Strip(begin, end, gathered, complete))
+        begin, gathered = end, complete
     return strips
 
 

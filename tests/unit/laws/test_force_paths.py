@@ -10,7 +10,7 @@ from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, Simulation, 
 from warp_pd.device.checks import InputError
 from warp_pd.families import pack
 from warp_pd.laws import family_struct
-from warp_pd.laws.force_paths import TUNING, strips_of
+from warp_pd.laws.force_paths import ALIGNED, TUNING, strips_of
 from warp_pd.run.description import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
@@ -272,11 +272,15 @@ def test_strips_take_little_memory(large_on_gpu, tune):
     assert stored.nbytes < 200 * 201**2
 
 
-@pytest.mark.parametrize(("points", "ring"), [(1000, 57), (1000, 100), (999, 101), (1001, 250)])
+@pytest.mark.parametrize(("points", "ring"), [(1000, 57), (1000, 100), (999, 101), (1001, 250), (2000, 256)])
 def test_strips_cover_a_sheet_once(points, ring):
     here, reach = slice(3, points - 5), 10
     strips = strips_of(here, points, reach, ring)
-    assert len(strips) > 1 and all(strip.end - strip.begin == ring - 2 * reach for strip in strips[:-1])
+    step = np.gcd(ring, ALIGNED)
+    assert len(strips) > 1 and all(strip.end % step == strip.gather_end % step == 0 for strip in strips[:-1])
+    # A strip overwrites in the ring only what has been gathered, and leaves little of it.
+    assert all(strip.end - strip.gather_begin + reach <= ring for strip in strips)
+    assert all(strip.end - strip.begin > ring - 2 * reach - 2 * step for strip in strips[1:-1])
     computed = np.concatenate([np.arange(strip.begin, strip.end) for strip in strips])
     assert (computed == np.arange(here.start, here.stop)).all()
     gathered = np.concatenate([np.arange(strip.gather_begin, strip.gather_end) for strip in strips])
