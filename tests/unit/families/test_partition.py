@@ -10,17 +10,17 @@ from shared_scenes import SIZE, composed, scene, sheet_of
 from warp_pd import Sheet
 from warp_pd.families import Families, build_families
 from warp_pd.families.local_families import builds_alone, local_cloud_families, local_rows
-from warp_pd.families.partition import partition_sheet, sheet_on_partition
+from warp_pd.families.partition import ALIGNED, partition_sheet, sheet_on_partition
 from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.kernels.stable_step import NOISE
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "points"), [*((name, 33) for name in NAMES), ("loads", ALIGNED + 7)])
 @pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15])
-def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
-    sheet = sheet_of(name, 33)
+def test_every_point_has_one_owner_and_what_its_forces_need(name, points, horizon):
+    sheet = sheet_of(name, points)
     families = build_families(sheet, horizon, "linear")
     owners, faces = np.zeros(sheet.size, int), np.zeros(len(sheet.triangles), int)
     for rank in range(3):
@@ -31,6 +31,8 @@ def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
         owners[own] += 1
         faces[partition.faces] += 1
         assert partition.owners is not None or own[0] % BLOCK == 0
+        # Of rows as long as that.
+        assert points < ALIGNED or partition.owned.start % ALIGNED == partition.inner.start % ALIGNED == 0
         inner = families.members_of(partition.points[partition.inner])
         assert (
             np.isin(inner[inner >= 0], own).all()
