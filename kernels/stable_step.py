@@ -5,8 +5,8 @@ of the force. The update is v <- M^-1 K v - b v', where v' is the previous direc
 lambda is the current estimate. Modes with eigenvalues up to DAMPED lambda then grow at the same rate, and the mode of
 lambda grows 1.15 times as fast. Without momentum (b = 0), a mode at 0.99 lambda falls behind by only 1 % per iteration.
 Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling).
-`respond` sums each block of points in order, so the sums are reproducible bit for bit. On a GPU the threads of a warp
-share a block: one alone would wait for memory at every point.
+`respond` sums each block of points in order and `summarise` adds the blocks in order, so the sums are reproducible bit
+for bit. On a GPU the threads of a warp do it together: one alone would wait for memory at every point or block.
 """
 
 import functools
@@ -50,7 +50,7 @@ class PowerIteration:
 
 @functools.cache
 def power_iteration(bits: int, lanes: int) -> PowerIteration:
-    """Kernels of a precision; `lanes`: threads that share a block in `respond`."""
+    """Kernels of a precision; `lanes`: threads that share a block in `respond`, and those of `summarise`."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid, block = RIGID, BLOCK
@@ -137,6 +137,18 @@ def power_iteration(bits: int, lanes: int) -> PowerIteration:
             sums[2, b] = image
             sums[3, b] = largest
 
+    @wp.func
+    def total(sums: wp.array2d(dtype=wp.float64), row: int, lane: int):
+        """Sum of a row, in order."""
+        found = wp.float64(0.0)
+        for begin in range(0, sums.shape[1], wp.static(lanes)):
+            value = wp.float64(0.0)
+            if begin + lane < sums.shape[1]:
+                value = sums[row, begin + lane]
+            for k in range(wp.static(lanes)):
+                found += value_of(value, k, wp.static(lanes))
+        return found
+
     @kernel(per="once", module=module)
     def summarise(
         sums: wp.array2d(dtype=wp.float64),
@@ -145,15 +157,18 @@ def power_iteration(bits: int, lanes: int) -> PowerIteration:
         momentum: wp.array(dtype=real),
         squared_frequency: wp.array(dtype=wp.float64),
     ):
-        norm = wp.float64(0.0)
-        product = wp.float64(0.0)
-        image = wp.float64(0.0)
+        lane = wp.tid() + first
+        norm = total(sums, 0, lane)
+        product = total(sums, 1, lane)
+        image = total(sums, 2, lane)
+        most = wp.float64(0.0)
+        for b in range(lane, sums.shape[1], wp.static(lanes)):
+            most = wp.max(most, sums[3, b])
         largest = wp.float64(0.0)
-        for b in range(sums.shape[1]):
-            norm += sums[0, b]
-            product += sums[1, b]
-            image += sums[2, b]
-            largest = wp.max(largest, sums[3, b])
+        for k in range(wp.static(lanes)):
+            largest = wp.max(largest, value_of(most, k, wp.static(lanes)))
+        if lane > 0:
+            return
         scale[0] = real(0.0)
         if largest > wp.float64(0.0):
             scale[0] = real(wp.float64(1.0) / largest)

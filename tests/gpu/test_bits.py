@@ -177,7 +177,7 @@ def stretched(solver):
 @pytest.mark.parametrize("precision", [32, 64])
 def test_threads_that_share_a_block_of_points_leave_the_sums_of_one(precision):
     """The last block is not full."""
-    types, rng, n = numeric(precision), np.random.default_rng(0), 1000
+    types, rng, n = numeric(precision), np.random.default_rng(0), 10_001
     blocks, results = -(-n // block_sums.BLOCK), []
     vectors = [rng.normal(size=(n, 3)) for _ in range(3)]
     mass, held = rng.uniform(1.0, 2.0, n), rng.integers(0, 8, n).astype(np.uint8)
@@ -186,10 +186,15 @@ def test_threads_that_share_a_block_of_points_leave_the_sums_of_one(precision):
         response, sums = made[2], wp.zeros((4, blocks), dtype=wp.float64, device="cuda:0")
         reach = wp.array([0.1], dtype=types.real, device="cuda:0")
         given = [wp.array(mass, dtype=types.real, device="cuda:0"), wp.array(held, device="cuda:0"), made[0], reach]
-        kernel = power_iteration(precision, lanes).respond.kernel
-        wp.launch(kernel, lanes * blocks, inputs=[*given, made[1], 0, response, sums], device="cuda:0")
-        results.append({"response": response.numpy(), "sums": sums.numpy()})
-    assert results[0]["sums"].min() != 0.0
+        kernels = power_iteration(precision, lanes)
+        inputs = [*given, made[1], 0, response, sums]
+        wp.launch(kernels.respond.kernel, lanes * blocks, inputs=inputs, device="cuda:0")
+        found = [wp.zeros(1, dtype=types.real, device="cuda:0") for _ in range(2)]
+        squared = wp.zeros(2, dtype=wp.float64, device="cuda:0")
+        wp.launch(kernels.summarise.kernel, lanes, inputs=[sums, 0, *found, squared], device="cuda:0")
+        arrays = {"response": response, "sums": sums, "scale": found[0], "momentum": found[1], "squared": squared}
+        results.append({name: array.numpy() for name, array in arrays.items()})
+    assert all(values.all() for values in (results[0][name] for name in ("sums", "scale", "momentum", "squared")))
     assert_same(*results)
 
 

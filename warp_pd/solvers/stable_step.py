@@ -71,7 +71,7 @@ class StableStep:
         )  # fmt: skip
         everything = context.few_blocks(stage, sums, "sums_of_all", OWNER, maxima=1)
         stage.launch(
-            OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
+            OWNER, kernels.summarise, self._lanes, sums=everything, scale=scale, momentum=momentum,
             squared_frequency=self._squared,
         )  # fmt: skip
         stage.launch(
