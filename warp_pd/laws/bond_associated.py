@@ -170,7 +170,6 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Name of its force path."""
         return self.path.name
 
-
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3.
 
