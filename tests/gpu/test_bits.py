@@ -148,14 +148,14 @@ def test_damage_found_beside_the_force_or_before_it_gives_the_same_bits(device, 
     """A large sheet with a damage field computes the force of undamaged families before bonds break."""
     results = []
     tune(lattice_bonds=0, ring=ring)
-    for few in (0, 10**9):
-        monkeypatch.setattr(tearing_energy, "FEW_POINTS", few)
+    for many in (0, 10**9):
+        monkeypatch.setattr(tearing_energy, "MANY_POINTS", many)
         result = shared_scenes.scene("field").run(device=device)
         assert result.frame.damage.max() > 0.9
         names = [item.name for item in result.built.context.stages["step"]]
         # A CPU has one kernel for all families, and several for the damage.
-        assert ("find_damage" in names) == (few > 0 and "cuda" in device)
-        if few == 0 and "cuda" in device:
+        assert ("find_damage" in names) == (many > 0 and "cuda" in device)
+        if many == 0 and "cuda" in device:
             assert names.index("sweep") < names.index("undamaged_family_force") < names.index("finish")
         results.append(left_behind(result.built))
     assert_same(*results)

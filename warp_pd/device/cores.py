@@ -71,6 +71,9 @@ def _init_warp() -> None:
     """Initialise Warp once per process."""
     import warp as wp
 
+    # Else graphs of Warp take no account of the priority of side streams (device/graph.py): what runs there would wait
+    # until the launch beside it has no blocks left to start.
+    os.environ.setdefault("CUDA_GRAPHS_USE_NODE_PRIORITY", "1")
     with _without_driver_warning():
         wp.init()
 

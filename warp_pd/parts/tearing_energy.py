@@ -51,6 +51,9 @@ NEIGHBOURS = 4
 # Up to this many points a GPU lists them in the launch that also finds their damage, each block this many at a time.
 # More points need more threads.
 FEW_POINTS, LOOKED_AT = 2**16, 152
+# Number of points from which on several launches find the damage beside the force of undamaged families, which then
+# takes long enough.
+MANY_POINTS = 2**18
 # Blocks of a GPU that look for points to list.
 GPU_LOOKS = 2**10
 # Families whose driving energy a GPU computes at once, each by several threads.
@@ -231,11 +234,11 @@ class DamageField(Damaged):
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
         self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else self._threads
+        # Whether several launches find the damage of a step beside the force of undamaged families, or one launch does
+        # before it, and whether this also lists the points.
         at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
-        # Whether several launches find the damage of a step beside the force of undamaged families, which takes longer
-        # on a large sheet; whether one launch does, and whether it also lists the points.
-        large = self._ghosts is not None or (at_once and not self._looks)
-        self._beside = self.law.other_families is not None and large
+        beside = self._ghosts is not None or (at_once and n >= MANY_POINTS)
+        self._beside = beside and self.law.other_families is not None
         self._at_once = at_once and not self._beside
         self._arrived = context.array("arrived_sweepers", owner, wp.int32, shape=1, per="once")
         self._found: Array | None = None

@@ -185,7 +185,7 @@ def test_bonds_break_after_the_force_of_inner_points_and_leave_the_same_bits(
     monkeypatch.setattr(DamageGhosts, "areas", lambda self, represented: areas[self.partition.points])
     if size == 1:
         monkeypatch.setattr(tearing_energy, "finds_at_once", lambda context: True)
-        monkeypatch.setattr(tearing_energy, "FEW_POINTS", 0)
+        monkeypatch.setattr(tearing_energy, "MANY_POINTS", 0)
         everyone = [scene("field").build(device="cpu")]
         begun(everyone[0])
     else:
