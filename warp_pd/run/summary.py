@@ -44,7 +44,7 @@ def notes_of(recorder: Recorder) -> list[str]:
         notes.append(f"Measure {name!r}: missing in {frames}, {found['why']}")
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
-        notes.append(f"steps: a frame was computed again {times}, each time with half the step")
+        notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
     return notes + _energy_notes(recorder)
 
 

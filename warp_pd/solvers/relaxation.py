@@ -21,8 +21,9 @@ from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
+from .retries import Snapshot
 from .stable_step import StableStep
-from .static_rounds import MIN_LOAD, Kept, StaticRounds, copies, put_back
+from .static_rounds import MIN_LOAD, StaticRounds
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -62,6 +63,8 @@ class Relaxation:
             example with a prescribed volume.
         most_steps: Number of steps after which the run stops with status "not converged" and the last good load step.
         safety: Step divided by the estimated stable step.
+        retries: How many times a load step whose residual becomes infinite is computed again, with half the step then
+            and later.
     """
 
     tolerance: float | None = None
@@ -69,6 +72,7 @@ class Relaxation:
     ramp_steps: int = 1
     most_steps: int = 200_000
     safety: float = 0.9
+    retries: int = 5
     duration: float = 1.0
     precision: int = 64
 
@@ -86,6 +90,7 @@ class Relaxation:
         positive("safety", self.safety)
         for name in ("load_steps", "ramp_steps", "most_steps"):
             count(name, getattr(self, name), 1)
+        count("retries", self.retries, 0)
 
     @property
     def frame_count(self) -> int:
@@ -115,7 +120,7 @@ class BuiltRelaxation(BuiltSolver):
         self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
         self._reaction = context.array("reaction", OWNER, wp.float64, shape=n)
         self._inertia: Array | None = None
-        self._dt = 0.0
+        self._dt, self._halvings = 0.0, 0
         # Squared loads and reactions of a state in equilibrium.
         self._largest = 0.0
         self.tolerance = solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
@@ -156,6 +161,7 @@ class BuiltRelaxation(BuiltSolver):
         step.fuse_wraparound()
         self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())
+        self._snapshot = Snapshot(context, step)
         f = context.features
         kernel = residual(context.bits, f.held, f.loaded, dead is not None)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
@@ -172,8 +178,15 @@ class BuiltRelaxation(BuiltSolver):
         begin, self._entries, self._done = perf_counter() - earlier["seconds"], list(earlier["load_steps"]), 0
         self._set_contact_stiffness()
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
-            before, kept = self._done, self._keep()
+            before = self._done
+            self._snapshot.keep()
             converged = self._load_step(index, sink)
+            while self._diverged() and self._halvings < self.solver.retries:
+                self._entries.pop()
+                self._snapshot.restore()
+                self._halvings += 1
+                sink.repeat()
+                converged = self._load_step(index, sink)
             sink.residual = self._entries[-1]["residuals"][-1]
             sink.solve = {
                 "solver": "Relaxation",
@@ -185,7 +198,7 @@ class BuiltRelaxation(BuiltSolver):
                 "load_steps": self._entries,
             }
             if not converged and index > 1:
-                self._return_to(kept)
+                self._snapshot.restore()
                 sink.steps += self._entries[-1]["steps"]
             else:
                 # The first load step has no good one before it: its last state says more than the start, and is
@@ -196,15 +209,9 @@ class BuiltRelaxation(BuiltSolver):
                 return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
         return FINISHED
 
-    def _keep(self) -> Kept:
-        """The state of the last good load step."""
-        state, time = self.context.state, self.context.clock.time
-        return copies([state.displacement, *([] if time is None else [time]), *self.rounds.memory])
-
-    def _return_to(self, kept: Kept) -> None:
-        """Return to the last good load step, whose frame is already written."""
-        put_back(kept)
-        self.context.state.velocity.zero_()
+    def _diverged(self) -> bool:
+        """Whether the last load step ended with an infinite residual."""
+        return not math.isfinite(self._entries[-1]["residuals"][-1])
 
     def _load_step(self, index: int, sink: FrameSink) -> bool:
         """Apply a load step, alternating relaxation and rounds; return whether it reached a final equilibrium."""
@@ -252,7 +259,7 @@ class BuiltRelaxation(BuiltSolver):
             # What is slack now may be taut a step later, and the step of the slack sheet then too long.
             omega = max(omega, self.law.slack_frequency or 0.0)
         stable = 2.0 / omega if omega > 0.0 else math.inf
-        self._dt = self.solver.safety * stable if omega > 0.0 else 1.0
+        self._dt = math.ldexp(self.solver.safety * stable if omega > 0.0 else 1.0, -self._halvings)
         assert self.context.state.step is not None
         assign(self.context.state.step, np.array([self._dt]))
         return stable
@@ -279,10 +286,13 @@ class BuiltRelaxation(BuiltSolver):
         return self.rounds.notes()
 
     def host_state(self) -> dict[str, Any]:
-        """The step, the largest load, and the number of estimates."""
-        return {"dt": self._dt, "largest": self._largest, "estimates": self.stable_step.host_state()}
+        """The step, the largest load, the halvings of the step, and the number of estimates."""
+        return {
+            "dt": self._dt, "largest": self._largest, "halvings": self._halvings,
+            "estimates": self.stable_step.host_state(),
+        }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
-        self._dt, self._largest = state["dt"], state["largest"]
+        self._dt, self._largest, self._halvings = state["dt"], state["largest"], state["halvings"]
         self.stable_step.restore(state["estimates"])

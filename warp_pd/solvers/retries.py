@@ -15,6 +15,28 @@ SOUND_FRAMES = 8
 OWNER = "retries"
 
 
+class Snapshot:
+    """A copy, on the device, of what a step changes."""
+
+    def __init__(self, context: Context, step: Stage) -> None:
+        """Allocate the copies."""
+        self._pairs = []
+        for stored in [stored for stored in context.fields if _changes(step, stored)]:
+            name, array = f"{stored.name}_before", stored.array
+            copy = context.array(name, OWNER, array.dtype, shape=array.shape, per=stored.field.per)
+            self._pairs.append((array, copy))
+
+    def keep(self) -> None:
+        """Copy the state."""
+        for array, copy in self._pairs:
+            wp.copy(copy, array)
+
+    def restore(self) -> None:
+        """Return to the copied state."""
+        for array, copy in self._pairs:
+            wp.copy(array, copy)
+
+
 class Retries:
     """The state at the last frame, and how often the step is halved.
 
@@ -27,13 +49,9 @@ class Retries:
     """
 
     def __init__(self, context: Context, step: Stage, most: int) -> None:
-        """Allocate copies of the arrays that a step changes; none if `most`, the largest number of halvings, is 0."""
+        """Allocate a copy of the state, unless `most`, the largest number of halvings, is 0."""
         self.halvings, self.strict, self._most, self._sound = 0, most > 0, most, 0
-        self._copies = []
-        for stored in [stored for stored in context.fields if most > 0 and _changes(step, stored)]:
-            name, array = f"{stored.name}_before", stored.array
-            copy = context.array(name, OWNER, array.dtype, shape=array.shape, per=stored.field.per)
-            self._copies.append((array, copy))
+        self._snapshots = [Snapshot(context, step)] if most > 0 else []
 
     @property
     def left(self) -> bool:
@@ -46,14 +64,14 @@ class Retries:
             self._sound += 1
             if self._sound > SOUND_FRAMES:
                 self.halvings, self._sound = self.halvings - 1, 0
-        for array, copy in self._copies:
-            wp.copy(copy, array)
+        for snapshot in self._snapshots:
+            snapshot.keep()
 
     def halve(self) -> None:
         """Return to the copied state, with half the step."""
         self.halvings, self._sound = self.halvings + 1, 0
-        for array, copy in self._copies:
-            wp.copy(array, copy)
+        for snapshot in self._snapshots:
+            snapshot.restore()
 
     def give_up(self) -> None:
         """Be strict no longer: something else than the step changes the energy balance."""
