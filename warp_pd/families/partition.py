@@ -32,6 +32,7 @@ class Partition:
         owned: Range of the owned points among them; all others are ghost points.
         near: Mask of points with complete families: owned points and one horizon around them, shape (n,). The others
             have empty families.
+        halo: Mask of the owned points and HALO horizons around them, shape (n,): all but the further layers.
         faces: Index in the whole sheet of each local triangle (those whose lowest corner is owned), shape (F,).
         inner: Longest range of owned points whose families are all owned.
         owners: Owner of each point of the whole sheet, shape (N,), if points are scattered, i.e. assigned by position
@@ -43,6 +44,7 @@ class Partition:
     points: np.ndarray
     owned: slice
     near: np.ndarray
+    halo: np.ndarray
     faces: np.ndarray
     inner: slice
     owners: np.ndarray | None = None
@@ -131,12 +133,11 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
     # At most a row more.
     step = ALIGNED if columns >= ALIGNED else 1
     apart, wide = (-(-far // step) * step for far in (reach, HALO * reach + layers * (columns + 1)))
-    ranges = [(max(begin - far, 0), min(end + far, sheet.size)) for far in (reach, wide)]
-    points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
-    near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
-    own = slice(begin - ranges[-1][0], end - ranges[-1][0])
+    points = np.arange(max(begin - wide, 0), min(end + wide, sheet.size))
+    near, halo = ((points >= begin - far) & (points < end + far) for far in (reach, HALO * reach))
+    own = slice(begin - int(points[0]), end - int(points[0]))
     inner = slice(own.start + (apart if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
-    return Partition(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
+    return Partition(rank, bounds, points, own, near, halo, _faces(sheet, begin, end), inner)
 
 
 def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
@@ -159,6 +160,7 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, laye
     own = np.flatnonzero(mine)
     faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
     near, reached = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    within = reached.copy()
     for _ in range(layers):
         reached[sheet.triangles[reached[sheet.triangles].any(axis=1)]] = True
     halo = np.flatnonzero(reached & ~mine)
@@ -167,7 +169,8 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, laye
         own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
         halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
     points = np.concatenate([own, halo])
-    return Partition(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
+    inner = _longest_run(apart)
+    return Partition(rank, bounds, points, slice(0, len(own)), near[points], within[points], faces, inner, owners)
 
 
 def _longest_run(flags: np.ndarray) -> slice:

@@ -45,13 +45,18 @@ def overlap_exchanges(
             found.append(item)
             continue
         assert isinstance(item, Call)
-        divided: list[Item] = []
+        divided: Sequence[Item] = []
         before: list[Touched] = []
         if chain := _chain(left, item.touched.writes, partition, numbered):
             # In order on the side stream, beside the inner points of the launch after them.
             launch, beside = left[chain], [replace(other, side_stream=True) for other in left[:chain]]
             assert isinstance(launch, Launch)
-            found += [replace(item, side_stream=True, divided=True), *beside, *_parts(launch, partition)]
+            first = replace(left[0], side_stream=False)
+            if isinstance(first, Launch) and _may_go_first(first, item.touched.writes, [], of_points):
+                # Inner points of the first one do not wait for the exchange either.
+                divided = _parts(first, partition)
+                beside = beside[1:] if divided else beside
+            found += [replace(item, side_stream=True, divided=True), *divided, *beside, *_parts(launch, partition)]
             del left[: chain + 1]
             continue
         while left and isinstance(launch := left[0], Launch) and numbered(launch):
@@ -59,7 +64,7 @@ def overlap_exchanges(
             if not parts or not _may_go_first(launch, item.touched.writes, before, of_points):
                 break
             before.append(by_point(launch))
-            divided += parts
+            divided = [*divided, *parts]
             left.pop(0)
         found += [replace(item, side_stream=True, divided=True), *divided] if divided else [item]
     return found

@@ -34,7 +34,7 @@ class DamageGhosts:
     def areas(self, represented: np.ndarray) -> np.ndarray:
         """Areas represented by the bonds of each point [m^2], (N,); ghost points get the areas of their owners."""
         known = np.where(self.partition.near, represented, self.context.sheet.areas)
-        areas = self.context.array("represented_area", self.owner, wp.float64, known)
+        areas = self.context.array("represented_area", self.owner, wp.float64, known, own_exchange=True)
         self._exchange(areas).function()
         return to_host(areas)
 

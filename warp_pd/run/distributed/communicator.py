@@ -118,7 +118,11 @@ class TorchCommunicator(Communicator):
     def set_partition(self, partition: Partition) -> None:
         """Set the partition of this process and announce it to the others."""
         self.partition = partition
-        self._routes = {near: self._find_routes(partition, near) for near in (False, True)}
+        # Points whose families are complete in the receiving process have bond data; the further layers have only what
+        # their owner exchanges itself.
+        whole = np.ones(len(partition.points), bool)
+        masks = {"bond": partition.near, "point": partition.halo, "own": whole}
+        self._routes = {kind: self._find_routes(partition, mask) for kind, mask in masks.items()}
 
     def register_fields(self, fields: list[Stored]) -> None:
         """Register the fields that the root may request."""
@@ -195,7 +199,7 @@ class TorchCommunicator(Communicator):
         messages = [
             Message(stored.array, stored.array, rank, mine, theirs, tag)
             for tag, stored in enumerate(fields)
-            for rank, mine, theirs in self._routes[stored.field.per == "bond"]
+            for rank, mine, theirs in self._routes["own" if stored.field.own_exchange else stored.field.per]
         ]
         exchange = Exchange(messages, fields[0].array.device)
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
@@ -204,12 +208,12 @@ class TorchCommunicator(Communicator):
         touched = Touched(addresses, frozenset(), addresses)
         return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
 
-    def _find_routes(self, partition: Partition, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    def _find_routes(self, partition: Partition, mask: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """For each other process: its rank, the owned points that it needs, and the ghost points that it owns.
 
-        With `near` only points whose families are complete in the receiving process; others have no bond data.
+        Of the ghost points, only those of the mask, (n,).
         """
-        outside = partition.ghost & partition.near if near else partition.ghost
+        outside = partition.ghost & mask
         halos: list[Any] = [None] * self.size
         with lost_processes_reported():
             dist.all_gather_object(halos, partition.points[outside])
