@@ -101,9 +101,13 @@ def kinks(points: int, device: str | None) -> Sequence[float]:
     return [kink(points, angle, device) for angle in ANGLES]
 
 
-def on_turned_grid(points: int, device: str | None) -> Mapping[str, float]:
-    """The crack of 30 degrees, whose growth runs across a turned grid."""
-    return {"at 30 degrees on a grid turned by 20 degrees": kink(points, 30.0, device, turn=20.0)}
+def what_moves_kinks(points: int, device: str | None) -> Mapping[str, float]:
+    """The crack of 30 degrees, which grows across a turned grid; the formula a length of the field from the tip."""
+    turned = {"at 30 degrees on a grid turned by 20 degrees": kink(points, 30.0, device, turn=20.0)}
+    away = {
+        f"formula {1e3 * FIELD:g} mm from the tip at {angle:g} degrees": away_from_tip(angle, FIELD) for angle in ANGLES
+    }
+    return {**turned, **away}
 
 
 def largest_tangential_stress(angle: float) -> float:
@@ -113,6 +117,17 @@ def largest_tangential_stress(angle: float) -> float:
     """
     ratio = np.tan(np.deg2rad(angle))
     return float(2.0 * np.rad2deg(np.arctan(((1.0 + 8.0 * ratio**2) ** 0.5 - 1.0) / (4.0 * ratio))))
+
+
+def away_from_tip(angle: float, distance: float) -> float:
+    """The same at a distance from the tip [m], where the stress along the crack counts (Williams and Ewing 1972).
+
+    In a tension of one, K_I = cos(angle)^2 (pi HALF)^0.5, K_II = K_I tan(angle), and T = -cos(2 angle) along the crack.
+    """
+    x, turn = np.deg2rad(angle), np.deg2rad(np.linspace(0.0, 120.0, 12001))
+    singular = np.cos(x) * np.cos(0.5 * turn) * (np.cos(x) * np.cos(0.5 * turn) ** 2 + 1.5 * np.sin(x) * np.sin(turn))
+    stress = (HALF / (2.0 * distance)) ** 0.5 * singular - np.cos(2.0 * x) * np.sin(turn) ** 2
+    return float(np.rad2deg(turn[np.argmax(stress)]))
 
 
 def intensity(angle: float) -> float:
@@ -177,7 +192,7 @@ def other_conditions(points: int, device: str | None) -> Mapping[str, float]:
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
-        "kink", ANGLES, tuple(map(largest_tangential_stress, ANGLES)), WIDE, (101,), (101, 143), kinks, on_turned_grid
+        "kink", ANGLES, tuple(map(largest_tangential_stress, ANGLES)), WIDE, (101,), (101, 143), kinks, what_moves_kinks
     ),
     lambda: Comparison(
         "lens",
