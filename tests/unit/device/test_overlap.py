@@ -6,6 +6,7 @@ and halos hold no numbers until then.
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from shared_scenes import OneOfMany, scene
 
 from warp_pd.device.fields import assign, to_host
 from warp_pd.device.graph import run_once, side_stream_waits
-from warp_pd.device.launches import Call, Launch, Touched
+from warp_pd.device.launches import Call, Launch, Span, Touched
 from warp_pd.interfaces import exchange
+from warp_pd.interfaces.overlap import overlap_exchanges
+from warp_pd.kernels.effects import Effects
 from warp_pd.parts import tearing_energy
 from warp_pd.parts.damage_ghosts import DamageGhosts
 from warp_pd.run.built import compose
@@ -247,3 +250,27 @@ def test_blocks_that_share_points_are_divided_by_them(name, streams, gpu_paths):
         begin, end = part.points
         assert part.arguments["blocks"] == -(-(end - begin) // part.span.together)
         assert part.threads == part.arguments["blocks"] * part.block_dim
+
+
+def test_what_looks_first_is_divided_and_what_follows_it_waits():
+    """As on several GPUs: an exchange, a look at all points, work on a list, and a force that needs none of it."""
+    sent, listed, moved, force = range(1, 5)
+    made = {
+        "look": (("list", {listed}, {sent}), Span(10, 100)),
+        "drive": (("list", {moved}, {sent, listed}), None),
+        "force": (("point", {force}, {sent}), None),
+    }
+    items = [Call("sent", "", 0, lambda: None, None, Touched(writes=frozenset([sent])))]
+    for name, ((per, writes, gathers), span) in made.items():
+        source = SimpleNamespace(effects=Effects(per, frozenset(), frozenset()), kernel=None)
+        given = {"start": 0, "stop": 100, "blocks": 10} if span else {}
+        touched = Touched(gathers=frozenset(gathers), writes=frozenset(writes))
+        items.append(Launch(name, "", source, 100, given, touched, 10, span=span))
+    partition = SimpleNamespace(inner=slice(20, 90))
+    found = overlap_exchanges(items, {id(items[0])}, partition, frozenset([sent, force]), lambda launch: True)
+    assert [(item.name, item.side_stream) for item in found] == [
+        ("sent", True), *(("look", side) for side in (True, True, False)), ("drive", True),
+        *(("force", side) for side in (True, True, False)),
+    ]  # fmt: skip
+    assert [item.points for item in found if item.name == "look"] == [(0, 20), (90, 100), (20, 90)]
+    assert not any(side_stream_waits(found)[:-1])
