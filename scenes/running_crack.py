@@ -7,7 +7,7 @@ stretched sheet, which for a neo-Hookean sheet in pure shear is sqrt(mu / rho) =
 undeformed sheet.
 
 `released_ratio` is the energy that broken bonds released over Gc times the new area, while the tip runs from 2 H to
-5 H.
+5 H. It and `crack_length` include tears along the faces of the cut, which whip as it is let go.
 """
 
 import numpy as np
