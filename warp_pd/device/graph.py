@@ -46,9 +46,7 @@ class LaunchSequence:
         rounds = [stage.round(number) for number in range(begin, begin + repeat)]
         self.items = [item for once in rounds for item in once]
         if stage.wraparound is not None:
-            early = stage.leading
-            between = [i for once in rounds[1:] for i in (*once[:early], stage.wraparound, *once[early + 1 : -1])]
-            self.items = [*rounds[0][:-1], *between, rounds[-1][-1]]
+            self.items = wrapped(rounds, stage.wraparound, stage.leading, self.device.is_cuda)
         self._replay: Callable[[], None] | None = None
         self._commands: list[Callable[[], None]] = []
         if not self.device.is_cuda:
@@ -77,6 +75,27 @@ class LaunchSequence:
         with no_collection(), wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
             body()
         return functools.partial(wp.capture_launch, capture.graph)
+
+
+def wrapped(rounds: Sequence[list[Item]], joined: Launch, leading: int, beside: bool) -> list[Item]:
+    """Repetitions of a stage whose last launch, and the first of the next repetition, are replaced by `joined`.
+
+    The `leading` launches that run before it may go `beside` the others of the previous repetition, on the side stream.
+    """
+    early, inner = [once[:leading] for once in rounds], [once[leading + 1 : -1] for once in rounds]
+    others = [item for once in inner for item in once]
+    beside = beside and not any(isinstance(item, Call) for item in others)
+    beside = beside and not any(_must_wait(item, first) for first in early[0] for item in others)
+    items = rounds[0][: leading + 1]
+    for number, own in enumerate(inner):
+        last = number + 1 == len(rounds)
+        coming = [] if last else early[number + 1]
+        if beside:
+            items += [*(replace(cast(Launch, item), side_stream=True) for item in coming), *own]
+        else:
+            items += [*own, *coming]
+        items.append(rounds[-1][-1] if last else joined)
+    return items
 
 
 @contextlib.contextmanager

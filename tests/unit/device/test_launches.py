@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from warp_pd.device import graph
-from warp_pd.device.graph import LaunchSequence, side_stream_waits
+from warp_pd.device.graph import LaunchSequence, side_stream_waits, wrapped
 from warp_pd.device.launches import Stage, Touched
 from warp_pd.interfaces.context import find_device
 from warp_pd.kernels.effects import Effects, kernel
@@ -185,6 +185,27 @@ def test_early_launches_run_before_the_last_of_the_previous_repetition():
         LaunchSequence(made, 5).run()
         results.append([x.numpy() for x in (a, b)])
     np.testing.assert_array_equal(results[0], results[1])
+
+
+@pytest.mark.parametrize("reads", [False, True])
+def test_early_launches_run_beside_others_that_do_not_touch_their_arrays(reads):
+    a, b, c, pair = array(1.0), array(0.0), array(1.0), array(1.0, 1.0)
+    made = stage()
+    made.launch("one", shift_kernel(), 1, pair=pair, early=True)
+    made.pointwise("two", twice(), 1, source=pair, out=b)
+    made.launch("three", add_kernel(), 1, a=pair if reads else c, b=b)
+    made.pointwise("four", add_first(), 1, source=pair, out=a, late={"source": pair[1:]})
+    made.fuse_wraparound()
+    items = wrapped([made.round(k) for k in range(3)], made.wraparound, made.leading, True)
+    names = [item.name for item in items]
+    joined = "add_the_first, double"
+    between = ["add", "shift", joined] if reads else ["shift", "add", joined]
+    assert names == ["shift", "double", *between, *between, "add", "add_the_first"]
+    assert [item.side_stream for item in items] == [
+        name == "shift" and k > 0 and not reads for k, name in enumerate(names)
+    ]
+    waits = side_stream_waits(items)
+    assert waits == [name == joined and not reads for name in names] + [False]
 
 
 def test_what_runs_in_one_of_so_many_repetitions_runs_in_the_first():
