@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .body_motion import SLOW, vec6d, wrench
-from .body_search import BodySearch, body_search
+from .body_motion import vec6d, wrench
+from .body_search import REMEMBERED, BodySearch, body_search
 from .integrate import StepOptions, half_step
 from .numeric import numeric
 from .pointwise import NEAR_BLOCK, Pointwise, pointwise
@@ -58,9 +58,9 @@ class PointContact:
 
 
 # Members of the struct that the functions of a `PointContact` write.
-FOUND = ("need", "rows", "arms", "slips", "seen")
+FOUND = ("need", "rows", "arms", "slips", *REMEMBERED)
 STRUCK = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed")
-MOVED = ("displacement", "seen", *STRUCK)
+MOVED = ("displacement", *REMEMBERED, *STRUCK)
 TAKEN = ("displacement", "changes", *STRUCK)
 
 
@@ -71,7 +71,7 @@ def point_contact(
     moves_freely: bool,
     rubs: bool,
     curved: bool,
-    searched: bool,
+    remembering: wp.Function | None,
     marked: bool,
 ) -> PointContact:
     """Contact of single points with a body.
@@ -82,13 +82,13 @@ def point_contact(
         moves_freely: Whether the sheet moves the body; impulses are then returned, otherwise summed per point.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        searched: Whether the distance needs a search (meshes); points then cache its result.
+        remembering: Distance of points that remember the surface, for meshes.
         marked: Whether the stages act only on marked points.
     """
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
     loaded, damped, tracked = options.loaded, options.damped, options.tracked
-    search = body_search(options.bits, distance, curved, options.held, searched, marked)
+    search = body_search(options.bits, distance, curved, options.held, remembering, marked)
     BodyContact, position = search.struct, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
     push_out = search.push_out
@@ -209,7 +209,7 @@ def point_contact(
     def find_touching(i: int, a: BodyContact):
         needed = wp.float64(-1.0)
         x = position(i, a)
-        touches, n = touch_now(x, a)
+        touches, n = touch_now(i, x, a)
         # A point that does not touch has no normal.
         row = vec6d()
         if touches:
@@ -238,7 +238,7 @@ def point_contact(
                 relative = slipping(wp.vec3d(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
                 lost = arrest(relative, pressed / dt, n, a.friction)
                 reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
-                shift += dt * lost + push_out(x + dt * lost, n, reach, a)
+                shift += dt * lost + push_out(i, x + dt * lost, n, reach, a)
             given = strike_in_step(i, shift, shift / dt, lost, arm, a)
         return given
 
@@ -250,7 +250,7 @@ def point_contact(
             n = wp.vec3d(j[0], j[1], j[2])
             return wp.length_sq(n) > wp.float64(0.0), n
         else:
-            return touch_now(x, a)
+            return touch_now(i, x, a)
 
     @wp.func
     def separate(i: int, a: BodyContact):
@@ -305,28 +305,14 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
     BodyContact, plane = of.search.struct, of.search.plane
     may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
     act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
-    size, in_margin = NEAR_BLOCK, of.search.in_margin
+    size, look = NEAR_BLOCK, of.search.look
 
-    @wp.func
-    def look(i: int, step: int, a: BodyContact):
-        """Whether to look how near a point is in this step."""
-        if a.margin == wp.float64(0.0):
-            return True
-        last = a.search[0]
-        looks = a.around[i / size] >= last or a.moves[0] != 0
-        if last == step:
-            if in_margin(i, a):
-                a.around[i / size] = step
-            looks = True
-        elif not looks:
-            v = wp.vec3(a.velocity[i])
-            dt = wp.float32(a.step[0])
-            if dt * dt * wp.dot(v, v) > wp.float32(SLOW * SLOW * a.margin * a.margin):
-                a.around[i / size] = step
-                looks = True
-        return looks
-
-    @pointwise(BodyContact, writes=STRUCK if at_end else (*MOVED, "near", "around"), rare=True, local=not at_end)
+    @pointwise(
+        BodyContact,
+        writes=(*STRUCK, *REMEMBERED) if at_end else (*MOVED, "near", "around"),
+        rare=True,
+        local=not at_end,
+    )
     def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
         step = a.steps[0]

@@ -72,6 +72,29 @@ def change_motion(
         rotation[0] = turned_by(dt * turn, rotation[0])
 
 
+@wp.func
+def length_of(v: wp.vec3d):
+    """Length in float32, which takes less time."""
+    return wp.float64(wp.length(wp.vec3(v)))
+
+
+@wp.func
+def count_step(steps: wp.array(dtype=wp.int32)):
+    steps[1] = steps[0]
+    steps[0] = steps[0] + 1
+
+
+@wp.func
+def search_again(
+    moved: wp.float64, margin: wp.float64, steps: wp.array(dtype=wp.int32), search: wp.array(dtype=wp.int32),
+    travelled: wp.array(dtype=wp.float64),
+):  # fmt: skip
+    """Tell points apart in this step if they and the body, which moves by `moved` [m], may come nearer by `margin`."""
+    if travelled[0] + moved + SLOW * margin >= wp.float64(0.9) * margin:
+        search[0] = steps[0]
+        travelled[0] = wp.float64(0.0)
+
+
 @kernel(per="once")
 def follow_path(
     times: wp.array(dtype=wp.float64),
@@ -79,7 +102,6 @@ def follow_path(
     rotations: wp.array(dtype=wp.quatd),
     advance: wp.array(dtype=wp.float64),
     counts_time: int,
-    counts_steps: int,
     radius: wp.float64,
     margin: wp.float64,
     first: int,
@@ -93,9 +115,9 @@ def follow_path(
 ):
     """Move bodies by one step along a piecewise linear path.
 
-    `counts_time`: no clock advances the time; `counts_steps`: it is the first of the bodies. search: the last step in
-    which points further away than `margin` [m] were told apart, see kernels/body_contact.py. travelled: how far the
-    body and one of those points may have come nearer since [m].
+    `counts_time`: no clock advances the time. search: the last step in which points further away than `margin` [m] were
+    told apart, see kernels/body_search.py. travelled: how far the body and one of those points may have come nearer
+    since [m].
     """
     dt = advance[0]
     soon = wp.min(time[0] + dt, advance[1])
@@ -126,19 +148,13 @@ def follow_path(
     if dt > wp.float64(0.0):
         motion[0] = (there - here) / dt
         motion[1] = turn / dt
-    if steps:
-        if counts_steps != 0:
-            steps[1] = steps[0]
-            steps[0] = steps[0] + 1
-        moved = wp.length(there - here)
-        if wp.length_sq(turn) > wp.float64(0.0):
-            moved += radius * wp.length(turn)
-        gone = travelled[0] + moved + SLOW * margin
-        travelled[0] = gone
-        # The body and the points may move as far again in the step that follows from this test.
-        if gone + moved + SLOW * margin >= wp.float64(0.9) * margin:
-            search[0] = steps[0]
-            travelled[0] = wp.float64(0.0)
+    count_step(steps)
+    moved = wp.length(there - here)
+    if wp.length_sq(turn) > wp.float64(0.0):
+        moved += radius * wp.length(turn)
+    travelled[0] = travelled[0] + moved + SLOW * margin
+    # The body and the points may move as far again in the step that follows from this test.
+    search_again(moved, margin, steps, search, travelled)
 
 
 @functools.cache
@@ -151,20 +167,36 @@ def free_motion(bits: int) -> Kernel:
         inverse_inertia: wp.mat33d,
         gravity: wp.vec3d,
         step: wp.array(dtype=real),
+        radius: wp.float64,
+        margin: wp.float64,
+        slack: wp.float64,
         first: int,
         place: wp.array(dtype=wp.vec3d),
         rotation: wp.array(dtype=wp.quatd),
         motion: wp.array(dtype=wp.vec3d),
         momenta: wp.array(dtype=wp.vec3d),
         any_near: wp.array(dtype=wp.int32),
+        changes: wp.array(dtype=vec6d),
+        steps: wp.array(dtype=wp.int32),
+        search: wp.array(dtype=wp.int32),
+        travelled: wp.array(dtype=wp.float64),
     ):
+        """Arguments as for `follow_path`; a body that yields by more than `slack` [m] may touch any point."""
         # Until a point is marked.
         any_near[0] = 0
+        changes[0] = vec6d()
         dt = wp.float64(step[0])
         q = rotation[0]
         spin = spin_of(q, inverse_inertia, momenta[1])
         momenta[2] = momenta[0]
         momenta[3] = spin
+        count_step(steps)
+        # In the last step it has also yielded. A turn is less than 2.25 times the change of its quaternion.
+        gone = length_of(place[0] - place[1])
+        turned = q - rotation[1]
+        gone += wp.float64(2.25) * radius * length_of(wp.vec3d(turned[0], turned[1], turned[2]))
+        gone += wp.float64(2.25) * radius * wp.abs(turned[3])
+        travelled[0] = travelled[0] + gone + SLOW * margin
         velocity = momenta[0] + (wp.float64(0.5) * dt) * gravity
         momenta[0] = velocity
         place[1] = place[0]
@@ -175,5 +207,7 @@ def free_motion(bits: int) -> Kernel:
         rotation[0] = q
         motion[0] = velocity
         motion[1] = spin_of(q, inverse_inertia, momenta[1])
+        moved = dt * (length_of(velocity) + radius * length_of(motion[1]))
+        search_again(moved + slack, margin, steps, search, travelled)
 
     return move_body

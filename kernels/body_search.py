@@ -1,8 +1,7 @@
 """Rigid bodies for contact: the struct of their arrays, and the search for points near enough to touch.
 
-Where computing the distance takes a search (meshes), each point caches the place of its last query in the frame of the
-body and the distance found there. The distance changes by at most the distance moved, so no query is needed while the
-point is certainly clear of the surface. The cache changes no result, so restarts begin without it.
+Where computing the distance takes a search, points remember where the surface is (kernels/mesh_distance.py), and those
+that are clear of it are not near.
 
 For free bodies a cheap stage, merged with others into one launch, marks the points that may touch; separate launches
 project and separate the marked points.
@@ -14,10 +13,14 @@ from typing import Any
 
 import warp as wp
 
-from .body_motion import vec6d
-from .distances import BodyShape, plane_distance, ways_out
+from .body_motion import SLOW, vec6d
+from .distances import BodyShape, of_any_point, plane_distance, ways_out
+from .mesh_distance import is_clear, look_around
 from .numeric import numeric
-from .pointwise import Pointwise, pointwise
+from .pointwise import NEAR_BLOCK, Pointwise, pointwise
+
+# Members of the struct in which points remember a mesh.
+REMEMBERED = ("body.seen", "body.faces", "body.apart")
 
 
 @dataclass(frozen=True)
@@ -30,13 +33,13 @@ class BodySearch:
         surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
         plane: a -> normal (components 1 to 3, in the coordinates of the sheet) and height (4) of a half space; zero for
             other shapes.
-        in_margin: (i, a) -> whether a point is within `margin` of where it may touch.
+        look: (i, step, a) -> whether to look how near a point is in this step, after the drift.
         may_touch_in_step: (i, a, plane) -> whether a point may touch within the step, after the drift.
         may_touch_now: (i, a, plane) -> whether it may touch at the end of the step.
         touch_in_step: (i, x, a) -> results of `way_out` but the last, in the coordinates of the sheet, and the arm at
             which the body pushes the point.
-        push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
-        touch_now: (x, a) -> whether a point at x touches, and the normal.
+        push_out: (i, x, n, reach, a) -> shift along n that brings a point at x to the surface.
+        touch_now: (i, x, a) -> whether a point at x touches, and the normal.
         mark: Pointwise stage that marks points that may touch during the step or at its end, for free bodies.
         yields_far: a -> whether a free body has yielded by more than `slack`, so that any point may touch it.
     """
@@ -45,7 +48,7 @@ class BodySearch:
     position: wp.Function
     surface_velocity: wp.Function
     plane: wp.Function
-    in_margin: wp.Function
+    look: wp.Function
     may_touch_in_step: wp.Function
     may_touch_now: wp.Function
     touch_in_step: wp.Function
@@ -72,14 +75,18 @@ def placed_at(bits: int, curved: bool) -> wp.Function:
 
 
 @functools.cache
-def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool) -> BodySearch:
+def body_search(
+    bits: int, shape: wp.Function, curved: bool, held: bool, remembering: wp.Function | None, marked: bool
+) -> BodySearch:  # fmt: skip
     """Struct and functions of a body; arguments as for `point_contact` (kernels/body_contact.py)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
+    searched = remembering is not None
+    distance = remembering or of_any_point(shape)
     out = ways_out(distance)
     way_out, pushed_out = out.way_out, out.pushed_out
-    flat = distance is plane_distance
-    placed = placed_at(bits, curved)
+    flat = shape is plane_distance
+    placed, size = placed_at(bits, curved), NEAR_BLOCK
 
     @wp.struct
     class BodyContact:
@@ -89,9 +96,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         body: BodyShape
         radius: wp.float64
         skin: wp.float64
-        far: wp.float64
         slack: wp.float64
-        unsure: wp.float64
         friction: wp.float64
         place: wp.array(dtype=wp.vec3d)
         rotation: wp.array(dtype=wp.quatd)
@@ -108,7 +113,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         turn: wp.array(dtype=vec3)
         loss: wp.array(dtype=wp.float64)
         rubbed: wp.array(dtype=wp.float64)
-        seen: wp.array(dtype=wp.vec4)
         marks: wp.array(dtype=wp.uint8)
         need: wp.array(dtype=wp.float64)
         rows: wp.array(dtype=vec6d)
@@ -149,21 +153,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         return a1, wp.quat_rotate_inv(a.rotation[1], x - moved - a.place[1])
 
     @wp.func
-    def clear(i: int, arm: wp.vec3d, reach: wp.float64, a: BodyContact):
-        """Whether the point's cached distance shows that the surface is further away than `reach`."""
-        s = a.seen[i]
-        gone = wp.length(arm - wp.vec3d(wp.float64(s[0]), wp.float64(s[1]), wp.float64(s[2])))
-        return gone + reach < wp.float64(s[3])
-
-    @wp.func
-    def remember(i: int, arm: wp.vec3d, a: BodyContact):
-        at = wp.vec3(arm)
-        rounded = wp.length(arm - wp.vec3d(at))
-        found = distance(arm, a.far, a.body)
-        free = wp.min(wp.abs(found[3]), a.far) - rounded - a.unsure
-        a.seen[i] = wp.vec4(at[0], at[1], at[2], wp.float32(wp.float64(1.0 - 1e-6) * free))
-
-    @wp.func
     def plane(a: BodyContact):
         found = wp.vec4d()
         if wp.static(flat):
@@ -180,8 +169,13 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         """Whether a point is so near a bounded body that it may touch it before the next search."""
         dt = wp.float64(a.step[0])
         reach = dt * wp.length(wp.vec3d(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin + a.margin
-        reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
-        return wp.length(position(i, a) - a.place[0]) < reach
+        reach += a.radius * dt * wp.length(a.motion[1])
+        arm = position(i, a) - a.place[0]
+        near = wp.length(arm) < a.radius + reach
+        if wp.static(searched):
+            if near:
+                near = look_around(i, wp.quat_rotate_inv(a.rotation[0], arm), reach, a.body)
+        return near
 
     @wp.func
     def near_in_step(i: int, a: BodyContact, plane: wp.vec4d):
@@ -204,7 +198,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
             if wp.static(searched):
                 if near:
                     a1, a0 = way(i, a)
-                    near = not clear(i, a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin + a.slack, a)
+                    near = not is_clear(a.body.seen[i], a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin + a.slack)
         return near
 
     @wp.func
@@ -219,7 +213,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
             near = wp.length(arm) < a.radius + a.skin
             if wp.static(searched):
                 if near:
-                    near = not clear(i, wp.quat_rotate_inv(a.rotation[0], arm), wp.float64(2.0) * a.skin, a)
+                    here = wp.quat_rotate_inv(a.rotation[0], arm)
+                    near = not is_clear(a.body.seen[i], here, wp.float64(2.0) * a.skin)
         return near
 
     @wp.func
@@ -241,38 +236,59 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         """`way_out` of a point after the drift and the arm at which the body pushes it, in the sheet's frame."""
         a1, a0 = way(i, a)
         reach = wp.length(a1 - a0) + wp.float64(2.0) * a.skin
-        end = distance(a1, reach, a.body)
-        if wp.static(searched):
-            if end[3] >= reach:
-                remember(i, a1, a)
+        end = distance(i, a1, reach, a.body)
         q = a.rotation[0]
         turn = wp.quat_inverse(q) * a.rotation[1]
-        touches, n, shift, pressed, of_start = way_out(a0, a1, end, turn, reach, a.body, a.skin)
+        touches, n, shift, pressed, of_start = way_out(i, a0, a1, end, turn, reach, a.body, a.skin)
         arm = wp.quat_rotate(q, a1 + shift)
         if of_start:
             arm = wp.quat_rotate(a.rotation[1], a0)
         return touches, wp.quat_rotate(q, n), wp.quat_rotate(q, shift), pressed, arm
 
     @wp.func
-    def push_out(x: wp.vec3d, n: wp.vec3d, reach: wp.float64, a: BodyContact):
+    def push_out(i: int, x: wp.vec3d, n: wp.vec3d, reach: wp.float64, a: BodyContact):
         """The shift along n that brings a point at x to the surface; zero for a point outside."""
         q = a.rotation[0]
         arm = wp.quat_rotate_inv(q, x - a.place[0])
-        end = distance(arm, reach, a.body)
-        return wp.quat_rotate(q, pushed_out(arm, wp.quat_rotate_inv(q, n), end, reach, a.body, a.skin))
+        end = distance(i, arm, reach, a.body)
+        return wp.quat_rotate(q, pushed_out(i, arm, wp.quat_rotate_inv(q, n), end, reach, a.body, a.skin))
 
     @wp.func
-    def touch_now(x: wp.vec3d, a: BodyContact):
+    def touch_now(i: int, x: wp.vec3d, a: BodyContact):
         """Whether a point touches, and the normal there."""
         q = a.rotation[0]
-        found = distance(wp.quat_rotate_inv(q, x - a.place[0]), wp.float64(2.0) * a.skin, a.body)
+        found = distance(i, wp.quat_rotate_inv(q, x - a.place[0]), wp.float64(2.0) * a.skin, a.body)
         return found[3] < a.skin, wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
 
-    @pointwise(BodyContact, writes=("marks", "any_near"))
+    @wp.func
+    def look(i: int, step: int, a: BodyContact):
+        """Whether to look how near a point is in this step."""
+        if a.margin == wp.float64(0.0):
+            return True
+        last = a.search[0]
+        looks = a.around[i / size] >= last or a.moves[0] != 0
+        if last == step:
+            if in_margin(i, a):
+                a.around[i / size] = step
+            looks = True
+        elif not looks:
+            v = wp.vec3(a.velocity[i])
+            dt = wp.float32(a.step[0])
+            if dt * dt * wp.dot(v, v) > wp.float32(SLOW * SLOW * a.margin * a.margin):
+                a.around[i / size] = step
+                looks = True
+        return looks
+
+    written = ("marks", "any_near", "around", *REMEMBERED)
+
+    @pointwise(BodyContact, writes=written, rare=searched, local=True)
     def mark(begin: int, end: int, a: BodyContact):
         here = plane(a)
+        step = a.steps[0]
         for i in range(begin, end):
-            near = near_in_step(i, a, here)
+            near = bool(False)
+            if look(i, step, a):
+                near = near_in_step(i, a, here)
             a.marks[i] = wp.where(near, wp.uint8(1), wp.uint8(0))
             if near:
                 a.any_near[0] = 1
@@ -287,6 +303,6 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         return wp.float64(2.0) * moved > a.slack
 
     return BodySearch(
-        BodyContact, position, surface_velocity, plane, in_margin, may_touch_in_step, may_touch_now, touch_in_step,
+        BodyContact, position, surface_velocity, plane, look, may_touch_in_step, may_touch_now, touch_in_step,
         push_out, touch_now, mark, yields_far,
     )  # fmt: skip

@@ -2,12 +2,8 @@
 
 A distance is a function (arm, reach, body) -> vec4d (normal, distance); `arm` is in the frame of the body [m]. If the
 body is further away than `reach`, the function may return `reach`. Distances are float64 whatever the precision of the
-sheet, because float32 cannot resolve contact with a large body.
-
-Meshes are searched with Warp's bounding volume hierarchy in float32; the distance to the triangle found is then
-computed in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5. The sign
-follows from the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes, Signed distance
-computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+sheet, because float32 cannot resolve contact with a large body. A distance of a point is a function
+(i, arm, reach, body); point i may remember where the surface of a mesh is (kernels/mesh_distance.py).
 """
 
 import functools
@@ -16,6 +12,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from .effects import unstaged
+from .face_tree import FaceTree
 
 # Maximum number of parts into which the path of a point in a step is divided to find its entry into a body.
 PARTS = 256
@@ -26,22 +23,46 @@ STEEP = wp.constant(wp.float64(0.9))
 
 # Below this length [m] the square of a vector loses digits, so it has no direction.
 TINY = wp.constant(wp.float64(1e-140))
-# Distance from a mesh, divided by its size, below which the normal is that of the nearest triangle.
-NEAR = wp.constant(wp.float64(1e-7))
+
+
+@wp.struct
+class MeshSurface:
+    """Surface of a mesh, see kernels/mesh_distance.py.
+
+    size: largest distance of a vertex from the origin [m]. mesh, tree: for searches. triangles: first corner, vectors
+    from there to the others [m], and unit normal, (F, 4). normals: of the sides opposite the three corners, then of the
+    corners, (F, 6), any length. far: distance up to which a search looks [m]. close: distance within which points list
+    triangles [m]. unsure: largest error of the search in float32 [m]. trust: fraction of a distance that is remembered.
+    seen, faces, apart: what points remember, (N,).
+    """
+
+    size: wp.float64
+    mesh: wp.uint64
+    tree: FaceTree
+    triangles: wp.array2d(dtype=wp.vec3d)
+    normals: wp.array2d(dtype=wp.vec3d)
+    far: wp.float64
+    close: wp.float64
+    unsure: wp.float64
+    trust: wp.float64
+    seen: wp.array(dtype=wp.vec4)
+    faces: wp.array(dtype=wp.vec4i)
+    apart: wp.array(dtype=wp.vec4)
 
 
 @wp.struct
 class BodyShape:
-    """Sizes [m] of a body, documented at each distance function, and its surface if it is a mesh.
+    """Sizes [m] of a body, documented at each distance function; of a mesh also its surface.
 
-    normals: normals of the sides opposite the three corners of each triangle, then of the corners, (F, 6), any length.
+    surface: (1,); an array, because functions that are not inlined copy their arguments. seen, faces, apart: the same
+    arrays as there, by which launches declare that they write them.
     """
 
     size: wp.vec4d
-    mesh: wp.uint64
-    vertices: wp.array(dtype=wp.vec3d)
-    triangles: wp.array(dtype=wp.vec3i)
-    normals: wp.array2d(dtype=wp.vec3d)
+    surface: wp.array(dtype=MeshSurface)
+    seen: wp.array(dtype=wp.vec4)
+    faces: wp.array(dtype=wp.vec4i)
+    apart: wp.array(dtype=wp.vec4)
 
 
 @wp.func
@@ -120,78 +141,6 @@ def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     return with_normal(n, distance)
 
 
-@wp.func
-def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
-    """Barycentric weights of the point of triangle (a, b, c) nearest to p."""
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    ab = b - a
-    ac = c - a
-    d1 = wp.dot(ab, p - a)
-    d2 = wp.dot(ac, p - a)
-    d3 = wp.dot(ab, p - b)
-    d4 = wp.dot(ac, p - b)
-    d5 = wp.dot(ab, p - c)
-    d6 = wp.dot(ac, p - c)
-    va = d3 * d6 - d5 * d4
-    vb = d5 * d2 - d1 * d6
-    vc = d1 * d4 - d3 * d2
-    found = wp.vec3d(one, zero, zero)
-    if d1 <= zero and d2 <= zero:
-        found = wp.vec3d(one, zero, zero)
-    elif d3 >= zero and d4 <= d3:
-        found = wp.vec3d(zero, one, zero)
-    elif vc <= zero and d1 >= zero and d3 <= zero:
-        t = d1 / (d1 - d3)
-        found = wp.vec3d(one - t, t, zero)
-    elif d6 >= zero and d5 <= d6:
-        found = wp.vec3d(zero, zero, one)
-    elif vb <= zero and d2 >= zero and d6 <= zero:
-        t = d2 / (d2 - d6)
-        found = wp.vec3d(one - t, zero, t)
-    elif va <= zero and d4 - d3 >= zero and d5 - d6 >= zero:
-        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        found = wp.vec3d(zero, one - t, t)
-    else:
-        found = wp.vec3d(va, vb, vc) / (va + vb + vc)
-    return found
-
-
-@wp.func
-def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Signed distance to a triangle mesh; size: largest distance of a vertex from the origin."""
-    point = wp.vec3(arm)
-    # The margin covers the rounding of the float32 search.
-    further = reach + wp.float64(1e-5) * body.size[0]
-    hit = wp.mesh_query_point_no_sign(body.mesh, point, wp.float32(further))
-    n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-    distance = reach
-    if hit.result:
-        corners = body.triangles[hit.face]
-        a = body.vertices[corners[0]]
-        b = body.vertices[corners[1]]
-        c = body.vertices[corners[2]]
-        w = weights_of_nearest(arm, a, b, c)
-        out = w[0] * (arm - a) + w[1] * (arm - b) + w[2] * (arm - c)
-        n = wp.normalize(wp.cross(b - a, c - a))
-        length = wp.length(out)
-        height = wp.dot(out, n)
-        if length <= NEAR * body.size[0]:
-            distance = height
-        else:
-            toward = n
-            for k in range(3):
-                if w[k] == wp.float64(0.0):
-                    toward = body.normals[hit.face, k]
-            for k in range(3):
-                if w[k] == wp.float64(1.0):
-                    toward = body.normals[hit.face, 3 + k]
-            side = wp.where(wp.dot(out, toward) < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
-            distance = side * length
-            n = (side / length) * out
-    return with_normal(n, distance)
-
-
 @functools.cache
 def distances(distance: wp.Function) -> wp.Kernel:
     """Kernel that fills `found` (N,) vec4d with the signed distances of N points from a placed and rotated body."""
@@ -210,17 +159,28 @@ def distances(distance: wp.Function) -> wp.Kernel:
     return find_distances
 
 
+@functools.cache
+def of_any_point(distance: wp.Function) -> wp.Function:
+    """Distance of a point that remembers nothing."""
+
+    @wp.func
+    def distance_of_point(i: int, arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+        return distance(arm, reach, body)
+
+    return distance_of_point
+
+
 @dataclass(frozen=True)
 class WaysOut:
     """Warp functions of a shape, in the frame of the body.
 
     Attributes:
-        way_out: (a0, a1, end, turn, reach, body, skin) -> (touches, n, shift, pressed, of_start), for a point that
+        way_out: (i, a0, a1, end, turn, reach, body, skin) -> (touches, n, shift, pressed, of_start), for a point that
             moves from `a0` to `a1` [m]. `end` is the distance at `a1`, computed up to `reach`; `turn` rotates
             directions from the frame at the beginning of the step to that at the end. `shift` moves the point out along
             `n`. `pressed` [m] is the length of the shift or, for a point that was on the surface, by how much it came
             nearer. `of_start` is true if `n` is the normal at the beginning.
-        pushed_out: (a, n, end, reach, body, skin) -> shift along n from `a`, where the distance is `end`, to the
+        pushed_out: (i, a, n, end, reach, body, skin) -> shift along n from `a`, where the distance is `end`, to the
             surface; zero outside the body.
     """
 
@@ -230,14 +190,16 @@ class WaysOut:
 
 @functools.cache
 def ways_out(distance: wp.Function) -> WaysOut:
-    """The functions for a shape."""
+    """The functions for the distance of a point."""
 
     @wp.func
     def normal_of(found: wp.vec4d):
         return wp.vec3d(found[0], found[1], found[2])
 
     @wp.func
-    def entry(a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64):
+    def entry(
+        i: int, a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64
+    ):  # fmt: skip
         """Where a point enters the body along its path (-1: nowhere), and the normal there, by sphere tracing."""
         found = start
         at = wp.float64(0.0)
@@ -250,12 +212,12 @@ def ways_out(distance: wp.Function) -> WaysOut:
             at += wp.max(found[3], least)
             if at >= travel:
                 break
-            found = distance(a0 + at * way, travel, body)
+            found = distance(i, a0 + at * way, travel, body)
         return hit, normal_of(found)
 
     @wp.func
     def pushed_out(
-        a: wp.vec3d, n: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64
+        i: int, a: wp.vec3d, n: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64
     ):  # fmt: skip
         """Shift to the surface by Newton's method; if n is nearly tangential, the shift to the nearest point."""
         close = wp.float64(1e-3) * skin
@@ -268,13 +230,14 @@ def ways_out(distance: wp.Function) -> WaysOut:
                 shift -= (left[3] / steep) * n
             elif left[3] < wp.float64(0.0):
                 shift -= left[3] * normal_of(left)
-            left = distance(a + shift, reach, body)
+            left = distance(i, a + shift, reach, body)
             again += 1
         return shift
 
     @wp.func
     def way_out(
-        a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, turn: wp.quatd, reach: wp.float64, body: BodyShape, skin: wp.float64
+        i: int, a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, turn: wp.quatd, reach: wp.float64, body: BodyShape,
+        skin: wp.float64,
     ):  # fmt: skip
         zero = wp.float64(0.0)
         travel = wp.length(a1 - a0)
@@ -284,7 +247,7 @@ def ways_out(distance: wp.Function) -> WaysOut:
         shift = wp.vec3d()
         pressed = zero
         if end[3] < wp.max(travel, skin):
-            start = distance(a0, reach + wp.abs(end[3]), body)
+            start = distance(i, a0, reach + wp.abs(end[3]), body)
             gap = start[3]
             ahead = wp.dot(normal_of(start), a1 - a0)
             crosses = bool(False)
@@ -295,14 +258,14 @@ def ways_out(distance: wp.Function) -> WaysOut:
             left = end
             if crosses and travel > zero:
                 way = (a1 - a0) / travel
-                hit, facing = entry(a0, way, travel, start, body, skin)
+                hit, facing = entry(i, a0, way, travel, start, body, skin)
                 if hit >= zero:
                     below = wp.dot(a1 - (a0 + hit * way), facing)
                     if below < zero:
                         touches = True
                         n = facing
                         shift = -below * facing
-                        left = distance(a1 + shift, reach, body)
+                        left = distance(i, a1 + shift, reach, body)
             elif end[3] < zero or gap < skin:
                 began = wp.quat_rotate(turn, normal_of(start))
                 of_start = wp.dot(began, n) > wp.static(STEEP)
@@ -311,7 +274,7 @@ def ways_out(distance: wp.Function) -> WaysOut:
             if end[3] < zero or (end[3] < skin and gap < skin):
                 touches = True
             if touches:
-                shift += pushed_out(a1 + shift, n, left, reach, body, skin)
+                shift += pushed_out(i, a1 + shift, n, left, reach, body, skin)
                 # For a point that stays on the surface the shift is rounding of its position.
                 pressed = wp.where(gap < skin, wp.max(gap - end[3], zero), wp.length(shift))
         return touches, n, shift, pressed, of_start

@@ -1,9 +1,9 @@
-"""A tree of boxes around the triangles of a moving sheet.
+"""A tree of boxes around triangles, of a moving sheet or of a body.
 
 Triangles are the leaves of a complete binary tree, in an order that keeps neighbours of the reference state together;
 node k has the children 2 k and 2 k + 1. Its shape never changes, so a query meets triangles in the same order in every
-run (Ericson, Real-Time Collision Detection, 2005, section 6.6). The boxes are made by launches, which are skipped while
-nothing has moved; the refit of a `wp.Bvh` is a call, which a stage cannot skip.
+run (Ericson, Real-Time Collision Detection, 2005, section 6.6). The boxes of a sheet are made by launches, which are
+skipped while nothing has moved; the refit of a `wp.Bvh` is a call, which a stage cannot skip.
 """
 
 import warp as wp

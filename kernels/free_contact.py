@@ -18,7 +18,8 @@ from typing import Any
 
 import warp as wp
 
-from .block_lists import entry_of, place_in_block, sum_of_blocks
+from .block_functions import synchronize
+from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
@@ -71,13 +72,12 @@ class FreeBody:
 
 @wp.func
 def solved(totals: Equations, body: FreeBody):
-    """Change of velocity and spin by Cholesky decomposition; R I R^T is the inertia tensor in the sheet's frame."""
+    """Change of velocity and spin by an L D L^T decomposition; R I R^T is the inertia tensor in the sheet's frame."""
     A = mat66d()
     row = int(0)  # noqa: RUF046
     for r in range(6):
         for c in range(r, 6):
             A[r, c] = totals[row]
-            A[c, r] = totals[row]
             row += 1
     q = body.rotation[0]
     for c in range(3):
@@ -85,29 +85,25 @@ def solved(totals: Equations, body: FreeBody):
         unit = wp.vec3d()
         unit[c] = wp.float64(1.0)
         column = wp.quat_rotate(q, body.inertia * wp.quat_rotate_inv(q, unit))
-        for r in range(3):
+        for r in range(c + 1):
             A[3 + r, 3 + c] = A[3 + r, 3 + c] + column[r]
     x = vec6d()
     for r in range(6):
         x[r] = totals[21 + r]
-    for c in range(6):
-        for k in range(c):
-            A[c, c] = A[c, c] - A[c, k] * A[c, k]
+    for k in range(6):
         # The diagonal stores its inverse, because a division takes as long as ten products.
-        A[c, c] = wp.float64(1.0) / wp.sqrt(A[c, c])
-        for r in range(c + 1, 6):
-            for k in range(c):
-                A[r, c] = A[r, c] - A[r, k] * A[c, k]
-            A[r, c] = A[r, c] * A[c, c]
-    for r in range(6):
-        for k in range(r):
-            x[r] = x[r] - A[r, k] * x[k]
-        x[r] = x[r] * A[r, r]
+        inverse = wp.float64(1.0) / A[k, k]
+        for r in range(k + 1, 6):
+            factor = A[k, r] * inverse
+            for c in range(r, 6):
+                A[r, c] = A[r, c] - factor * A[k, c]
+            x[r] = x[r] - factor * x[k]
+        A[k, k] = inverse
     for back in range(6):
         r = 5 - back
-        for k in range(r + 1, 6):
-            x[r] = x[r] - A[k, r] * x[k]
         x[r] = x[r] * A[r, r]
+        for k in range(r):
+            x[k] = x[k] - A[k, r] * x[r]
     return x
 
 
@@ -117,7 +113,8 @@ class FreeContact:
 
     Attributes:
         struct: The struct `a`.
-        find: Before the free body yields: finds the points in contact, and solves for its change of motion.
+        find: Lists the points that may touch; before the free body yields: finds those in contact, and solves for its
+            change of motion.
         give_way: The second solution; moves the body by it.
         strike: Gives the points their impulses, subtracts these from the momentum of the body.
         take: Gives them the impulses found by kernels/surface_contact.py.
@@ -182,9 +179,9 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
         body.momenta[2] = body.momenta[2] + velocity - before
         body.momenta[3] = body.momenta[3] + spin - spin_before
 
-    @kernel(per="block", writes=(*(f"a.{name}" for name in FOUND), *solving))
-    def find_contact(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
+    @wp.func
+    def find(part: int, lane: int, a: BodyContact, body: FreeBody, block: int, at_end: int):
+        """Find what the points of a block must lose; their number, and the sums of the first solution."""
         count = wp.int32(0)
         sums = Equations()
         for k in range(lane, body.listed[part], wp.block_dim()):
@@ -198,15 +195,11 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                 count += 1
                 m = weight(a, at_end) * wp.float64(a.mass[i])
                 sums = with_row(sums, m, a.rows[i], -m * needed)
-        ends = part == 0
-        if a.any_near[0] != 0:
-            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
-        if ends and lane == 0:
-            body.changes[0] = solved(sums, body)
+        return count, sums
 
-    @kernel(per="block", writes=("body.place", "body.rotation", "body.motion", *solving))
-    def give_way(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
+    @wp.func
+    def press(part: int, lane: int, a: BodyContact, body: FreeBody, block: int, at_end: int):
+        """Number of points of a block, and the sums of the second solution."""
         count = wp.int32(0)
         sums = Equations()
         d = body.changes[0]
@@ -234,17 +227,11 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                                 unit[c] = wp.float64(1.0)
                                 unit -= n[c] * n
                                 sums = with_row(sums, m, wrench(unit, arm), m * wp.dot(unit, a.slips[i]))
-        ends = part == 0
-        if a.any_near[0] != 0:
-            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
-        if ends and lane == 0:
-            change = solved(sums, body)
-            body.changes[0] = change
-            change_motion(change, at_end, wp.float64(a.step[0]), body.place, body.rotation, body.motion)
+        return count, sums
 
-    @kernel(per="block", writes=(*(f"a.{name}" for name in MOVED), "body.entries", "body.listed", *lost))
-    def strike_points(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
-        part, lane = place_in_block(wp.tid() + first)
+    @wp.func
+    def strike(part: int, lane: int, a: BodyContact, body: FreeBody, block: int, at_end: int):
+        """Give the points of a block their impulses; their number, and the sums."""
         count = wp.int32(0)
         sums = Given()
         number = body.listed[part]
@@ -264,23 +251,64 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                     sums += separate(i, a)
                 else:
                     sums += project(i, a)
-        ends = part == 0
-        if a.any_near[0] != 0:
-            ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
         if everywhere:
             # The last entries of a block may lie beyond the last point.
             number = wp.tile_sum(wp.tile(count))[0]
             if lane == 0:
                 body.listed[part] = number
-        if ends and lane == 0:
-            give(sums, body)
+        return count, sums
+
+    @wp.func
+    def move(sums: Equations, a: BodyContact, body: FreeBody, at_end: int):
+        change = solved(sums, body)
+        body.changes[0] = change
+        change_motion(change, at_end, wp.float64(a.step[0]), body.place, body.rotation, body.motion)
+
+    @wp.func
+    def kick(a: BodyContact, body: FreeBody):
+        """The second half kick of the body; its force is known."""
+        velocity = body.momenta[0] + (wp.float64(0.5) * wp.float64(a.step[0])) * body.gravity
+        body.momenta[0] = velocity
+        body.momenta[2] = velocity
+        body.momenta[3] = body.motion[1]
+        body.motion[0] = velocity
+
+    found = tuple(f"a.{name}" for name in FOUND)
+    placed = ("body.place", "body.rotation", "body.motion")
+    struck = (*(f"a.{name}" for name in MOVED), "body.entries", "body.listed")
+
+    @kernel(per="block", writes=(*found, *solving, "body.entries", "body.listed"))
+    def find_contact(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
+        if a.any_near[0] != 0:
+            part, lane = place_in_block(wp.tid() + first)
             if at_end == 0:
-                # The second half kick of the body; its force is known.
-                velocity = body.momenta[0] + (wp.float64(0.5) * wp.float64(a.step[0])) * body.gravity
-                body.momenta[0] = velocity
-                body.momenta[2] = velocity
-                body.momenta[3] = body.motion[1]
-                body.motion[0] = velocity
+                list_of_block(a.marks, block, part, lane, body.entries, body.listed)
+                synchronize()
+            count, sums = find(part, lane, a, body, block, at_end)
+            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
+            if ends and lane == 0:
+                body.changes[0] = solved(sums, body)
+
+    @kernel(per="block", writes=(*placed, *solving))
+    def give_way(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
+        if a.any_near[0] != 0:
+            part, lane = place_in_block(wp.tid() + first)
+            count, sums = press(part, lane, a, body, block, at_end)
+            ends, sums = sum_equations(sums, count, part, lane, body.equations, body.counts, body.arrived)
+            if ends and lane == 0:
+                move(sums, a, body, at_end)
+
+    @kernel(per="block", writes=(*struck, *lost))
+    def strike_points(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):
+        part, lane = place_in_block(wp.tid() + first)
+        ends = part == 0
+        if a.any_near[0] != 0:
+            count, sums = strike(part, lane, a, body, block, at_end)
+            ends, sums = sum_given(sums, count, part, lane, body.impulses, body.counts, body.arrived)
+            if ends and lane == 0:
+                give(sums, body)
+        if at_end == 0 and ends and lane == 0:
+            kick(a, body)
 
     @kernel(per="block", writes=(*(f"a.{name}" for name in TAKEN), *lost))
     def take_impulses(a: BodyContact, body: FreeBody, block: int, at_end: int, first: int):

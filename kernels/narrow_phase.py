@@ -8,8 +8,9 @@ import functools
 
 import warp as wp
 
-from .distances import BodyShape, ways_out, weights_of_nearest
+from .distances import BodyShape, of_any_point, ways_out
 from .effects import unstaged
+from .mesh_distance import weights_of_nearest
 
 
 @wp.struct
@@ -119,7 +120,7 @@ def clearances(distance: wp.Function) -> wp.Kernel:
     Corners are in the frame of the body [m], (F, 3) vec3d. The distance is -1 if a segment passes through the triangle,
     or a side of the triangle through the body.
     """
-    way_out = ways_out(distance).way_out
+    way_out = ways_out(of_any_point(distance)).way_out
 
     @unstaged
     def find_clearances(
@@ -147,7 +148,7 @@ def clearances(distance: wp.Function) -> wp.Kernel:
             far = wp.length(begin) + wp.length(end) + of.size
             unturned = wp.quat_identity(wp.float64)
             touches, _n, _shift, _pressed, _of = way_out(
-                begin, end, distance(end, far, body), unturned, far, body, wp.float64(1e-6) * of.size
+                -1, begin, end, distance(end, far, body), unturned, far, body, wp.float64(1e-6) * of.size
             )
             if touches:
                 least = wp.float64(-1.0)

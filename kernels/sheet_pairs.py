@@ -11,8 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from .distances import weights_of_nearest
 from .face_tree import FaceTree
+from .mesh_distance import weights_of_nearest
 from .narrow_phase import between_segments
 from .surface_contact import NEAREST
 

@@ -103,6 +103,29 @@ def test_wraparound_is_the_steps_one_by_one(device, joined_stages):
     assert_same(*results)
 
 
+def test_a_body_moves_on_beside_the_force_of_the_step_before(device, joined_stages):
+    results = []
+    for repeat in (1, 20):
+        sheet, path = square(21), BodyPath.straight((0.05, 0.05, 0.0152), (0.5, 0.0, -0.2), 0.05)
+        # Without schedules: the clock would tick beside the force.
+        built = Simulation(
+            sheet, BondAssociated(GENT, horizon=2.015, weights="plain"), Explicit(0.05),
+            loads=[Fixed(sheet.edges("left"))], contact=RigidBody(Sphere(0.03), path, friction=0.3),
+        ).build(device, 32)  # fmt: skip
+        built.context.compile()
+        built.state.step.fill_(1e-4)
+        built.set_clock(1e-4, 1.0, 0.0)
+        built.context.run("setup")
+        sequence = built.context.sequence("step", repeat)
+        moving = [item.side_stream for item in sequence.items if item.name == "follow_path"]
+        assert sum(moving) == (repeat - 1 if "cuda" in device else 0)
+        for _ in range(200 // repeat):
+            sequence.run()
+        results.append(left_behind(built))
+    assert np.abs(results[0]["body_impulse"]).max() > 0.0
+    assert_same(*results)
+
+
 def without_follower():
     simulation = struck(square(21), 32)
     simulation.loads = [load for load in simulation.loads if load != Pressure(5.0, ramp=RAMP)]
@@ -241,7 +264,7 @@ def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(device, joi
         path = BodyPath.straight((0.05, 0.05, 0.0152), (0.5, 0.0, -0.2), 0.05)
         simulation.contact, simulation.damage = RigidBody(SHAPES[shape](), path, friction=0.3), None
         built = simulation.run(device=device).built
-        assert built.context.noted["moves"].numpy()[0] == moves
+        assert built.context.fields["body_moves"].numpy()[0] == moves
         results.append(left_behind(built))
     assert np.abs(results[0]["displacement"]).max() > 1e-3
     assert_same(*results)

@@ -7,7 +7,7 @@ from small_runs import simulate
 
 from warp_pd import BodyPath, Box, Explicit, Free, Pressure, RigidBody, Sphere, TriangleMesh
 from warp_pd.device.launches import Stage
-from warp_pd.parts import bodies
+from warp_pd.parts import bodies, body_shapes
 
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
 
@@ -39,7 +39,7 @@ def test_points_that_remember_nothing_touch_the_same(plain, monkeypatch):
     assert plain.history[-1]["body_force_z"] < 0.0
     assert min(row["ball_force_z"] for row in plain.history) < 0.0 or plain.history[-1]["ball_force_z"] > 0.0
     # Nothing public makes points forget: the search is to change no bit.
-    monkeypatch.setattr(bodies, "UNSURE", 1e6)
+    monkeypatch.setattr(body_shapes, "TRUST", 0.0)
     require_same_bits(plain, scene().run(device="cpu", precision=32))
 
 
@@ -75,34 +75,49 @@ def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, req
     if joined:
         request.getfixturevalue("joined_stages")
     noted = on_paths().run(device="cpu", precision=32)
-    near = noted.built.context.noted["near"].numpy()
-    assert noted.built.context.noted["moves"].numpy()[0] == 0
+    near = noted.built.context.fields["blocks_near"].numpy()
+    assert noted.built.context.fields["ball_moves"].numpy()[0] == 0
     assert near.min() == 0
     assert near.max() > 20
     # As if something else moved points in between.
     monkeypatch.setattr(Stage, "moves_later", lambda *_: True)
     everywhere = on_paths().run(device="cpu", precision=32)
-    assert everywhere.built.context.noted["moves"].numpy()[0] == 1
+    assert everywhere.built.context.fields["ball_moves"].numpy()[0] == 1
     require_same_bits(noted, everywhere)
 
 
+def in_flight():
+    """A ball and a mesh that fall on a sheet of several blocks of points, and do not touch the same ones."""
+    ball = Free(5e-3, (0.03, 0.03, 0.0153), (0.1, 0.0, -0.5), (0.0, 30.0, 0.0))
+    mesh = Free(5e-3, (0.07, 0.07, 0.0163), (0.0, 0.1, -0.5))
+    two = [
+        RigidBody(Sphere(0.03), ball, friction=0.2, name="ball"),
+        RigidBody(TriangleMesh(*Sphere(0.03).outline(0.0)), mesh, friction=0.2),
+    ]
+    return simulate(square(41), Explicit(0.02, frames=4, safety=0.3), contact=two)
+
+
+@pytest.mark.parametrize("of", [on_paths, in_flight])
 @pytest.mark.parametrize("margin", [1e-6, 4.0])
-def test_points_that_are_far_are_told_by_their_velocity(margin, monkeypatch):
+def test_points_that_are_far_are_told_by_their_velocity(of, margin, monkeypatch):
     """With the smaller margin every point is looked at in every step."""
+    # Nothing else moves points, as with one free body.
+    monkeypatch.setattr(Stage, "moves_later", lambda *_: False)
     results = []
     for used in (margin, bodies.MARGIN):
         monkeypatch.setattr(bodies, "MARGIN", used)
-        results.append(on_paths().run(device="cpu", precision=32))
+        results.append(of().run(device="cpu", precision=32))
     require_same_bits(*results)
     searches = [result.built.context.fields["ball_search"].numpy()[0] for result in results]
-    steps = results[0].built.context.noted["steps"].numpy()[0]
+    steps = results[0].built.context.fields["ball_steps"].numpy()[0]
+    assert results[0].history[-1]["ball_force_z"] != 0.0
     assert (searches[0] == steps) == (margin < 1e-3)
 
 
 def test_what_moves_points_after_a_body_on_a_path_is_noticed():
     """A free body does."""
-    assert on_paths().build("cpu").context.noted["moves"].numpy()[0] == 0
-    assert scene().build("cpu").context.noted["moves"].numpy()[0] == 1
+    assert on_paths().build("cpu").context.fields["body_moves"].numpy()[0] == 0
+    assert scene().build("cpu").context.fields["body_moves"].numpy()[0] == 1
 
 
 def test_a_body_counts_the_time_where_nothing_else_needs_the_clock():

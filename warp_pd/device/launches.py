@@ -356,13 +356,13 @@ class Stage:
             if not any(last.touched.must_wait_for(item.touched) for item in early):
                 self.wraparound, self.leading = _joined(last, inner[0]), len(early)
 
-    def moves_later(self, displacement: Array) -> bool:
-        """Whether anything but local stages moves points after the first of these."""
+    def moves_later(self, displacement: Array, owner: str = "") -> bool:
+        """Whether anything but local stages and the launches of `owner` moves points after the first local stage."""
         looked = False
         for item in self.items:
             for piece in (item.pieces or (item,)) if isinstance(item, Launch) else (item,):
                 local = isinstance(piece, Launch) and isinstance(piece.source, Pointwise) and piece.source.local
-                if looked and not local and int(displacement.ptr) in piece.touched.writes:
+                if looked and not local and piece.owner != owner and int(displacement.ptr) in piece.touched.writes:
                     return True
                 looked = looked or local
         return False

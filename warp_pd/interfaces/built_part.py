@@ -34,6 +34,10 @@ class BuiltPart(Protocol):
         """Add the launches of a phase to a stage, if the part has any."""
         return None
 
+    def complete(self, step: Stage) -> None:
+        """Do host work that needs all launches of an explicit step, once it is composed."""
+        return None
+
     def begin(self) -> None:
         """Do host work once, at the start of a run that does not resume another."""
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,7 +24,6 @@ from ..kernels.effects import Kernel
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
 from ..kernels.numeric import Numeric
-from ..kernels.pointwise import NEAR_BLOCK
 from .communicator import Communicator
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
@@ -130,7 +128,6 @@ class Context:
         by_point: Whether the last constant of the material is a value of the point, set by the force law.
         remembers: Whether it is an internal variable of the intersection, set by the force law.
         state: Arrays shared by all parts.
-        bodies: Names of the bodies on paths that points touch.
     """
 
     sheet: Sheet
@@ -154,7 +151,6 @@ class Context:
     by_point: bool = False
     remembers: bool = False
     state: State = field(init=False)
-    bodies: list[str] = field(init=False, default_factory=list)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
     @property
@@ -202,17 +198,10 @@ class Context:
         declared = Field(name, owner, per, restart, halo, own_exchange, intermediate, output, density)
         return self.fields.allocate(declared, dtype, values, shape)
 
-    @functools.cached_property
-    def noted(self) -> dict[str, Array]:
-        """What bodies on paths note for the end of a step.
-
-        near: last step after whose drift a point of each block was near, int32. steps: numbers of this step, which the
-        first body counts, and of the previous one. moves: 1 if anything else moves points after that.
-        """
-        owner, blocks = self.bodies[0], -(-self.sheet.size // NEAR_BLOCK)
-        near = self.array("blocks_near", owner, wp.int32, shape=blocks, per="table")
-        steps, moves = (self.array(f"body_{name}", owner, wp.int32, shape=2, per="once") for name in ("steps", "moves"))
-        return {"near": near, "steps": steps, "moves": moves}
+    def shared_array(self, name: str, owner: str, dtype: Any, shape: Any, per: str) -> Array:
+        """An array of several parts, which the first of them that asks for it declares; see `array`."""
+        found = next((stored.array for stored in self.fields if stored.name == name), None)
+        return self.array(name, owner, dtype, shape=shape, per=per) if found is None else found
 
     def own(self, array: Array) -> Array:
         """View of the own points of a point array; the whole array for a single process."""

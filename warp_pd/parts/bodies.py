@@ -29,8 +29,6 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, ForceColumns
 
 # Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
 SKIN = 1e-4
-# Search distance for the surface of a mesh [spacings], and largest error of the search, divided by the body size.
-FAR, UNSURE = 4.0, 1e-5
 # Maximum motion in a step of a body with edges that triangles touch [spacings]; at twice that its edges cut in.
 EDGE_TRAVEL = 0.05
 # Distance by which a free body may yield in a step before any point may touch it [spacings].
@@ -127,13 +125,22 @@ class BuiltBody(ForceColumns):
         if part.shape.bounded and not part.surface:
             what = f"RigidBody {name!r}: surface = {part.surface}: smallest extent"
             resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
-        self._body, self._mesh = on_device(part.shape, context.device)
+        remembered = {}
+        if part.shape.remembering is not None:
+            starts = {"seen": (wp.vec4, 0.0), "faces": (wp.vec4i, -1), "apart": (wp.vec4, 0.0)}
+            for what, (kind, start) in starts.items():
+                values = np.full((sheet.size, 4), start)
+                remembered[what] = context.array(f"{name}_{what}", name, kind, values)
+        self._body, self._mesh = on_device(part.shape, context.device, sheet.spacing, remembered)
         self._rubs = part.friction > 0.0
         self.set_forces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         # A half space has no margin: a search in every step.
         bounded = part.shape.bounded
-        self.motion.extent = (part.shape.radius(), MARGIN * sheet.spacing) if bounded else (UNBOUNDED, 0.0)
+        self.motion.extent = (UNBOUNDED, 0.0, 0.0)
+        if bounded:
+            slack = SLACK if part.motion.free else 0.0
+            self.motion.extent = (part.shape.radius(), MARGIN * sheet.spacing, slack * sheet.spacing)
         self._surface: BodySurface | None = None
         if part.surface:
             self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
@@ -141,12 +148,6 @@ class BuiltBody(ForceColumns):
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
-        self._seen: Array | None = None
-        self._unsure = 0.0
-        if self._mesh is not None:
-            never = np.tile(np.array([0.0, 0.0, 0.0, -1.0], np.float32), (sheet.size, 1))
-            self._seen = context.array(f"{name}_seen", name, wp.vec4, never)
-            self._unsure = UNSURE * part.shape.radius()
         self.impulse: Array | None = None
         self.turn: Array | None = None
         self.loss: Array | None = None
@@ -187,7 +188,7 @@ class BuiltBody(ForceColumns):
         context, part, motion = self.context, self.part, self.motion
         of = point_contact(
             context.step_options, part.shape.distance, part.motion.free, self._rubs, self._curved,
-            self._seen is not None, motion.marks is not None,
+            part.shape.remembering, motion.marks is not None,
         )  # fmt: skip
         at_end, values = phase is Phase.SEPARATE, self._arguments()
         if self._surface is not None:
@@ -199,16 +200,18 @@ class BuiltBody(ForceColumns):
         if self._surface is not None:
             self._surface.add_end(stage)
 
+    def complete(self, step: Stage) -> None:
+        """Note whether other parts move points that the body may touch."""
+        self.motion.complete(step)
+
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
-            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing,
-            "margin": motion.extent[1],
-            "slack": SLACK * context.sheet.spacing if part.motion.free else 0.0, "unsure": self._unsure,
-            "seen": self._seen, "marks": motion.marks, "friction": float(part.friction),
+            "skin": SKIN * context.sheet.spacing, "margin": motion.extent[1],
+            "slack": motion.extent[2], "marks": motion.marks, "friction": float(part.friction),
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
             "displacement": state.displacement, "velocity": state.velocity, "work": state.work,

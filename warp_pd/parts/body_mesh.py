@@ -12,7 +12,7 @@ from ..device.checks import InputError, numbers
 from ..geometry.enclosure import volume_of
 from ..geometry.files import read_mesh
 from ..geometry.mesh_checks import require_closed, require_faces, require_surface
-from ..kernels import distances
+from ..kernels.mesh_distance import mesh_distance, mesh_distance_of_point
 from .body_shapes import BodyShape, Outline, convex_edges
 
 
@@ -34,7 +34,8 @@ class TriangleMesh(BodyShape):
     centroid: np.ndarray = field(init=False)
 
     kind: ClassVar[str] = "mesh"
-    distance: ClassVar[Any] = distances.mesh_distance
+    distance: ClassVar[Any] = mesh_distance
+    remembering: ClassVar[Any] = mesh_distance_of_point
 
     def __post_init__(self) -> None:
         where = "TriangleMesh"

@@ -212,12 +212,18 @@ class BuiltMotion:
 
     Attributes:
         marks: Whether each point may touch a free body, (N,) uint8; see kernels/body_search.py.
+        steps: Numbers of this step and of the previous one, (2,) int32.
+        search: Last step in which points further away than the margin were told apart, (1,) int32.
+        travelled: How far the body and one of those points may have come nearer since [m], (1,).
+        around: For blocks of NEAR_BLOCK points, last step in which one of them was within the margin, int32.
+        moves: 1 if other parts move points after the body has looked which are near, (1,) int32.
         free: Whether the sheet moves the body.
-        extent: Distance of its furthest point from the centre, and margin in which points count as around it [m].
+        extent: Distance of its furthest point from the centre, margin in which points count as around it, and how far a
+            free body may yield in a step before any point may touch it [m].
     """
 
     free: ClassVar[bool] = False
-    extent: tuple[float, float]
+    extent: tuple[float, float, float]
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
         """Allocate the arrays of the pose."""
@@ -228,6 +234,13 @@ class BuiltMotion:
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
         self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
         self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
+        self.steps, self.search, self.moves = (
+            self._array(what, wp.int32, np.zeros(size, np.int32), restart=False)
+            for what, size in (("steps", 2), ("search", 1), ("moves", 1))
+        )
+        self.travelled = self._array("travelled", wp.float64, np.array([UNBOUNDED]), restart=False)
+        blocks = -(-points // NEAR_BLOCK)
+        self.around = context.array(f"{name}_around", name, wp.int32, shape=blocks, per="table")
 
     def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
         return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
@@ -256,15 +269,21 @@ class BuiltMotion:
         # Where the step is followed by the next one, the body has already moved on.
         before = {
             "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
-            "steps": self.context.noted["steps"][1:],
+            "steps": self.steps[1:],
         }  # fmt: skip
         stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
 
+    def complete(self, step: Stage) -> None:
+        """Fill `moves`, when the step is composed."""
+        own = self.name if self.free else ""
+        moves = self.context.partition is not None or step.moves_later(self.context.state.displacement, own)
+        self.moves.fill_(int(moves))
+
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact, by their name in the struct of `PointContact`."""
-        of_free = ("need", "rows", "arms", "slips", "yielded", "any_near")
-        of_paths = ("near", "steps", "moves", "search", "around")
-        return dict.fromkeys((*of_free, *of_paths))
+        of_free = ("need", "rows", "arms", "slips", "yielded", "any_near", "near")
+        kept = {"steps": self.steps, "moves": self.moves, "search": self.search, "around": self.around}
+        return {**dict.fromkeys(of_free), **kept}
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
@@ -303,13 +322,10 @@ class OnPath(BuiltMotion):
         self.knots = self._array("times", wp.float64, times, led, per)
         self.places = self._array("places", wp.vec3d, positions, led, per)
         self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
-        self.search = self._array("search", wp.int32, np.zeros(1, np.int32), restart=False)
-        self._travelled = self._array("travelled", wp.float64, np.array([UNBOUNDED]), restart=False)
+        # Bodies on paths share it: at the end of a step one acts where another has moved points.
         blocks = -(-context.sheet.size // NEAR_BLOCK)
-        self._around = context.array(f"{name}_around", name, wp.int32, shape=blocks, per="table")
+        self._near = context.shared_array("blocks_near", name, wp.int32, shape=blocks, per="table")
         context.clock.keep_time(name)
-        if context.features.dynamic:
-            context.bodies.append(name)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
@@ -321,15 +337,13 @@ class OnPath(BuiltMotion):
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
                 counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
-                margin=self.extent[1], search=self.search, travelled=self._travelled,
-                rotation=self.rotation, motion=self.motion, early=True,
-                steps=context.noted["steps"] if dynamic else None,
-                counts_steps=int(dynamic and context.bodies[0] == self.name),
+                margin=self.extent[1], search=self.search, travelled=self.travelled,
+                rotation=self.rotation, motion=self.motion, steps=self.steps, early=True,
             )  # fmt: skip
 
     def found(self) -> dict[str, Array | None]:
-        """Arrays in which points near the body are noted."""
-        return super().found() | self.context.noted | {"search": self.search, "around": self._around}
+        """Arrays in which points near the body are noted, also those near the end of a step."""
+        return super().found() | {"near": self._near}
 
 
 class InFlight(BuiltMotion):
@@ -394,7 +408,9 @@ class InFlight(BuiltMotion):
             stage.launch(
                 self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
                 step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
-                momenta=self.momenta, any_near=self.any_near,
+                momenta=self.momenta, any_near=self.any_near, changes=self.changes, radius=self.extent[0],
+                margin=self.extent[1], slack=self.extent[2], steps=self.steps, search=self.search,
+                travelled=self.travelled,
             )  # fmt: skip
 
     def add_contact(
@@ -408,7 +424,6 @@ class InFlight(BuiltMotion):
             near.launch(stage, kernels.take, **both, **pushed)
         if not at_end:
             stage.pointwise(self.name, of.search.mark, self.context.sheet.size, **values)
-            near.add(stage)
         for kernel in (kernels.find, kernels.give_way, kernels.strike):
             near.launch(stage, kernel, **both)
 

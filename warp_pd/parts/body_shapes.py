@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -11,7 +12,17 @@ import warp as wp
 
 from ..device.checks import InputError, positive, vector
 from ..device.cores import load_kernel
+from ..device.fields import Array
+from ..device.launches import with_values
 from ..kernels import distances
+from ..kernels.face_tree import FaceTree
+
+# Largest error of the search of a mesh in float32, divided by the size of the body.
+UNSURE = 1e-5
+# Distance up to which a point searches the surface of a mesh, and within which it lists triangles [spacings].
+FAR, CLOSE = 4.0, 0.25
+# Fraction of a distance that a point remembers; the rest covers rounding to float32.
+TRUST = 1.0 - 1e-6
 
 Outline = tuple[np.ndarray, np.ndarray]
 # Number of corners of a drawn circle, and of arcs from pole to pole.
@@ -25,11 +36,13 @@ class BodyShape(Protocol):
     Attributes:
         kind: Name of the shape in results.
         distance: Warp function of its signed distance, see kernels/distances.py.
+        remembering: That of a point of the sheet which remembers the surface, or None.
         bounded: Whether the body is bounded and so has a finite mass; a half space is not.
     """
 
     kind: ClassVar[str]
     distance: ClassVar[Any]
+    remembering: ClassVar[Any] = None
     bounded: ClassVar[bool] = True
 
     def sizes(self) -> tuple[float, ...]:
@@ -322,8 +335,13 @@ def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.
     return np.asarray(arms + 2.0 * (rotation[3] * axis + np.cross(back, axis)))
 
 
-def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]:
-    """Arguments of the shape's distance function, and the Warp mesh that must stay alive with them."""
+def on_device(
+    shape: BodyShape, device: wp.Device, spacing: float = 0.0, remembered: Mapping[str, Array] | None = None
+) -> tuple[Any, Any]:
+    """Arguments of the shape's distance function, and what must stay alive with them, None if it is no mesh.
+
+    `remembered`: arrays in which the points of a sheet, with this `spacing` [m], remember the surface of a mesh.
+    """
     made = distances.BodyShape()
     sizes = shape.sizes()
     made.size = wp.vec4d(*sizes, *[0.0] * (4 - len(sizes)))
@@ -337,15 +355,49 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
         # Built once, searched in every step.
         bvh_constructor="sah",
     )
-    made.mesh = mesh.id
-    made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
-    made.triangles = wp.array(triangles, dtype=wp.vec3i, device=device)
-    made.normals = wp.array(side_and_corner_normals(vertices, triangles), dtype=wp.vec3d, device=device)
-    return made, mesh
+    of: Any = distances.MeshSurface()
+    of.size, of.mesh, of.tree = sizes[0], mesh.id, _face_tree(vertices[triangles].astype(np.float32), device)
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    of.triangles = wp.array(np.stack([a, b - a, c - a, normal], axis=1), dtype=wp.vec3d, device=device)
+    of.normals = wp.array(side_and_corner_normals(vertices, triangles), dtype=wp.vec3d, device=device)
+    of.far, of.close, of.unsure, of.trust = FAR * spacing, CLOSE * spacing, UNSURE * sizes[0], TRUST
+    for struct in (of, made):
+        with_values(struct, remembered or {})
+    made.surface = wp.array([of], dtype=distances.MeshSurface, device=device)
+    return made, (mesh, of)
+
+
+def _face_tree(corners: np.ndarray, device: wp.Device) -> Any:
+    """Tree of boxes around triangles with these corners [m], (F, 3, 3) float32; see kernels/face_tree.py."""
+    made = FaceTree()
+    made.leaves = 1 << (max(len(corners), 2) - 1).bit_length()
+    order = order_of_leaves(corners.mean(axis=1))
+    bounds = np.full((2, 2 * made.leaves, 3), np.inf, np.float32)
+    bounds[0, made.leaves :][: len(order)] = corners[order].min(axis=1)
+    bounds[1, made.leaves :][: len(order)] = -corners[order].max(axis=1)
+    level = made.leaves
+    while level > 1:
+        children = bounds[:, level : 2 * level].reshape(2, level // 2, 2, 3)
+        level //= 2
+        bounds[:, level : 2 * level] = children.min(axis=2)
+    lower, upper = bounds[0], -bounds[1]
+    empty = np.pad(order, (0, made.leaves - len(order)), constant_values=-1)
+    made.order = wp.array(empty, dtype=wp.int32, device=device)
+    made.lower, made.upper = (wp.array(np.ascontiguousarray(x), dtype=wp.vec3, device=device) for x in (lower, upper))
+    return made
+
+
+def order_of_leaves(centres: np.ndarray) -> np.ndarray:
+    """Triangles with these centres, shape (F, 3) or more columns, in an order that keeps neighbours together, (F,)."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(centres, leafsize=1).indices, np.int32)
 
 
 def signed_distances(
-    shape: BodyShape, points: np.ndarray, device: wp.Device, made: tuple[Any, wp.Mesh | None] | None = None
+    shape: BodyShape, points: np.ndarray, device: wp.Device, made: tuple[Any, Any] | None = None
 ) -> np.ndarray:
     """Normals (columns 1 to 3) and signed distances [m] (4) of points in the frame of a shape, shape (N, 4).
 

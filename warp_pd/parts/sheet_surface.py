@@ -20,6 +20,7 @@ from ..kernels.damage import face_damage
 from ..kernels.face_tree import FaceTree, merge_boxes
 from ..kernels.integrate import RIGID
 from ..kernels.sheet_pairs import Surface
+from .body_shapes import order_of_leaves
 
 OWNER = "SelfContact"
 # Skin of the boxes in spacings; rounds of solution, iterations of each, and rounds of the fail-safe.
@@ -193,12 +194,9 @@ class SheetSurface(BuiltContact):
 
 def _order(sheet: Any, pieces: np.ndarray) -> np.ndarray:
     """Triangles in an order that keeps neighbours of a piece together, (F,) int32."""
-    from scipy.spatial import cKDTree
-
     triangles = sheet.triangles
     apart = 10.0 * np.ptp(sheet.positions, axis=0).max() * pieces[triangles[:, 0]]
-    centres = np.column_stack([sheet.positions[triangles].mean(axis=1), apart])
-    return np.asarray(cKDTree(centres, leafsize=1).indices, np.int32)
+    return order_of_leaves(np.column_stack([sheet.positions[triangles].mean(axis=1), apart]))
 
 
 def _tables(triangles: np.ndarray, points: int) -> dict[str, np.ndarray]:

@@ -146,9 +146,8 @@ class BuiltExplicit(BuiltSolver):
         self.system = system
         step = self.context.stage("step", "every step")
         system.add(STEP, step)
-        if self.context.bodies:
-            moves = self.context.partition is not None or step.moves_later(self.context.state.displacement)
-            self.context.noted["moves"].fill_(int(moves))
+        for part in system.parts:
+            part.complete(step)
         step.fuse_wraparound()
         self.stable_step = StableStep(system, self.context.state.mass)
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
