@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import difflib
 import inspect
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,7 +15,10 @@ TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0":
 
 
 def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter]) -> Any:
-    """Convert `value` to the type of the default of argument `key`; without a default, parse it as a Python literal."""
+    """Convert `value` to the type of the default of argument `key`.
+
+    Without a default, or if that is None and the annotation names no number, parse it as a Python literal.
+    """
     if key not in parameters:
         nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
@@ -30,7 +34,10 @@ def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter])
         return _python_value(value)
     if isinstance(default, bool):
         return TRUTH[one_of(f"--set {key}", value.lower(), TRUTH)]
-    return _as_number(key, value, default, str(parameters[key].annotation))
+    types = set(re.findall(r"\w+", str(parameters[key].annotation)))
+    if default is None and not types & {"int", "float"}:
+        return value if "str" in types and value.lower() != "none" else _python_value(value)
+    return _as_number(key, value, default, types)
 
 
 def plain(value: Any) -> Any:
@@ -57,8 +64,8 @@ def split_values(text: str) -> list[str]:
     return [value.strip() for value in found]
 
 
-def _as_number(key: str, text: str, default: Any, annotation: str) -> int | float | None:
-    """Convert to int or float, depending on the default or, if it is None, on the annotation and the text."""
+def _as_number(key: str, text: str, default: Any, types: set[str]) -> int | float | None:
+    """Convert to int or float, depending on the default or, if it is None, on the annotated types and the text."""
     number = _number(text)
     if isinstance(default, int):
         if not isinstance(number, int):
@@ -68,7 +75,7 @@ def _as_number(key: str, text: str, default: Any, annotation: str) -> int | floa
         return None
     if number is None:
         raise InputError(f"--set {key} = {text!r}: expected a number")
-    return number if default is None and "float" not in annotation else float(number)
+    return number if default is None and "float" not in types else float(number)
 
 
 def _number(text: str) -> int | float | None:

@@ -15,7 +15,7 @@ from warp_pd.run.scene_files import require_settings
 
 def build(
     free, whole=3, real=1.5, text="a", truth=True, unset=None, unset_real: float | None = None, pair=(0.1, 0.2),
-    path=((0.0, 1.0), (1.0, 2.0)), names=("left", "right"),
+    path=((0.0, 1.0), (1.0, 2.0)), names=("left", "right"), unit: str | None = None,
 ):  # fmt: skip
     pass
 
@@ -38,7 +38,11 @@ PARAMETERS = inspect.signature(build).parameters
         ("truth", "no", False),
         ("unset", "11", 11),
         ("unset", "none", None),
+        ("unset", "mm", "mm"),
         ("unset_real", "11", 11.0),
+        ("unit", "mm", "mm"),
+        ("unit", "11", "11"),
+        ("unit", "none", None),
         ("pair", "0.3,0.4", (0.3, 0.4)),
         ("pair", "(0.3, 0.4)", (0.3, 0.4)),
         ("pair", "0.3", (0.3,)),
@@ -58,7 +62,7 @@ def test_text_becomes_what_the_argument_takes(key, text, expected):
     [
         ("whole", "11.0", "--set whole = '11.0': expected a whole number"),
         ("real", "0.1,0.2", "--set real = '0.1,0.2': expected a number"),
-        ("unset", "a", "--set unset = 'a': expected a number"),
+        ("unset_real", "a", "--set unset_real = 'a': expected a number"),
         ("pair", "a,b", "--set pair = 'a,b': expected values separated by commas, such as 0.1,0.2"),
         ("pair", "__import__('os')", "expected values separated by commas, such as 0.1,0.2"),
         ("path", "0,1", "--set path = '0,1': expected values separated by commas, such as (0.0, 1.0),(1.0, 2.0)"),
