@@ -101,12 +101,17 @@ def test_packages_offer_what_they_say(package):
     assert module.__all__
     for name in module.__all__:
         assert getattr(module, name) is not None
-    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'") as raised:
         _ = module.nothing
+    assert raised.value.obj is module and raised.value.name == "nothing", "Python suggests names"
 
 
 def test_import_waits_for_nothing_else():
-    code = "import sys, warp_pd; sys.exit(int('warp' in sys.modules or 'numpy' in sys.modules))"
+    """Names that were not used yet are listed, so that shells complete them."""
+    code = (
+        "import sys, warp_pd; assert set(warp_pd.__all__) <= set(dir(warp_pd)); "
+        "sys.exit(int('warp' in sys.modules or 'numpy' in sys.modules))"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -11,8 +11,12 @@ from typing import Any
 
 
 def lazy(package: str) -> Callable[[str], Any]:
-    """Create the `__getattr__` of a package, which imports what its file imports below `if TYPE_CHECKING:`."""
-    text = Path(str(sys.modules[package].__file__)).read_text("utf-8")
+    """Create the `__getattr__` of a package, which imports what its file imports below `if TYPE_CHECKING:`.
+
+    `dir` then lists these names, for completion and help.
+    """
+    module = sys.modules[package]
+    text = Path(str(module.__file__)).read_text("utf-8")
     imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level == 1]
     places = {alias.name: str(node.module) for node in imports for alias in node.names}
 
@@ -26,8 +30,11 @@ def lazy(package: str) -> Callable[[str], Any]:
             except ModuleNotFoundError as error:
                 if error.name != f"{package}.{name}":
                     raise
-                raise AttributeError(f"module {package!r} has no attribute {name!r}") from None
-        setattr(sys.modules[package], name, found)
+                raise AttributeError(
+                    f"module {package!r} has no attribute {name!r}", name=name, obj=module
+                ) from None  # with both, Python says what was meant
+        setattr(module, name, found)
         return found
 
+    vars(module)["__dir__"] = lambda: sorted({*vars(module), *places})
     return find

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..device.checks import InputError, one_of
 from ..run.arguments import converted
-from ..run.folder import free_folder
+from ..run.folder import free_folder, remove_if_empty, results_in, writable_folder
 from ..run.scene_files import load_scene
 from .columns import read_tests
 from .data import Test
@@ -38,15 +38,26 @@ def fit_scene(
         tests += found
         yield from notes
     names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
-    result = fit(
-        SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
-    )
-    run = run_line(scene, given, result)
-    folder = free_folder(Path("runs") / f"{Path(scene).stem}-fit") if out is None else Path(out)
-    result.save(folder, run)
+    folder = _free_folder(free_folder(Path("runs") / f"{Path(scene).stem}-fit") if out is None else Path(out))
+    try:
+        result = fit(
+            SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
+        )
+        run = run_line(scene, given, result)
+        result.save(folder, run)
+    finally:
+        remove_if_empty(folder)
     yield result.table()
     yield f"results in {folder}"
     yield f"run the fitted scene: {run}"
+
+
+def _free_folder(folder: Path) -> Path:
+    """The folder, created. Raises InputError before anything is fitted if it cannot take the results."""
+    if left := results_in(folder):
+        raise InputError(f"out = {str(folder)!r}: it contains {left[0]}; expected a folder without results (--out)")
+    writable_folder(folder, resume=False)
+    return folder
 
 
 def run_line(scene: str, given: Mapping[str, Any], result: Fit) -> str:

@@ -42,10 +42,10 @@ DIMENSIONS = {
 }  # fmt: skip
 
 
-def factor_and_dimension(column: str, unit: str) -> tuple[float, str]:
+def factor_and_dimension(column: str, unit: str, file: str) -> tuple[float, str]:
     """Conversion factor to SI, and dimension. Raises InputError if the unit is unknown."""
     if unit not in UNITS:
-        raise InputError(f"column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}")
+        raise InputError(f"{file}: column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}")
     return UNITS[unit]
 
 
@@ -208,7 +208,7 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], l
         name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
         if name in names:
             raise InputError(f"{path.name}: column {name!r} appears twice: expected different names")
-        factor, dimension = factor_and_dimension(name, match.group(2).strip() or "1")
+        factor, dimension = factor_and_dimension(name, match.group(2).strip() or "1", path.name)
         names.append(name)
         factors.append(factor)
         dimensions.append(dimension)

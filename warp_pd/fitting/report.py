@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
+from ..run.folder import FIT
 from ..run.simulation import Simulation
 from .data import Curve, Test
 from .model import Experiment, SceneTests
@@ -214,7 +215,7 @@ class Fit:
             "notes": [*self.notes, *self.judgement.words, *self.outliers()],
             "run": command,
         }  # fmt: skip
-        (folder / "fit.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        (folder / FIT).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         for k, (test, model) in enumerate(zip(self.tests, self.model, strict=True)):
             self._write(folder / f"test-{k + 1}.csv", test, model)
         self.draw(folder / "fit.png")

@@ -27,7 +27,8 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
 
 PAGE = "view.html"
 FINE = "fine_history.csv"
-RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, FRAMES, BODIES, ANIMATION, PAGE)
+FIT = "fit.json"
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, FRAMES, BODIES, ANIMATION, PAGE, FIT)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:

@@ -10,6 +10,7 @@ from helpers import refused
 
 from warp_pd.__main__ import build_scene, main
 from warp_pd.fitting import tearing_energy
+from warp_pd.run.folder import free_folder
 
 SMALL = {"points": 9, "shape": "square", "lock": 20.0, "horizon": 2.015}
 
@@ -43,6 +44,9 @@ def test_the_command_fits_a_scene_and_says_how_to_run_it(bulge_csv, tmp_path):
     assert saved["constants"]["mu"]["value"] == pytest.approx(0.3e6, rel=1e-5)
     assert saved["run"] in last
     assert (tmp_path / "out" / "fit.png").is_file()
+    again = run("bulge_test", bulge_csv, "--vary", "mu", "--measure", "center_deflection", "--out", tmp_path / "out")
+    assert again.exit_code == 2 and "it contains fit.json; expected a folder without results" in again.output
+    assert free_folder(tmp_path / "out").name == "out-2"
 
 
 @pytest.mark.parametrize(
@@ -53,6 +57,7 @@ def test_the_command_fits_a_scene_and_says_how_to_run_it(bulge_csv, tmp_path):
         (["--vary", "mu", "--bounds", "mu=3:2"], "expected LOW below HIGH"),
         (["--vary", "mu", "--loss", "l1"], "--loss = 'l1'"),
         (["--vary", "mu", "--set", "nu=3"], "nu is not an argument of this scene"),
+        (["--vary", "mu", "--out", __file__], "expected a writable folder"),
     ],
 )
 def test_wrong_options_are_refused_in_a_line(bulge_csv, options, said):

@@ -58,7 +58,7 @@ def test_gaps_are_left_out_and_named(tmp_path):
     ("text", "said"),
     [
         ("pressure,height [mm]\n1,2\n", "column 'pressure': expected a name and a unit"),
-        ("pressure [kPa],height [parsec]\n1,2\n", r"column 'height': unit \[parsec\] is not known"),
+        ("pressure [kPa],height [parsec]\n1,2\n", r"data.csv: column 'height': unit \[parsec\] is not known"),
         ("pressure [kPa],height [mm]\n1,two\n", "line 2: height = 'two': expected a number"),
         ("pressure [kPa],height [mm]\n1,2,3\n", "line 2: 3 cells: expected 2"),
         ("pressure [mm],height [kPa]\n1,2\n", "column 'pressure' is a length: expected a pressure; the columns seem"),
