@@ -221,6 +221,18 @@ def test_a_temperature_may_vary_from_point_to_point():
     assert moved[:, 0].max() == pytest.approx(np.trapezoid(stretch, place) - 0.1, rel=5e-3)
 
 
+def test_heat_is_no_energy_out_of_nowhere():
+    """Three times as warm, a stretched sheet has three times the energy, and no frame is taken for unsound."""
+    sheet = square(7).prestretched(1.3).as_cloud()
+    law = BondAssociated(recipe("temperature").WarmRubber(C10))
+    loads = [Fixed(np.arange(sheet.size)), ValuesInTime([(0.0, 1.0), (0.1, 3.0)])]
+    result = run(Simulation(sheet, law, Explicit(0.1, frames=10), loads=loads))
+    assert result.status == "finished" and result.summary["repeated"] == 0
+    assert result.history[-1]["strain"] == pytest.approx(3.0 * result.history[0]["strain"], rel=1e-6)
+    assert "balance_error" not in result.history[-1]
+    assert any("ValuesInTime changes energies" in note for note in result.summary["notes"])
+
+
 # Fibres
 
 

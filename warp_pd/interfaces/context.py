@@ -194,9 +194,19 @@ class Context:
         output: str = "",
         density: bool = False,
     ) -> Array:
-        """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`."""
+        """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`.
+
+        Raises:
+            ValueError: for a field of points that has not an entry for each of them.
+        """
         declared = Field(name, owner, per, restart, halo, own_exchange, intermediate, output, density)
-        return self.fields.allocate(declared, dtype, values, shape)
+        array = self.fields.allocate(declared, dtype, values, shape)
+        if per == "point" and self.sheet.size not in array.shape:
+            raise ValueError(
+                f"{owner}: {name} has the shape {array.shape}: expected {self.sheet.size}, one for each point, or a "
+                "`per` other than 'point'"
+            )
+        return array
 
     def shared_array(self, name: str, owner: str, dtype: Any, shape: Any, per: str) -> Array:
         """An array of several parts, which the first of them that asks for it declares; see `array`."""

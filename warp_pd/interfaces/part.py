@@ -46,12 +46,14 @@ class Part(Protocol):
         adds_force: Whether it adds to the external force.
         loads_at_rest: Whether static solvers take it as a load, which `build` then returns.
         does_work: Whether it does work on the sheet, for the energy balance.
+        unbalanced: Whether it changes energies in ways that nothing counts, so that there is no balance.
     """
 
     argument: ClassVar[str] = "loads"
     adds_force: ClassVar[bool] = False
     loads_at_rest: ClassVar[bool] = False
     does_work: ClassVar[bool] = False
+    unbalanced: ClassVar[bool] = False
 
     @property
     def only_one(self) -> str:
@@ -137,7 +139,7 @@ class BuiltLoad(BuiltPart, Protocol):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that add the force at a displacement [m] to `out` [N], both (N,) vec3."""
-        ...
+        raise NotImplementedError(f"{type(self).__name__}.add_force: expected an implementation, or a constant_force")
 
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
         """Add the launches that add the derivative of the force along a direction [m] to `out` [N].

@@ -105,12 +105,13 @@ class EnergyBalance(BuiltPart):
     Attributes:
         work: External work of each point [J], (N,) float64, or None.
         dissipated: Energy dissipated by damping at each point [J], (N,) float64, or None.
-        balances: Whether work and losses are tracked and the law has an energy, so that there is a balance.
+        balances: Whether work and losses are tracked, the law has an energy and all parts are balanced, so that there
+            is a balance.
         stored: Names of the energies that the parts store.
         lost: Names of the energies that the parts lose.
     """
 
-    def __init__(self, context: Context, law: BuiltLaw, does_work: bool) -> None:
+    def __init__(self, context: Context, law: BuiltLaw, does_work: bool, unbalanced: bool) -> None:
         features, n = context.features, context.sheet.size
         self.work: Array | None = None
         self.dissipated: Array | None = None
@@ -118,10 +119,10 @@ class EnergyBalance(BuiltPart):
             self.work = context.array("work", "energy balance", wp.float64, shape=n, restart=True)
         if features.tracked and features.damped:
             self.dissipated = context.array("dissipated", "energy balance", wp.float64, shape=n, restart=True)
-        self.balances = features.tracked and law.has_energy
+        self.balances = features.tracked and law.has_energy and not unbalanced
         # These columns are 0 in scenes that have no such work or loss, so that runs can be compared.
         self._always: tuple[str, ...] = ("external", "damping") if features.tracked else ()
-        self._always += ("rupture",) if self.balances else ()
+        self._always += ("rupture",) if features.tracked and law.has_energy else ()
         self.stored: Sequence[str] = ()
         self.lost: Sequence[str] = ()
 

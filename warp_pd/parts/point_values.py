@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ..device.checks import InputError
 from ..device.fields import to_host
@@ -19,13 +20,14 @@ from .loads import Ramp
 class ValuesInTime(Part):
     """Multiplies the values by point of the material (`Material.by_point`) by a factor in time, such as a temperature.
 
-    Their change does work that the energy balance does not know.
+    Their change does work that nothing counts, so there is no energy balance.
 
     Attributes:
         ramp: Pairs (time [s], factor).
     """
 
     ramp: Ramp
+    unbalanced: ClassVar[bool] = True
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the factor on a device."""

@@ -99,7 +99,7 @@ def compose(
     if scene.solver.dynamic:
         moved.check_begin(law.families.horizon)
     does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)
-    energy = EnergyBalance(context, law, does_work)
+    energy = EnergyBalance(context, law, does_work, any(part.unbalanced for part in parts))
     context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types)
