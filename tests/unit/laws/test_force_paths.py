@@ -268,7 +268,8 @@ def test_strips_have_the_bits_of_a_whole_sheet(large_on_gpu, tune):
 
 def test_strips_take_little_memory(large_on_gpu, tune):
     tune(ring=201 * 20)
-    stored = build(square(201), horizon=3.15, material=GENT, precision=32).context.fields
+    solver = Explicit(1.0, retries=0)  # whose copy of the last frame is none of the forces
+    stored = build(square(201), horizon=3.15, material=GENT, precision=32, solver=solver).context.fields
     assert stored.nbytes < 200 * 201**2
 
 
