@@ -21,12 +21,17 @@ class FramePoints:
     """
 
     def __init__(self, built: Built, stride: int = 1) -> None:
-        """Select the points. Raises InputError for a stride greater than 1 on a sheet that is not a lattice."""
+        """Select the points. Raises InputError for a stride that leaves only the edges, or if there is no lattice."""
         self.built, self._coarse, lattice = built, None, built.context.whole.lattice
         if count("stride", stride, 1) == 1:
             return
         if lattice is None or lattice.rows == 1:
             raise InputError(f"stride = {stride}: expected 1 for a sheet that is not a lattice")
+        most = (max(lattice.columns, lattice.rows) - 1) // 2
+        if stride > most:
+            raise InputError(
+                f"stride = {stride}: expected at most {most} on a lattice of {lattice.columns} x {lattice.rows} points"
+            )
         self._coarse = CoarseLattice(lattice, stride)
 
     @property

@@ -52,6 +52,11 @@ def require_torn_where_the_sheet_is(coarse, fine, places):
             assert there[k, j] == (2 if (intact[low:high, left:right] == 2).all() else 0)
 
 
+def test_a_stride_that_leaves_only_edges_is_refused():
+    with refused(match="stride = 17: expected at most 16 on a lattice of 33 x 33 points"):
+        scene("torn").run(device="cpu", stride=17)
+
+
 def test_a_cloud_has_whole_frames():
     with refused(match="stride = 2: expected 1 for a sheet that is not a lattice"):
         scene("cloud").run(device="cpu", stride=2)
