@@ -113,18 +113,21 @@ def _rows_for(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History
     return recorder.history
 
 
-def _commit() -> str | None:
-    """The git commit of the checkout that contains this package; None for an installed package."""
-    git = Path(__file__).parents[2] / ".git"
+def commit_of(checkout: Path) -> str | None:
+    """The git commit of a checkout, which may be a worktree of another one; None for another folder."""
+    git = common = checkout / ".git"
     try:
+        if git.is_file():
+            git = checkout / git.read_text().removeprefix("gitdir:").strip()
+            common = git / (git / "commondir").read_text().strip()
         head = (git / "HEAD").read_text().strip()
         name = head.removeprefix("ref: ")
         if name == head:
             return head
-        loose = git / name
+        loose = common / name
         if loose.is_file():
             return loose.read_text().strip()
-        packed = (git / "packed-refs").read_text().splitlines()
+        packed = (common / "packed-refs").read_text().splitlines()
         return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
     except OSError:
         return None
@@ -149,7 +152,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "message": message,
         "settings": scene.settings,
         "version": importlib.metadata.version("warp-pd"),
-        "commit": _commit(),
+        "commit": commit_of(Path(__file__).parents[2]),
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": platform.node(),
         "device": str(context.device.name),

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import subprocess
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from warp_pd import (
 )
 from warp_pd.measures import largest
 from warp_pd.run.folder import read_history
+from warp_pd.run.summary import commit_of
 
 
 def one_frame(tmp_path, usd=False, **parts):
@@ -86,3 +88,20 @@ def test_an_outcome_reads_the_peak_between_frames(tmp_path, every):
         assert found == at_frames and told
     else:
         assert found == max(row["pull_x"] for row in result.fine_history) > at_frames + 1e-3 and not told
+
+
+def test_a_summary_names_the_commit_of_a_checkout_and_of_a_worktree(tmp_path):
+    def git(*words, at="."):
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        done = subprocess.run(["git", "-C", tmp_path / at, *who, *words], capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    git("init", "-q", "first")
+    git("commit", "-q", "--allow-empty", "-m", "one", at="first")
+    git("worktree", "add", "-q", "-b", "other", "../second", at="first")
+    git("commit", "-q", "--allow-empty", "-m", "two", at="second")
+    commits = [git("rev-parse", "HEAD", at=folder) for folder in ("first", "second")]
+    assert [commit_of(tmp_path / folder) for folder in ("first", "second")] == commits and len(set(commits)) == 2
+    git("pack-refs", "--all", at="first")
+    assert commit_of(tmp_path / "second") == commits[1]
+    assert commit_of(tmp_path) is None
