@@ -158,9 +158,15 @@ class EnergyBalance(BuiltPart):
         return self._relative(self._gained(rows[0], row), rows, least)
 
     def gain(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
-        """The same since the last row."""
+        """The same since the last row, whose kinetic energy is taken at half steps of this row."""
         rows = [*history, row]
-        return self._relative(self._gained(rows[-2 if history else -1], row), rows, least)
+        before = rows[-2 if history else -1]
+        if before["step"] > 0.0:
+            # What the kinetic energy at half steps lacks goes with the square of the step, and may be all energy of
+            # motion from point to point at the highest frequency.
+            lacking = (before["kinetic"] - before["half_step_kinetic"]) * (row["step"] / before["step"]) ** 2
+            before = {**before, "half_step_kinetic": before["kinetic"] - lacking}
+        return self._relative(self._gained(before, row), rows, least)
 
     def _gained(self, before: Mapping[str, float], row: Mapping[str, float]) -> float:
         """Changes of the stored energies and of the losses between two rows, less the work [J].

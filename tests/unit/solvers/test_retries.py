@@ -7,6 +7,7 @@ from resumed_runs import require_same_when_stopped
 
 from warp_pd import (
     BondAssociated,
+    EnclosedGas,
     Explicit,
     Fixed,
     Gent,
@@ -47,6 +48,16 @@ def test_a_repeated_frame_is_that_of_shorter_steps(device):
     for row, exact in zip(result.history, short.history, strict=True):
         for column in ("strain", "kinetic", "external"):
             assert row[column] == pytest.approx(exact[column], abs=0.005 * most)
+
+
+def test_a_shorter_step_is_judged_by_its_own_energy():
+    """A step at the limit hides energy of motion from point to point, which a shorter step shows and does not add."""
+    sheet, law = square(21), BondAssociated(TensionField(NeoHookean(1e5, 1e7)), horizon=2.015)
+    gas = EnclosedGas(chamber=1e-4, amount=[(0.0, 1.0), (0.05, 1.01)])
+    loads = [Fixed(sheet.edges("all")), gas]
+    result = Simulation(sheet, law, Explicit(0.1, frames=20, safety=0.9), loads=loads).run(device="cpu")
+    assert result.status == "finished" and 0 < result.summary["repeated"] <= 3
+    assert result.summary["steps"] < 450, "by less than a factor of 4"
 
 
 def test_a_resumed_run_has_the_same_shortened_steps(tmp_path):
