@@ -26,7 +26,7 @@ from .scene import Scene
 from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Built(System):
     """A simulation on a device.
 
@@ -46,6 +46,11 @@ class Built(System):
     sums: Sums
     contact: BuiltContact | None
     contacts: tuple[BuiltContact, ...] = ()
+
+    def __repr__(self) -> str:
+        """Its size and device; `warp-pd plan` lists arrays and launches."""
+        context, size = self.context, self.context.fields.nbytes
+        return f"Built({context.sheet.size} points, float{context.bits}, on {context.device}, {size} bytes)"
 
     @property
     def state(self) -> State:

@@ -16,8 +16,10 @@ from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from ..interfaces.frame import OWN_FIELDS, Frame
 
 
-def check_reference(kind: str, name: str, unit: str, reference: float | None) -> None:
-    """Check the unit and reference of a measure or an outcome."""
+def check_number(kind: str, name: str, unit: str, value: Any, reference: float | None) -> None:
+    """Check the unit, the function and the reference of a measure or an outcome."""
+    if not callable(value):
+        raise InputError(f"{kind} {name!r}: value = {said(value)}: expected a function")
     if not isinstance(unit, str):
         raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
     if reference is not None:
@@ -52,7 +54,7 @@ class Measure:
     source: str = ""
 
     def __post_init__(self) -> None:
-        check_reference("Measure", self.name, self.unit, self.reference)
+        check_number("Measure", self.name, self.unit, self.value, self.reference)
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Outcome:
     fine: bool = False
 
     def __post_init__(self) -> None:
-        check_reference("Outcome", self.name, self.unit, self.reference)
+        check_number("Outcome", self.name, self.unit, self.value, self.reference)
 
 
 @dataclass(eq=False)
@@ -181,6 +183,8 @@ class Scene:
             for index, part in enumerate(parts):
                 if isinstance(part, type) or not isinstance(part, kind):
                     raise InputError(f"{name}[{index}] = {said(part)}: expected an instance of {kind.__name__}")
+        if self.pictures is not None and not callable(self.pictures):
+            raise InputError(f"pictures = {said(self.pictures)}: expected a function (history, folder) or None")
         for names in (self.fields, self.chosen_fields or ()):
             if isinstance(names, str) or not all(isinstance(name, str) for name in names):
                 raise InputError(f"fields = {said(names)}: expected a list of names")

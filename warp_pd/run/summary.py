@@ -37,9 +37,9 @@ def notes_of(recorder: Recorder) -> list[str]:
     notes = list(built.simulation.notes)
     if not built.law.has_energy:
         notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
-    for part in built.simulation.loads:
-        if part.unbalanced:
-            notes.append(f"energy: {type(part).__name__} changes energies in ways that nothing counts: no balance")
+    unbalanced = [type(load).__name__ for load in built.simulation.loads if load.unbalanced]
+    if unbalanced:
+        notes.append(f"energy: {', '.join(unbalanced)} changes energies in ways that nothing counts: no balance")
     for part in built.parts:
         notes += part.notes(recorder.history, built.simulation.load_duration)
     for name, found in recorder.missing.items():

@@ -1,5 +1,7 @@
 """Composing a simulation: stages, the plan, what is compiled, owners, and loads in every solver."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers import NEO, refused, square
@@ -94,6 +96,10 @@ def test_plan_has_coarse_lattices():
     plan = SCENES["newton multigrid"]().plan("cpu", 64)
     for stage in ("lattice 1 evaluate", "lattice 1 linearise", "dead loads", "start from coarser", "down", "up"):
         assert f"\n  {stage} " in plan, stage
+
+
+def test_a_built_simulation_says_in_a_line_what_it_is():
+    assert re.fullmatch(r"Built\(\d+ points, float64, on cpu, \d+ bytes\)", repr(compiled()))
 
 
 def compiled(*loads, **parts):

@@ -29,6 +29,7 @@ from warp_pd import (
         (lambda: Nodal(type(NEO)), "material = the class NeoHookean"),
         (lambda: Simulation(square(5), None, Explicit(1.0)).build("cpu"), "force = None"),
         (lambda: Simulation(square(5), NEO, Explicit(1.0)).build("cpu"), "force = NeoHookean"),
+        (lambda: Simulation(square(5), BondAssociated(NEO), Explicit(1.0), pictures=5).build("cpu"), "pictures = 5"),
     ],
 )
 def test_a_part_in_the_wrong_place_is_named(make, says):
@@ -69,7 +70,7 @@ def test_a_wrong_influence_function_is_named():
 @pytest.mark.parametrize("kind", [Measure, Outcome])
 @pytest.mark.parametrize(("changed", "said"), [
     ({"unit": 3}, "unit = 3: expected text"), ({"reference": "x"}, "reference = 'x'"),
-    ({"reference": float("nan")}, "reference = nan"),
+    ({"reference": float("nan")}, "reference = nan"), ({"value": 5}, "value = 5: expected a function"),
 ])  # fmt: skip
 def test_a_measure_with_a_wrong_unit_or_reference_is_named(kind, changed, said):
     with refused(match=f"^{kind.__name__} 'a': {said}"):
