@@ -13,6 +13,9 @@ weights of the variational form the run completes without damping. At horizons o
 grid; at 3.15 they visibly do not. Torn edges collapse in plane, where a real sheet wrinkles: `wrinkles` = "relaxed",
 the default for laws that take it, gives the sheet the energy of tension field theory.
 
+Steps are 0.7 of the stable one: against 0.5, the default of tears, the largest force changes by 0.2 %, the tear begins
+in the same frame, and the energy balance is off by 0.3 % in place of 0.2 %.
+
 With `--set self_contact=true` the torn flaps do not pass through each other.
 
 The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
@@ -40,7 +43,7 @@ def build(
     duration: float = 4.0,
     frames: int = 96,
     damping: float = 0.0,
-    safety: float | None = None,
+    safety: float = 0.7,
     tearing_energy: float = 8.0,
     damage_length: float | None = None,
     critical_stretch: float | None = None,
