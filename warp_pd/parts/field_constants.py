@@ -1,4 +1,4 @@
-"""Length, strength and other constants of a damage field, from the arguments of `TearingEnergy`."""
+"""Length, strength and other constants of a damage field and of its sweeps, from the arguments of `TearingEnergy`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,21 @@ MIN_LENGTH = 0.75
 # A tear takes 1 + BIAS[0] x + BIAS[1] x^2 times the tearing energy of the field, x = horizon / length, because families
 # average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing-energy.md.
 BIAS = (0.12, 0.075)
+# Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
+REDUCED = 3.0
+
+
+def relaxations(sweeps: int) -> list[float]:
+    """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
+
+    The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength the
+    sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
+    """
+    quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
+    found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
+    while len(found) < sweeps // 2:
+        found.append(1.0 / (1.0 - quarter * found[-1]))
+    return 2 * found[: sweeps // 2]
 
 
 def bias(ratio: float) -> float:

@@ -24,7 +24,7 @@ from ..kernels.damage_list import TOGETHER, screen_struct
 from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
 from .damage_ghosts import LAYERS, DamageGhosts
-from .field_constants import FieldConstants
+from .field_constants import FieldConstants, relaxations
 from .rupture import AT_REST, Damaged
 from .weak_seams import narrow_seam
 
@@ -40,8 +40,6 @@ INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
 # Factor of the sweeps over length / spacing with `every_step`; more change nothing.
 CLOSER = 4.0
-# Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
-REDUCED = 3.0
 # Members that the screen looks at one by one, and the margin for round-off when it does.
 FEW, ROUND_OFF = 4, 1e-4
 # Threads that share the list of points: as many as a GPU holds at once, and few on a CPU, where they take turns.
@@ -148,19 +146,6 @@ class TearingEnergy(Rupture):
 def finds_at_once(context: Context) -> bool:
     """Whether one launch finds the damage of a step: on a GPU, whose blocks can wait for each other."""
     return context.device.is_cuda and context.features.dynamic and context.partition is None
-
-
-def relaxations(sweeps: int) -> list[float]:
-    """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
-
-    The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength the
-    sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
-    """
-    quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
-    found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
-    while len(found) < sweeps // 2:
-        found.append(1.0 / (1.0 - quarter * found[-1]))
-    return 2 * found[: sweeps // 2]
 
 
 class DamageField(Damaged):
