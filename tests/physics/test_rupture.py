@@ -127,7 +127,7 @@ def test_the_direct_solver_uses_the_same_intersections():
     sever(built, ((0.02, 0.031), (0.071, 0.08)))
     tangent = built.law.tangent(built.context, True)
     context, types = built.context, built.context.types
-    tension = context.array("tension", "test", types.real, shape=1)
+    tension = context.array("tension", "test", types.real, shape=1, per="once")
     direction = context.array("direction", "test", types.vec3, shape=sheet.size)
     change = context.array("change", "test", types.vec3, shape=sheet.size)
     tangent.add_linearise(context.stage("linearise", "test"), built.state.displacement, tension)

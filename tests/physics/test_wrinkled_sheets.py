@@ -112,7 +112,7 @@ def test_the_tangent_is_the_derivative_of_the_force():
     sever(built, CUT)
     tangent = built.law.tangent(built.context, True)
     context, types = built.context, built.context.types
-    tension = context.array("tension", "test", types.real, shape=1)
+    tension = context.array("tension", "test", types.real, shape=1, per="once")
     direction = context.array("direction", "test", types.vec3, shape=sheet.size)
     change = context.array("change", "test", types.vec3, shape=sheet.size)
     linearise, product = context.stage("linearise", "test"), context.stage("product", "test")
