@@ -210,8 +210,10 @@ class Context:
 
     def shared_array(self, name: str, owner: str, dtype: Any, shape: Any, per: str) -> Array:
         """An array of several parts, which the first of them that asks for it declares; see `array`."""
-        found = next((stored.array for stored in self.fields if stored.name == name), None)
-        return self.array(name, owner, dtype, shape=shape, per=per) if found is None else found
+        try:
+            return self.fields[name]
+        except KeyError:
+            return self.array(name, owner, dtype, shape=shape, per=per)
 
     def own(self, array: Array) -> Array:
         """View of the own points of a point array; the whole array for a single process."""
