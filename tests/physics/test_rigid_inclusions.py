@@ -5,7 +5,7 @@ import pytest
 from helpers import BULK, MU, refused, square
 from small_runs import run
 
-from warp_pd import Explicit, Fixed, Motion
+from warp_pd import BodyPath, Explicit, Fixed, Motion, RigidBody, Sphere
 
 
 def test_a_rigid_inclusion_moves_as_a_body():
@@ -113,3 +113,14 @@ def test_a_heavy_frame_swings_at_the_frequency_of_its_mass_on_a_spring(points, b
     )  # fmt: skip
     late = result.frame.displacement[frame, 0].mean() * frequency / (np.pi * speed)
     assert abs(late) < bound
+
+
+def test_a_body_pushes_a_sheet_with_an_inclusion():
+    """Both are bodies with arrays of their own; the ball touches the sheet outside the inclusion."""
+    sheet = square(17).inclusion((0.03, 0.05), 0.012)
+    ball = RigidBody(Sphere(0.03), BodyPath([0.0, 0.3], [(0.07, 0.05, 0.0151), (0.07, 0.05, 0.0051)]))
+    result = run(sheet, contact=ball, loads=[Fixed(sheet.edges("all"))], solver=Explicit(0.3, frames=3))
+    below = sheet.nearest(0.07, 0.05)
+    assert result.frame.displacement[below, 2] == pytest.approx(-0.0099, abs=1e-4)
+    assert result.history[-1]["body_force_z"] > 0.0
+    assert np.ptp(result.frame.displacement[sheet.inclusions[0], 2]) > 0.0

@@ -79,16 +79,16 @@ class BuiltInclusions(BuiltPart):
             return context.array(name, OWNER, dtype, values, per="body", restart=True)
 
         self._bodies = {
-            "begins": table("body_begins", wp.int32, begins),
-            "members": table("body_members", wp.int32, np.concatenate(groups)),
-            "arms": table("body_arms", wp.vec3d, np.vstack(arms)),
-            "masses": table("body_masses", wp.float64, np.array(masses)),
-            "inverse_inertia": table("body_inverse_inertia", wp.mat33d, np.array(inertia)),
+            "begins": table("inclusion begins", wp.int32, begins),
+            "members": table("inclusion members", wp.int32, np.concatenate(groups)),
+            "arms": table("inclusion arms", wp.vec3d, np.vstack(arms)),
+            "masses": table("inclusion masses", wp.float64, np.array(masses)),
+            "inverse_inertia": table("inclusion inverse_inertia", wp.mat33d, np.array(inertia)),
         }
-        self.place = body("body_place", wp.vec3d, np.array(place))
-        self.linear = body("body_linear", wp.vec3d, np.array(linear))
-        self.angular = body("body_angular", wp.vec3d, np.array(angular))
-        self.rotation = body("body_rotation", wp.mat33d, np.array(rotation))
+        self.place = body("inclusion place", wp.vec3d, np.array(place))
+        self.linear = body("inclusion linear", wp.vec3d, np.array(linear))
+        self.angular = body("inclusion angular", wp.vec3d, np.array(angular))
+        self.rotation = body("inclusion rotation", wp.mat33d, np.array(rotation))
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that drift and kick the bodies."""

@@ -180,7 +180,7 @@ class Descent:
             if math.isfinite(new_norm) and (self.lifting or settled or new_norm < norm):
                 self._accept(step_length, ratio(new_norm, scale))
                 return new_norm, scale
-            step_length *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
+            step_length *= shortening(work, left)
         level.step_to(0.0)
         level.evaluate()
         return None
@@ -202,6 +202,21 @@ class Descent:
             self.tension = min(0.1 * self.tension, relative * self.sizes.modulus)
             if self.tension < MIN_TENSION * self.sizes.modulus:
                 self.tension = 0.0
+
+
+def shortening(work: float, left: float) -> float:
+    """Factor of the next trial of a line search [-].
+
+    Args:
+        work: Force along the direction at the start [N m], positive.
+        left: That at the refused trial; may be infinite or NaN.
+
+    Returns:
+        The zero of the secant, from 0.1 to 0.5; 0.1 where the force did not fall, 0.25 where it is not finite.
+    """
+    if not math.isfinite(left):
+        return 0.25
+    return min(0.5, max(0.1, work / (work - left))) if left < work else 0.1
 
 
 def ratio(norm: float, scale: float) -> float:

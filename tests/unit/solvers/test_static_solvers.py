@@ -2,10 +2,13 @@
 
 import pytest
 from helpers import refused, square
+from hypothesis import given
+from hypothesis import strategies as st
 from small_runs import cli, simulate
 
 from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Relaxation, RigidBall
 from warp_pd.geometry.triangulation import Lattice
+from warp_pd.solvers.descent import shortening
 from warp_pd.solvers.multigrid import coarser
 from warp_pd.solvers.newton_settings import Report
 
@@ -93,3 +96,9 @@ def test_wrong_solver_on_the_command_line(arguments, text, tmp_path):
     done = cli("run", *arguments, "--device", "cpu", "--quiet", "--out", tmp_path)
     assert done.exit_code == 2
     assert text in done.output
+
+
+@given(work=st.floats(1e-100, 1e100), left=st.floats())
+def test_a_refused_trial_is_followed_by_a_shorter_one(work, left):
+    assert 0.1 <= shortening(work, left) <= 0.5
+    assert shortening(work, work) == 0.1
