@@ -89,6 +89,15 @@ def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: flo
     return nearest
 
 
+def points_near(points: np.ndarray, chosen: np.ndarray, within: float) -> np.ndarray:
+    """Mask of the points at most `within` [m] from one of `chosen`, a mask, too; both (N,)."""
+    from scipy.spatial import cKDTree
+
+    if not chosen.any():
+        return np.zeros(len(points), bool)
+    return np.asarray(cKDTree(points[chosen]).query(points, distance_upper_bound=within)[0] <= within)
+
+
 def loose_ends(segments: np.ndarray) -> np.ndarray:
     """Ends that belong to only one segment [m], shape (E, dimensions), for segments of shape (S, 2, dimensions)."""
     ends = segments.reshape(-1, segments.shape[-1])

@@ -14,7 +14,7 @@ from ..device.checks import InputError, by_point, numbers, one_of, point_indices
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
 from ..families.partition import Partition
-from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
+from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends, points_near
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
@@ -32,6 +32,8 @@ from .weak_seams import narrow_seam
 MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
 SEVERED = 0.96
+# Distance from initial damage up to which intact material may start above its strength, in lengths of the field.
+BESIDE = 2.0
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
 # The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
@@ -537,9 +539,19 @@ class DamageField(Damaged):
         self.add_faces(stage)
 
     def begin(self) -> None:
-        """Check that no intact material would tear in the initial state. Raises InputError if any would."""
+        """Check that no intact material away from cracks would tear in the initial state.
+
+        Beside a crack the energy has no limit, and one that starts above Gc is about to run.
+
+        Raises:
+            InputError: if any would.
+        """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
+        if (driving * self._fastest > 1.0).any():
+            whole = self.context.whole
+            damaged = self._profile(whole)[0] > 0.0
+            driving[self.context.here(points_near(whole.points, damaged, BESIDE * self.length))] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
             begins = f"{most * self._fastest * self.limit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
