@@ -33,7 +33,7 @@ MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
 SEVERED = 0.96
 # Distance from initial damage up to which intact material may start above its strength, in lengths of the field.
-BESIDE = 2.0
+BESIDE = 4.0
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
 # The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
