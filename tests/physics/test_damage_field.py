@@ -356,6 +356,23 @@ def test_a_start_beyond_the_strength_is_one_line():
         ).run(device="cpu")
 
 
+def test_a_crack_may_start_above_the_strength_beside_its_tip_and_there_alone():
+    sheet = square(21).cut((-0.01, 0.0475), (0.0225, 0.0475))
+    x, y = sheet.points.T
+
+    def begin(place):
+        start = np.zeros((sheet.size, 3))
+        start[:, 1] = 0.9 * (y - 0.05) * np.exp(-((x - place) ** 2 + (y - 0.05) ** 2) / 0.015**2)
+        damage = TearingEnergy(5.0, length=0.008)
+        return Simulation(
+            sheet, BondAssociated(NEO), Explicit(1e-6, frames=1), damage=damage, initial_displacement=start
+        ).run(device="cpu")
+
+    assert begin(0.03).status == "finished"
+    with refused(match=r"^damage = TearingEnergy: the sheet starts with [^\n]*$"):
+        begin(0.09)
+
+
 def test_the_summary_states_length_and_strength():
     sheet = square(9)
     loads = [Fixed(sheet.edges("left"))]
