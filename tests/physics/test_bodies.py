@@ -110,6 +110,14 @@ def test_a_plate_that_picks_up_a_sheet_loses_as_much_as_it_gives():
     assert rows[-1]["body_rubbed"] == pytest.approx(0.5 * mass * 0.25, rel=1e-12)
 
 
+def test_a_body_on_a_path_has_its_velocity_from_the_first_frame():
+    turned = (0.0, 0.0, np.sin(0.1), np.cos(0.1))
+    path = BodyPath([-0.1, 0.1], [(0.0, 0.0, 5.0), (0.1, 0.2, 4.0)], [(0.0, 0.0, 0.0, 1.0), turned])
+    rows = run(square(7), Explicit(0.02, frames=2), precision=64, contact=RigidBody(Sphere(0.1), path)).history
+    for name, value in {"velocity_x": 0.5, "velocity_y": 1.0, "velocity_z": -5.0, "spin_z": 1.0, "spin_x": 0.0}.items():
+        assert [row[f"body_{name}"] for row in rows] == pytest.approx([value] * 3, rel=1e-9, abs=1e-12)
+
+
 def rolling(shape, safety, friction=0.5, speed=1.0):
     """Rows of a body that lies along y and crosses a trampoline."""
     scene = dropped_ball.build(points=15, horizon=2.015, duration=0.3, frames=30, safety=safety, friction=friction)

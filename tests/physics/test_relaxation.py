@@ -1,10 +1,11 @@
 """Relaxation: its tolerance, its residual, and rupture in static equilibrium."""
 
+import numpy as np
 import pytest
 from helpers import square
 from small_runs import run
 
-from warp_pd import CriticalStretch, Fixed, Motion, Pressure, Relaxation
+from warp_pd import CriticalStretch, Fixed, Motion, PointForce, Pressure, Relaxation
 
 RISING = [(0.0, 0.0), (1.0, 1.0)]
 
@@ -51,3 +52,14 @@ def test_relaxation_reaches_static_equilibrium(precision):
     assert result.status == "finished"
     assert result.summary["residual"] <= (1e-6 if precision == 64 else 1e-4)
     assert 0.012 < result.frame.displacement[sheet.nearest(0.05, 0.05), 2] < 0.02
+
+
+def test_a_sheet_that_a_dead_load_tears_in_two_ends_with_a_message():
+    """What is torn off has no equilibrium: it flies, and the state is that of the last good load step."""
+    sheet = square(13).cut((-0.01, 0.051), (0.03, 0.051))
+    grips = sheet.edges("top", "bottom")
+    loads = [Fixed(sheet.edges("bottom")), PointForce(sheet.edges("top"), (0.0, 0.2, 0.0))]
+    result = run(sheet, Relaxation(load_steps=4, ramp_steps=100), loads=loads, damage=CriticalStretch(1.4, grips))
+    assert result.status == "not converged" and result.summary["steps"] < 10_000
+    assert "moved more than 100 times the size of the sheet" in result.summary["message"]
+    assert np.abs(result.frame.displacement).max() < 1.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import square, strain_energy
+from helpers import refused, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
@@ -94,6 +94,11 @@ def test_relaxation_finds_the_tear_of_newtons_method():
     assert np.abs(fields[0] - fields[1]).max() < 1e-3
     assert newton.history[-1]["fracture"] > 1e-4
     assert newton.history[-1]["strain"] == pytest.approx(relaxation.history[-1]["strain"], rel=5e-4)
+
+
+def test_a_static_solver_has_no_steps_to_find_damage_in():
+    with refused("TearingEnergy.every_step = True: expected False with a static solver"):
+        torn([0.03], 12.0, every_step=True)
 
 
 def test_damage_stays_when_the_load_goes():

@@ -133,7 +133,21 @@ class BodyPath(BodyMotion):
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device."""
-        return OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
+        made = OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
+        if context.features.dynamic:
+            made.motion.assign(np.tile(self._motion_at_start(), (2, 1)))
+        return made
+
+    def _motion_at_start(self) -> np.ndarray:
+        """Velocity [m/s] and spin [1/s] from time 0 on, shape (2, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        k = int(np.searchsorted(self.times, 0.0, side="right")) - 1
+        if not 0 <= k < len(self.times) - 1:
+            return np.zeros((2, 3))
+        begin, end = Rotation.from_quat(self.rotations[k : k + 2])
+        moved = [self.positions[k + 1] - self.positions[k], (end * begin.inv()).as_rotvec()]
+        return np.array(moved) / (self.times[k + 1] - self.times[k])
 
 
 @dataclass(frozen=True)

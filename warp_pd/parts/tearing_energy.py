@@ -94,7 +94,8 @@ class TearingEnergy(Rupture):
         screened: Whether to check only points near damage or with a strongly stretched bond; checking all points in
             every step is slow and gives the same result.
         every_step: Whether to find the damage in every step and by more sweeps, instead of in every second step. Damage
-            then does not lag behind cracks that run faster than half a shear wave; see docs/tearing-energy.md.
+            then does not lag behind cracks that run faster than half a shear wave; see docs/tearing-energy.md. Static
+            solvers refuse it.
 
     Raises:
         InputError: if a value is not positive, both strength and stretch_at_break are given, or one of them is given
@@ -165,6 +166,11 @@ class DamageField(Damaged):
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
+        if rupture.every_step and not context.features.dynamic:
+            raise InputError(
+                "TearingEnergy.every_step = True: expected False with a static solver, which finds the damage in "
+                "equilibrium"
+            )
         points, whole, real = context.given.points, context.whole, context.types.real
         self._energy = by_point("TearingEnergy.energy", rupture.energy, points)
         self.constants = FieldConstants(

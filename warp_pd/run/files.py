@@ -34,6 +34,7 @@ class Files:
         pictures: Formats of the pictures; empty for none.
         view: Whether to write view.html.
         restarts: Whether to write restart files.
+        fine: Whether to write fine_history.csv.
     """
 
     usd: bool = True
@@ -41,6 +42,7 @@ class Files:
     pictures: tuple[str, ...] = ()
     view: bool = True
     restarts: bool = True
+    fine: bool = False
 
     def require_same(self, folder: Path) -> None:
         """Check that a resumed run writes the same files as before; otherwise they would be silently incomplete."""
@@ -49,6 +51,11 @@ class Files:
             raise InputError(
                 f"resume in {str(folder)!r}: it holds {FRAMES}; expected vtkhdf = True, without --no-vtkhdf, as at the "
                 "start"
+            )
+        if (folder / FINE).is_file() and not self.fine:
+            raise InputError(
+                f"resume in {str(folder)!r}: it holds {FINE}; expected history_every (--history-every), as at the "
+                "start, or that file removed"
             )
 
 

@@ -106,7 +106,8 @@ def run(
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
+    fine = getattr(scene.solver, "history_every", None) is not None
+    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts, fine)
     # Files and progress are those of the first process.
     new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()
     folder = communicator.barrier(lambda: writable_folder(out, resume, overwrite) if communicator.is_root else None)
@@ -331,13 +332,15 @@ def _not_converged(recorder: Recorder) -> str:
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
         f"the last good load step is at load factor {reached:.4g}"
     )
+    if recorder.solve.get("lost"):
+        text = f"{text}; {recorder.solve['lost']}"
     free = free_motions(recorder.built) if reached == 0.0 else 0
     if free:
         return (
             f"{text}; likely cause: the supports leave {free} of 6 rigid-body motions free; expected supports "
             "(Fixed, Motion) that prevent them"
         )
-    return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
+    return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 and not recorder.solve.get("lost") else text
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:

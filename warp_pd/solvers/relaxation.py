@@ -35,6 +35,9 @@ FINISHED, NOT_CONVERGED, DIVERGED = "finished", "not converged", "diverged"
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 # Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.
 STIFFNESS = 0.5
+# A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
+# stretches that far.
+FARTHEST = 100.0
 NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
 
 
@@ -63,8 +66,8 @@ class Relaxation:
             example with a prescribed volume.
         most_steps: Number of steps after which the run stops with status "not converged" and the last good load step.
         safety: Step divided by the estimated stable step.
-        retries: How many times a load step whose residual becomes infinite is computed again, with half the step then
-            and later.
+        retries: How many times a load step whose residual becomes infinite, or in which points fly off, is computed
+            again, with half the step then and later. After a tear what is torn off may fly: the run stops.
     """
 
     tolerance: float | None = None
@@ -124,6 +127,8 @@ class BuiltRelaxation(BuiltSolver):
         # Squared loads and reactions of a state in equilibrium.
         self._largest = 0.0
         self.tolerance = solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
+        # Why the last load step has no equilibrium, and how far points may move in it [m].
+        self._lost, self._farthest = "", math.inf
         # Steps of this run, and entries of the report, one per load step.
         self._done = 0
         self._entries: list[dict[str, Any]] = []
@@ -196,8 +201,9 @@ class BuiltRelaxation(BuiltSolver):
                 "reached": (index if converged else index - 1) / load_steps,
                 "seconds": perf_counter() - begin,
                 "load_steps": self._entries,
+                "lost": self._lost,
             }
-            if not converged and index > 1:
+            if not converged and (index > 1 or self._lost):
                 self._snapshot.restore()
                 sink.steps += self._entries[-1]["steps"]
             else:
@@ -210,8 +216,9 @@ class BuiltRelaxation(BuiltSolver):
         return FINISHED
 
     def _diverged(self) -> bool:
-        """Whether the last load step ended with an infinite residual."""
-        return not math.isfinite(self._entries[-1]["residuals"][-1])
+        """Whether the last load step ended with an infinite residual, or a point flew off without a tear."""
+        entry = self._entries[-1]
+        return not math.isfinite(entry["residuals"][-1]) or bool(self._lost and not entry["rounds"])
 
     def _load_step(self, index: int, sink: FrameSink) -> bool:
         """Apply a load step, alternating relaxation and rounds; return whether it reached a final equilibrium."""
@@ -219,8 +226,11 @@ class BuiltRelaxation(BuiltSolver):
         end = index / solver.load_steps
         entry: dict[str, Any] = {"share": end, "steps": self._done, "rounds": 0, "residuals": []}
         self._entries.append(entry)
+        self._lost = ""
         duration, count = solver.duration, solver.load_steps
         self.system.set_clock(duration / (count * solver.ramp_steps), duration * index / count)
+        prescribed = float(np.abs(self.system.prescribed(duration * end)).max())
+        self._farthest = prescribed + FARTHEST * float(self.context.whole.extent.max())
         converged = self._relax(entry, sink, self.tolerance, solver.ramp_steps)
         while converged and (then := rounds.following(entry, entry["residuals"][-1], self.tolerance)) is not None:
             converged = self._relax(entry, sink, then.tolerance, 0, then.title) and not rounds.runs_through(entry)
@@ -235,6 +245,8 @@ class BuiltRelaxation(BuiltSolver):
         start, ten, measure = self._done, self.context.sequence("step", repeat=10), self.context.sequence("residual")
         while self._done == start or self._done < self.solver.most_steps:
             since = self._done - start
+            if since % STEPS_BETWEEN == 0 and self._flies():
+                return False
             if since % STEPS_BETWEEN == 0 or since < ramp_steps:
                 sink.stable_dt = self._set_step()
             for _ in range(CHECK_EVERY // 10):
@@ -250,6 +262,18 @@ class BuiltRelaxation(BuiltSolver):
                 self._largest = max(self._largest, self.context.total(self._reaction))
                 return True
         return False
+
+    def _flies(self) -> bool:
+        """Whether a point is too far from its place for any equilibrium; then says why in `_lost`."""
+        context = self.context
+        moved = np.abs(context.own(context.state.displacement).numpy()).max(axis=1)
+        if context.communicator.any(bool(moved.max() > self._farthest)):
+            self._lost = (
+                f"a point has moved more than {FARTHEST:g} times the size of the sheet, as a piece does that has torn "
+                "off: try more load_steps, prescribe the displacement (Motion) instead of the load, or follow the tear "
+                "with Explicit and damping"
+            )
+        return bool(self._lost)
 
     def _set_step(self) -> float:
         """Update the fictitious mass and the step; return the stable step [s]."""

@@ -118,10 +118,15 @@ def test_a_resumed_run_has_the_rows_of_one_that_was_not(tmp_path):
     rest = pulled(duration=0.02, frames=4).run(device="cpu", out=tmp_path / "a", usd=False, view=False, resume=True)
     assert rest.fine_history == whole.fine_history
     assert read_history(tmp_path / "a" / "fine_history.csv") == whole.fine_history
-    # Another distance of the rows is no other run.
-    pulled(every=None, frames=5, duration=0.025).run(
-        device="cpu", out=tmp_path / "a", usd=False, view=False, resume=True
-    )
+
+    # Another distance of the rows is no other run; without rows the old ones would end before it does.
+    def goes_on(every):
+        scene = pulled(every=every, frames=5, duration=0.025)
+        return scene.run(device="cpu", out=tmp_path / "a", usd=False, view=False, resume=True)
+
+    with refused("it holds fine_history.csv; expected history_every"):
+        goes_on(None)
+    assert goes_on(2e-3).fine_history[-1]["time"] == 0.025
 
 
 def test_the_command_line_asks_for_rows(tmp_path):
