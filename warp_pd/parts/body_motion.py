@@ -147,7 +147,7 @@ class BodyPath(BodyMotion):
             return np.zeros((2, 3))
         begin, end = Rotation.from_quat(self.rotations[k : k + 2])
         moved = [self.positions[k + 1] - self.positions[k], (end * begin.inv()).as_rotvec()]
-        return np.array(moved) / (self.times[k + 1] - self.times[k])
+        return np.asarray(np.array(moved) / (self.times[k + 1] - self.times[k]))
 
 
 @dataclass(frozen=True)
