@@ -426,11 +426,11 @@ def test_a_point_that_a_tear_has_passed_is_severed(damage, broken, at_an_end, se
     rupture = build(square(9), damage=TearingEnergy(8.0)).rupture
     rupture.prepare_at_rest()
     middle, limits = 40, rupture._severed_at.numpy().copy()
-    field, intact = np.zeros(81), rupture.memory[0].numpy()
+    field, intact = np.zeros(81), rupture.intact.numpy()
     field[middle] = damage * limits[middle]
     rupture.assign(field)
     intact[0, middle] &= ~np.uint32(2**broken - 1)
-    rupture.memory[0].assign(intact)
+    rupture.intact.assign(intact)
     rupture._ahead.assign(np.full(81, at_an_end, np.uint8))
     rupture.context.run("damage")
     limits[middle] = field[middle] if severed else limits[middle]

@@ -90,12 +90,10 @@ class StaticContact(Protocol):
     Attributes:
         label: Its name in messages.
         blocks: Derivative of the force on a point by its displacement [N/m], (N,) mat33, see `add_blocks`.
-        memory: State that a failed load step gives back, such as the multipliers.
     """
 
     label: str
     blocks: Array
-    memory: Sequence[Array]
 
     def prepare(self) -> None:
         """Compose the stage of `update_multipliers`; static solvers call it once."""
@@ -248,14 +246,12 @@ class BuiltRupture(BuiltPart, Protocol):
     Attributes:
         damage: Damage of each point at the last frame, 0 to 1, (N,) float32.
         intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
-        memory: Arrays with the irreversible state of rupture, such as the bits of intact bonds.
         close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
         tear_energy: Energy of a tear as long as the damage field's length [J]; 0 without a damage field.
     """
 
     damage: Array
     intact_faces: Array
-    memory: Sequence[Array]
     close_enough: float = 0.0
     tear_energy: float = 0.0
 

@@ -310,7 +310,6 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.at_rest = self
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
-        self.memory = [self.multiplier, self._stiffness]
         self._softest, self._refused = 0.0, 0
         self._law, self._at_start = law, bond_bits(law)
         self._before = np.empty((0, 3))

@@ -155,7 +155,7 @@ class Damaged(BuiltRupture):
         spared: Whether each point is spared, (N,) uint8, or None.
         released: Energy released by broken bonds [J], (N,) float64; None if it is not tracked.
         tracked_energy: Warp function of the family energy whose loss is tracked, or None.
-        memory: The bits of intact bonds.
+        intact: The bits of intact bonds.
     """
 
     def __init__(self, owner: str, rupture: Rupture, context: Context, law: BuiltLaw) -> None:
@@ -172,7 +172,7 @@ class Damaged(BuiltRupture):
             self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)
         self.tracked_energy = law.earlier_energy if tracked else None
         assert law.intact is not None
-        self.memory: Sequence[Array] = [law.intact]
+        self.intact = law.intact
         self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
@@ -196,9 +196,9 @@ class Damaged(BuiltRupture):
 
     def break_at_rest(self, again: bool) -> bool:
         """Break the bonds that exceed the criterion, and return whether there were any."""
-        before = self.memory[0].numpy().copy()
+        before = self.intact.numpy().copy()
         self.context.run("rupture")
-        return bool((self.memory[0].numpy() != before).any())
+        return bool((self.intact.numpy() != before).any())
 
     def arguments(self) -> dict[str, Any]:
         """Arguments common to the kernels that break bonds."""

@@ -158,7 +158,6 @@ class DamageField(Damaged):
         field: Damage of the points, (N,), in the precision of the simulation.
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
         sweeps: Number of sweeps of the damage each time.
-        memory: State for restarts: the bits of intact bonds, the field, and data derived during a tear.
     """
 
     close_enough = CLOSE_ENOUGH
@@ -210,7 +209,6 @@ class DamageField(Damaged):
             softened = self.constants.softened(self._least)
             self._softening = context.array("softening", self.owner, real, softened, restart=True, own_exchange=True)
         law.soften(self._softening, self._near)
-        self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
 
     def _declare(self, profile: np.ndarray) -> None:
         """Declare the arrays of the field, whose damage at the start is `profile`, and of the list of points."""
@@ -402,10 +400,10 @@ class DamageField(Damaged):
             Whether the damage changed by more than SETTLED, or a bond broke.
         """
         # Sweeps leave the outermost ghost points wrong.
-        intact, field, own = self.memory[0].numpy().copy(), self.field.numpy().copy(), self._own
+        intact, field, own = self.intact.numpy().copy(), self.field.numpy().copy(), self._own
         now = self._minimise(again)
         self.context.run("rupture")
-        broken = (self.memory[0].numpy() != intact).any(axis=0)
+        broken = (self.intact.numpy() != intact).any(axis=0)
         self._least[broken] = now[broken]
         changed = bool(np.abs(now - field)[own].max() > SETTLED or broken[own].any())
         # If nothing changed, the displacement is in equilibrium with the previous damage.

@@ -17,7 +17,6 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from .level import OWNER
 from .newton_settings import StaticSolver
-from .static_rounds import Kept, copies, put_back
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
@@ -85,7 +84,8 @@ class BuiltNewton(StaticSystem):
     """Newton's method on a device; a failed run ends in the state of its last good load step.
 
     Attributes:
-        earlier: Displacement of the last good load step but one [m], (N,) vec3.
+        good: Displacement of the last good load step [m], (N,) vec3.
+        earlier: That of the last good load step but one [m], (N,) vec3.
         jumps: Load steps that moved the sheet much farther than those before.
     """
 
@@ -107,6 +107,7 @@ class BuiltNewton(StaticSystem):
         """Add the stages of residual and tangent."""
         super().prepare(system)
         context = self.context
+        self.good = self.kept.of(context.state.displacement)
         self.earlier = context.array(
             "earlier_load_step", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
@@ -140,7 +141,7 @@ class BuiltNewton(StaticSystem):
         self._start_report(sink)
         self._set_contact_stiffness()
         reached = sink.time / self.settings.duration
-        kept = self._keep(reached)
+        self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
@@ -148,13 +149,12 @@ class BuiltNewton(StaticSystem):
             if converged:
                 self._compare(reached, factor)
                 reached = factor
-                kept = self._keep(reached)
+                self._keep(reached)
                 if factor == goal:
                     self._record(sink, reached)
                 continue
-            wp.copy(finest.displacement, self.good)
+            self.kept.restore()
             self._earlier_factor = self._kept_factor = None
-            put_back(kept)
             self._cutbacks += 1
             self._size *= 0.5
             if self._cutbacks > self.settings.most_cuts:
@@ -176,17 +176,16 @@ class BuiltNewton(StaticSystem):
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
-    def _keep(self, reached: float) -> Kept:
-        """Store the state as the last good load step; return that of contact and rupture."""
+    def _keep(self, reached: float) -> None:
+        """Store the state as the last good load step."""
         # A resumed run already has the last two load steps.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
         if self._kept_factor is not None and not known:
             wp.copy(self.earlier, self.good)
-        wp.copy(self.good, self.levels[0].displacement)
+        self.kept.keep()
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        return copies(self.rounds.memory)
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from ..device.checks import InputError
 from ..device.fields import assign
@@ -17,7 +16,6 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from .corrector import Origin, mean_product, norm
 from .newton_settings import PathSettings
-from .static_rounds import Kept, copies, put_back
 from .static_system import FINISHED
 from .tear_steps import TearSteps
 from .turning_points import Change, Point, changes
@@ -88,7 +86,6 @@ class BuiltArcLength(TearSteps):
 
     turns = True
     ended = ""
-    kept: Kept
 
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
@@ -111,10 +108,9 @@ class BuiltArcLength(TearSteps):
         self._set_contact_stiffness()
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
-            wp.copy(self.good, finest.displacement)
-            self.kept = copies(self.rounds.memory)
+            self.kept.keep()
             if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
-                wp.copy(finest.displacement, self.good)
+                self.kept.restore()
                 self.set_loads(state.factor)
                 sink.residual = self.sizes.relative(*finest.evaluate())
                 self.ended = self.failure
@@ -175,8 +171,7 @@ class BuiltArcLength(TearSteps):
 
     def _return(self) -> None:
         """Return to the last point of the path; the next step is shorter."""
-        wp.copy(self.levels[0].displacement, self.good)
-        put_back(self.kept)
+        self.kept.restore()
         self.state.length *= LEAST_GROWTH
         self.state.release *= LEAST_GROWTH
 

@@ -166,7 +166,7 @@ class BuiltRelaxation(BuiltSolver):
         step.fuse_wraparound()
         self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())
-        self._snapshot = Snapshot(context, step)
+        self._snapshot = Snapshot(context, OWNER, step)
         f = context.features
         kernel = residual(context.bits, f.held, f.loaded, dead is not None)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(

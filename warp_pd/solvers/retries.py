@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import warp as wp
 
-from ..device.fields import Stored
+from ..device.fields import Array, Stored
 from ..device.launches import Stage
 from ..interfaces.context import Context
 
@@ -16,15 +16,19 @@ OWNER = "retries"
 
 
 class Snapshot:
-    """A copy, on the device, of what a step changes."""
+    """A copy, on the device, of what a restart file keeps, and of what else a step changes."""
 
-    def __init__(self, context: Context, step: Stage) -> None:
-        """Allocate the copies."""
+    def __init__(self, context: Context, owner: str, step: Stage | None = None) -> None:
+        """Allocate the copies of the arrays that there are by now."""
         self._pairs = []
         for stored in [stored for stored in context.fields if _changes(step, stored)]:
             name, array = f"{stored.name}_before", stored.array
-            copy = context.array(name, OWNER, array.dtype, shape=array.shape, per=stored.field.per)
+            copy = context.array(name, owner, array.dtype, shape=array.shape, per=stored.field.per)
             self._pairs.append((array, copy))
+
+    def of(self, array: Array) -> Array:
+        """The copy of an array."""
+        return next(copy for own, copy in self._pairs if own is array)
 
     def keep(self) -> None:
         """Copy the state."""
@@ -51,7 +55,7 @@ class Retries:
     def __init__(self, context: Context, step: Stage, most: int) -> None:
         """Allocate a copy of the state, unless `most`, the largest number of halvings, is 0."""
         self.halvings, self.strict, self._most, self._sound = 0, most > 0, most, 0
-        self._snapshots = [Snapshot(context, step)] if most > 0 else []
+        self._snapshots = [Snapshot(context, OWNER, step)] if most > 0 else []
 
     @property
     def left(self) -> bool:
@@ -86,6 +90,7 @@ class Retries:
         self.halvings, self._sound, self.strict = state[0], state[1], bool(state[2])
 
 
-def _changes(step: Stage, stored: Stored) -> bool:
-    """Whether a field changes in a step in a way that matters to the next one."""
-    return stored.field.restart or (step.writes(stored.array) and not stored.field.intermediate)
+def _changes(step: Stage | None, stored: Stored) -> bool:
+    """Whether a field is part of the state, or changes in a step in a way that matters to the next one."""
+    own = step is not None and not stored.field.intermediate and step.writes(stored.array)
+    return stored.field.restart or own

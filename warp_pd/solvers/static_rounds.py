@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from ..device.fields import Array
 from ..interfaces import System
 
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
@@ -16,21 +13,6 @@ from ..interfaces import System
 MIN_LOAD = 1e-3
 # Rounds of rupture at one load step after which the tear counts as running through.
 MAX_ROUNDS = 1000
-
-
-# Irreversible state, such as broken bonds and the multipliers of contact: arrays and their values.
-Kept = list[tuple[Array, np.ndarray]]
-
-
-def copies(arrays: Iterable[Array]) -> Kept:
-    """Arrays and copies of their values."""
-    return [(array, array.numpy().copy()) for array in arrays]
-
-
-def put_back(kept: Kept) -> None:
-    """Give arrays the values that they had."""
-    for array, values in kept:
-        array.assign(values)
 
 
 @dataclass(frozen=True)
@@ -54,19 +36,16 @@ class StaticRounds:
     Attributes:
         contacts: Bodies that touch the sheet.
         close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
-        memory: Arrays of the irreversible state of both.
     """
 
     def __init__(self, system: System) -> None:
         self._rupture, self._communicator = system.rupture, system.context.communicator
         self.contacts = system.external.contacts
-        self.memory = [array for contact in self.contacts for array in contact.memory]
         self.close_enough = 0.0
         self._endless: list[float] = []
         for contact in self.contacts:
             contact.prepare()
         if self._rupture is not None:
-            self.memory += self._rupture.memory
             self.close_enough = self._rupture.close_enough
             self._rupture.prepare_at_rest()
 

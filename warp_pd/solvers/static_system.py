@@ -22,6 +22,7 @@ from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import Report, StaticSolver
+from .retries import Snapshot
 from .static_rounds import StaticRounds
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
@@ -42,7 +43,7 @@ class StaticSystem(BuiltSolver):
     Attributes:
         levels: The sheet, followed by coarser lattices over it.
         solvers: Linear solvers of the levels.
-        good: Displacement of the last good load step [m], (N,) vec3.
+        kept: State of the last good load step.
         sizes: Scales of stiffness and load of the sheet.
         rounds: Contact and rupture.
     """
@@ -56,6 +57,7 @@ class StaticSystem(BuiltSolver):
     levels: Sequence[Level]
     hierarchy: Hierarchy | None
     rounds: StaticRounds
+    kept: Snapshot
 
     def __init__(self, settings: StaticSolver, context: Context, law: BuiltLaw) -> None:
         self.label = f"solver = {self.name}"
@@ -76,7 +78,6 @@ class StaticSystem(BuiltSolver):
             system.external.add_force(stage, state.displacement, state.external)
         finest.add_residual(stage, dead)
         finest.add_turning()
-        self.good = context.array("last_load_step", OWNER, context.types.vec3, shape=context.sheet.size)
         self.preconditioner = self._preconditioner()
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
         self.levels = self.hierarchy.levels if self.hierarchy else [finest]
@@ -87,6 +88,7 @@ class StaticSystem(BuiltSolver):
         ]
         self.report = Report(self.name, self.preconditioner)
         self.rounds = StaticRounds(system)
+        self.kept = Snapshot(context, OWNER)
 
     def host_state(self) -> dict[str, Any]:
         """The scales, for a bitwise identical restart."""
