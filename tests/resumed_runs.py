@@ -41,7 +41,7 @@ def require_same(one, other):
         np.testing.assert_array_equal(values, other_arrays[name], err_msg=name)
 
 
-def require_same_when_stopped(simulation, folder, frames, precision=None, status="finished"):
+def require_same_when_stopped(simulation, folder, frames, precision=None, status="finished", device="cpu"):
     """Run a scene, then once more with a stop at each of some frames.
 
     Args:
@@ -50,11 +50,12 @@ def require_same_when_stopped(simulation, folder, frames, precision=None, status
         frames: Where to stop, in order; the frame's restart file is not written.
         precision: 32, 64 or None.
         status: How the runs end.
+        device: Where they run.
 
     Returns:
         The result of the run that was never stopped.
     """
-    options = {"device": "cpu", "precision": precision, "usd": False, "pictures": False}
+    options = {"device": device, "precision": precision, "usd": False, "pictures": False}
     complete = simulation().run(**options, out=folder / "complete")
     assert complete.status == status, complete.summary["message"]
     stopped = folder / "stopped"

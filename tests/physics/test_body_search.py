@@ -71,17 +71,17 @@ def on_paths():
 
 
 @pytest.mark.parametrize("joined", [False, True])
-def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, request, monkeypatch):
+def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, device, request, monkeypatch):
     if joined:
         request.getfixturevalue("joined_stages")
-    noted = on_paths().run(device="cpu", precision=32)
+    noted = on_paths().run(device=device, precision=32)
     near = noted.built.context.fields["blocks_near"].numpy()
     assert noted.built.context.fields["ball_moves"].numpy()[0] == 0
     assert near.min() == 0
     assert near.max() > 20
     # As if something else moved points in between.
     monkeypatch.setattr(Stage, "moves_later", lambda *_: True)
-    everywhere = on_paths().run(device="cpu", precision=32)
+    everywhere = on_paths().run(device=device, precision=32)
     assert everywhere.built.context.fields["ball_moves"].numpy()[0] == 1
     require_same_bits(noted, everywhere)
 

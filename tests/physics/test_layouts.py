@@ -12,11 +12,11 @@ from warp_pd import Sheet
     # At smaller horizons the correction of a cloud reaches one layer deeper than that of a lattice.
     [(1.5, "plain", 64), (3.15, "published", 32), (3.15, "corrected", 64)],
 )
-def test_lattice_and_cloud_give_the_same_forces(horizon, weights, precision):
+def test_lattice_and_cloud_give_the_same_forces(horizon, weights, precision, device):
     lattice = Sheet.rectangle(0.1, 0.08, thickness=1e-3, density=1000.0, points=(13, 11))
     displacement = rough(lattice)
     forces = [
-        internal_force(build(s, horizon=horizon, weights=weights, precision=precision), displacement)
+        internal_force(build(s, horizon=horizon, weights=weights, precision=precision, device=device), displacement)
         for s in (lattice, lattice.as_cloud())
     ]
     scale = np.abs(forces[0]).max()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from grid_sheets import partly_off_the_grid
 from helpers import NEO, internal_force, jittered, refused, rough, square, uniform
-from point_laws import build, tiny
+from point_laws import build
 
 from warp_pd import Neural, Sheet
 from warp_pd.__main__ import build_scene
@@ -72,18 +72,6 @@ def test_momentum_is_conserved_and_forces_rotate_with_the_sheet():
     assert np.abs(force.sum(axis=0)).max() < 1e-12 * np.abs(force).max()
     turned = internal_force(built, (flat + displacement) @ rotation.T - flat)
     assert turned == pytest.approx(force @ rotation.T, abs=1e-10 * np.abs(force).max())
-
-
-def test_torch_and_the_fused_kernel_take_the_same_weights():
-    pytest.importorskip("torch")
-    sheet = square(11)
-    forces = [
-        internal_force(
-            build(sheet, law("corrected", horizon=2.015, evaluation=evaluation, network=tiny())), rough(sheet)
-        )
-        for evaluation in ("torch", "fused")
-    ]
-    assert forces[0] == pytest.approx(forces[1], abs=1e-9 * np.abs(forces[0]).max())
 
 
 @functools.cache

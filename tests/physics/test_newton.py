@@ -27,10 +27,11 @@ def test_newton_converges_quadratically(preconditioner):
 
 
 @pytest.mark.parametrize("sheet", [square(21).as_cloud(), small_tube(36)], ids=["cloud", "tube"])
-def test_aggregates_find_the_equilibrium_of_a_factorisation(sheet):
+def test_aggregates_find_the_equilibrium_of_a_factorisation(sheet, device):
     loads = [Fixed(sheet.edges("all")), Pressure(2.0)]
     found, expected = (
-        run(sheet, Newton(tolerance=1e-9, preconditioner=name), loads=loads) for name in ("algebraic", "direct")
+        simulate(sheet, Newton(tolerance=1e-9, preconditioner=name), loads=loads).run(device=device)
+        for name in ("algebraic", "direct")
     )
     assert found.status == expected.status == "finished"
     assert found.summary["solve"]["preconditioner"] == "algebraic"

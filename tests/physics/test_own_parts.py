@@ -182,15 +182,6 @@ def test_plane_limits_the_step(parts):
     assert built.contact.step_limit().seconds == pytest.approx(0.25 * built.context.sheet.spacing / 1e4)
 
 
-@pytest.mark.parametrize("solver", [Relaxation(), Newton()])
-def test_solvers_without_contact_refuse_the_plane(parts, solver):
-    plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
-    sheet = square(9)
-    said = r"contact = MovingPlane: not supported by the solver \w+; expected Explicit"
-    with refused(match=said):
-        Simulation(sheet, LAW, solver, loads=[Fixed(sheet.edges("left"))], contact=plane).build("cpu")
-
-
 def test_writer_leaves_a_file_per_frame(parts, tmp_path):
     sheet = square(17)
     _, seam = seam_of(parts, sheet)

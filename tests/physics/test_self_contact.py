@@ -172,12 +172,12 @@ def test_lists_hold_every_pair_within_their_reach():
 
 
 @pytest.mark.parametrize("precision", [64, 32])
-def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, monkeypatch):
-    parts = collision(friction=0.3, sideways=0.2)
-    one, again = (run(**parts, precision=precision) for _ in range(2))
+def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, device, monkeypatch):
+    scene, options = simulate(**collision(friction=0.3, sideways=0.2)), {"precision": precision, "device": device}
+    one, again = (scene.run(**options) for _ in range(2))
     # Nothing public says how often lists are made: it is to change no bit.
     monkeypatch.setattr(self_contact, "SKIN", 0.05)
-    often = run(**parts, precision=precision)
+    often = scene.run(**options)
     for other in (again, often):
         np.testing.assert_array_equal(one.frame.displacement, other.frame.displacement)
         np.testing.assert_array_equal(one.frame.velocity, other.frame.velocity)

@@ -36,6 +36,8 @@ from warp_pd.kernels.tension_field import SLACK, TAUT, WRINKLED
 ALL = ("stretch", "direction", "first_piola", "cauchy", "wrinkle_state", "bonds")
 STRAINS = ("stretch", "direction", "bonds")
 TOLERANCE = {64: 1e-11, 32: 1e-5}
+# Of a GPU over that of a CPU.
+WIDER = {"cpu": 1, "cuda:0": 10}
 GRADIENTS = {
     "uniaxial": np.diag([1.7, 1.7**-0.5]),
     "equibiaxial": np.diag([1.4, 1.4]),
@@ -122,12 +124,12 @@ def mooney_rivlin(material, F):
 
 
 @pytest.mark.parametrize(("sheet", "precision"), [*((name, 64) for name in SHEETS), ("lattice", 32)])
-def test_uniform_states_are_exact_at_every_point(sheet, precision):
-    sheet = SHEETS[sheet]()
-    built = build(sheet, precision=precision, fields=ALL)
+def test_uniform_states_are_exact_at_every_point(sheet, precision, device):
+    sheet, tolerance = SHEETS[sheet](), WIDER[device] * TOLERANCE[precision]
+    built = build(sheet, precision=precision, fields=ALL, device=device)
     for name, F in GRADIENTS.items():
         shown = moved(built, uniform(sheet, in_space(F)))
-        require_exact(shown, F, exact_stress(NEO, F), volume_ratio(F), TOLERANCE[precision])
+        require_exact(shown, F, exact_stress(NEO, F), volume_ratio(F), tolerance)
         # Both are narrower than in uniaxial tension: "uniaxial", as the material is slightly compressible.
         assert (shown["wrinkle_state"] == (WRINKLED if name in ("uniaxial", "simple shear") else TAUT)).all()
     assert (shown["broken_bonds"] == 0).all() and shown["intact_bonds"].sum() == built.law.families.bond_count
@@ -171,9 +173,9 @@ def test_a_prestretched_sheet_shows_the_stretch_it_was_clamped_with():
 # Curved sheets ------------------------------------------------------------------------------------------
 
 
-def test_an_inflated_sphere_has_the_exact_stretch_and_stress():
+def test_an_inflated_sphere_has_the_exact_stretch_and_stress(device):
     sheet, material = small_sphere(8), MooneyRivlin(2e5, 1e4)
-    built = build(sheet, material=material, fields=ALL)
+    built = build(sheet, material=material, fields=ALL, device=device)
     F = 1.5 * np.eye(2)
     shown = moved(built, 0.5 * sheet.points)
     require_exact(shown, F, mooney_rivlin(material, F), 1.0, 20 * TOLERANCE[64])
@@ -196,9 +198,9 @@ def test_directions_on_a_tube_are_tangents_along_the_largest_stretch():
 # Wrinkles -----------------------------------------------------------------------------------------------
 
 
-def test_a_wrinkled_patch_carries_uniaxial_stress_and_says_so():
+def test_a_wrinkled_patch_carries_uniaxial_stress_and_says_so(device):
     sheet, material = jittered(9), MooneyRivlin(2e5)
-    built = build(sheet, material=TensionField(material), fields=ALL)
+    built = build(sheet, material=TensionField(material), fields=ALL, device=device)
     tolerance = 10 * TOLERANCE[64]
     turn = rotation()
     for l1, l2, state in ((1.5, 0.6, WRINKLED), (0.9, 0.8, SLACK), (1.5, 1.2, TAUT), (1.5, 1.5**-0.5, TAUT)):
@@ -227,15 +229,15 @@ def test_without_tension_field_the_signs_of_the_stresses_say_whether_it_would_wr
 # Torn sheets --------------------------------------------------------------------------------------------
 
 
-def test_broken_bonds_leave_the_stress_of_what_is_left():
+def test_broken_bonds_leave_the_stress_of_what_is_left(device):
     sheet, F = jittered(13), GRADIENTS["simple shear"]
-    built = build(sheet, damage=CriticalStretch(9.0), fields=ALL)
+    built = build(sheet, damage=CriticalStretch(9.0), fields=ALL, device=device)
     lost = sever(built, ((0.02, 0.048), (0.07, 0.062))) & built.law.families.exists
     assert lost.any()
     shown = moved(built, uniform(sheet, in_space(F)))
     known = np.isfinite(shown["stretch_1"])
     assert known.mean() > 0.95
-    require_exact(shown, F, exact_stress(NEO, F), volume_ratio(F), points=known)
+    require_exact(shown, F, exact_stress(NEO, F), volume_ratio(F), WIDER[device] * TOLERANCE[64], known)
     assert (shown["broken_bonds"] == lost.sum(axis=1)).all()
     assert (shown["intact_bonds"] == (built.law.families.exists & ~lost).sum(axis=1)).all()
 
@@ -258,10 +260,10 @@ def test_a_point_without_bonds_has_no_stretch_and_carries_nothing(law):
 # Other laws ---------------------------------------------------------------------------------------------
 
 
-def test_nodal_shows_its_own_stress():
+def test_nodal_shows_its_own_stress(device):
     sheet, F = jittered(13), GRADIENTS["turned in space"]
-    built = build_law(sheet, Nodal(NEO), fields=ALL)
-    require_exact(moved(built, uniform(sheet, F)), F, exact_stress(NEO, F), volume_ratio(F))
+    shown = moved(build_law(sheet, Nodal(NEO), device=device, fields=ALL), uniform(sheet, F))
+    require_exact(shown, F, exact_stress(NEO, F), volume_ratio(F), WIDER[device] * TOLERANCE[64])
 
 
 def test_a_viscous_sheet_shows_the_instantaneous_stress_after_a_jump():

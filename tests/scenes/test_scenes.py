@@ -251,15 +251,6 @@ def test_energy_balances_through_rupture(name):
     assert column(result, "rupture")[-1] > 0.0
 
 
-@pytest.mark.parametrize("weights", ["plain", "corrected"])
-@pytest.mark.parametrize(("pressure", "reference"), [(20.0, 0.302585)])
-def test_static_pressure_meets_the_finite_elements(weights, pressure, reference):
-    settings = {"points": 41, "horizon": 2.015, "weights": weights, "pressure": pressure}
-    result = build_scene("pressure_static", settings).run(device="cpu")
-    bound = {"plain": 0.02, "corrected": 0.002}[weights]
-    assert value(result, "center_deflection") == pytest.approx(reference, rel=bound)
-
-
 def test_sudden_pressure_meets_the_finite_elements():
     result = ran("pressure_dynamic")
     for time in ("0.25", "0.5", "0.75", "1"):
@@ -353,9 +344,6 @@ def test_corners_leave_the_surface_with_plain_weights_and_what_brings_them_back(
         ("off_plane_tear", {"speed": 0.0}, "speed = 0"),
         ("precut_tear", {"slit": 1.5}, "slit = 1.5"),
         ("precut_tear", {"slit_at": 0.0}, "slit_at = 0"),
-        ("off_plane_load", {"form": "up", "boundary_force": 1.0}, "'up'"),
-        ("off_plane_load", {"boundary_force": -1.0}, "-1.0"),
-        ("ball_penetration", {"jitter": 0.7}, "jitter = 0.7"),
     ],
 )
 def test_a_scene_refuses_wrong_numbers_of_its_own(name, settings, message):
@@ -399,18 +387,10 @@ def test_a_stretched_sheet_pulls_as_the_exact_one(mode, grip):
     assert abs(result.summary["measures"]["edge_force"]["error"]) < 3e-3
 
 
-def test_a_stretched_sheet_with_a_hole_meets_the_finite_elements():
-    for mode in ("equibiaxial", "planar"):
-        settings = {"points": 24, "force": "bond_associated", "mode": mode, "defect": "hole", "stretch": 1.5}
-        result = build_scene("stretch", settings).run(device="cpu")
-        assert abs(result.summary["measures"]["edge_force"]["error"]) < 5e-3
-
-
-@pytest.mark.parametrize("force", ["bond_based_refitted", "bond_associated"])
-def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack(force):
+def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack():
     found = {}
     for defect in ("crack", "none", "inclusion", "stiff_inclusion"):
-        settings = {"points": 24, "force": force, "defect": defect, "stretch": 1.5, "tolerance": 1e-4}
+        settings = {"points": 24, "force": "bond_based_refitted", "defect": defect, "stretch": 1.5, "tolerance": 1e-4}
         result = build_scene("stretch", settings).run(device="cpu")
         assert result.status == "finished"
         found[defect] = value(result, "edge_force")
@@ -466,11 +446,6 @@ def test_a_visco_hyperelastic_sheet_has_the_exact_stress():
     error = result.summary["measures"]["nominal_stress"]["error"]
     assert abs(error) < 5e-3
     assert value(result, "kinetic_share") < 1e-4
-
-
-def test_a_round_hole_stays_round():
-    assert abs(value(ran("visco_hole"), "squareness")) < 0.02
-    assert value(ran("visco_hole"), "hole_growth") > 2.0
 
 
 def test_inclusions_move_apart_with_the_sheet_and_the_crack_opens():

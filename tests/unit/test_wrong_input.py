@@ -49,10 +49,6 @@ WRONG = {
         lambda: simulated().run(device="cpu", writers=[3]),
         "writers[0] = 3: expected a Writer with the methods write, save and close",
     ),
-    "class": (
-        lambda: simulated(loads=[Fixed]).build("cpu"),
-        "loads[0] = the class Fixed: expected an instance of Part",
-    ),
     "mask": (
         lambda: simulated(loads=[Fixed(np.zeros(121, bool))]).build("cpu"),
         "Fixed.points = bool array of shape (121,): expected point indices, or a mask of 81 booleans",

@@ -92,7 +92,8 @@ def test_float32_has_the_derivatives_of_float64():
     assert rough.jacobian == pytest.approx(exact.jacobian, rel=5e-3)
 
 
-def test_every_device_has_the_derivatives_of_the_cpu(device):
+@pytest.mark.parametrize("device", [pytest.param("cuda:0", marks=pytest.mark.gpu)], indirect=True)
+def test_a_gpu_has_the_derivatives_of_a_cpu(device):
     vary, measures = ["mu", "lock", "pressure", "prestretch"], ["height", "pull"]
     for method in ("adjoint", "direct"):
         here = sensitivity(cases.blown, vary, measures, method=method, device=device)

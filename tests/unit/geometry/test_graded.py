@@ -90,26 +90,6 @@ def test_momentum_and_the_gradient_of_the_energy(spacing):
     assert np.isclose(slope, -(force * direction).sum(), rtol=1e-5)
 
 
-def test_the_energy_of_a_run_on_a_graded_sheet_balances():
-    sheet = sheet_of(graded)
-    start = np.zeros((sheet.size, 3))
-    start[:, 0] = 0.1 * (sheet.points[:, 0] - 0.05) ** 2 / 0.05
-    built = build(sheet, horizon=2.015, weights="corrected", initial_displacement=start, solver=Explicit(0.02))
-    mass = sheet.density * sheet.thickness * sheet.areas
-    step, velocity, place = 1e-5, np.zeros((sheet.size, 3)), start.copy()
-    first = total = strain_energy(built, place)
-    force = internal_force(built, place)
-    for _ in range(200):
-        velocity += 0.5 * step * force / mass[:, None]
-        place = place + step * velocity
-        force = internal_force(built, place)
-        velocity += 0.5 * step * force / mass[:, None]
-    kinetic = 0.5 * (mass[:, None] * velocity**2).sum()
-    total = strain_energy(built, place) + kinetic
-    assert kinetic > 0.1 * first
-    assert np.isclose(total, first, rtol=1e-3)
-
-
 def test_points_follow_the_spacing():
     sheet = sheet_of(graded)
     edges = np.concatenate([sheet.triangles[:, [0, 1]], sheet.triangles[:, [1, 2]], sheet.triangles[:, [2, 0]]])

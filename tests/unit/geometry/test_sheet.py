@@ -18,10 +18,6 @@ WRONG = [
     (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of nonzero length"),
     (lambda: square(5).hole((5.0, 5.0), 0.01), "contains no points"),
     (lambda: square(5).hole((0.05, 0.05), 1.0), "removes the whole sheet"),
-    (
-        lambda: square(5).inclusion((0.0, 0.0), 1e-3),
-        "1 points on a line: expected three or more that are not collinear",
-    ),
     (lambda: square(5).inclusion((0.01, 0.01), 1e-4), r"^inclusion at \(0.01, 0.01\) .* contains no points"),
     (lambda: square(5).where(lambda x: x > 0.0), r"^condition\(x, y\): TypeError: .*; expected a function of arrays"),
     (

@@ -41,11 +41,6 @@ def test_stiffness_goes_with_its_points():
     assert square(5).stiffness is None
 
 
-def test_a_hole_beside_the_sheet_is_refused():
-    with refused(match=r"contains no points of the sheet: .* inside the sheet"):
-        square(9).hole((5.0, 5.0), 0.1)
-
-
 @pytest.mark.parametrize(
     ("points", "factor", "message"),
     [

@@ -92,8 +92,6 @@ def test_the_command_prints_a_table():
         (["--points", "2"], "points = 2"),
         (["--precision", "16"], "precision = 16"),
         (["--seconds", "0"], "seconds = 0"),
-        (["--horizon", "0.5"], "horizon = 0.5"),
-        (["--features", "fire"], "features = 'fire'"),
     ],
 )
 def test_wrong_arguments_of_the_command(arguments, message):

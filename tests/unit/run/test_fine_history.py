@@ -42,8 +42,8 @@ def pulled(every=EVERY, frames=FRAMES, duration=DURATION, **parts):
     )
 
 
-def test_rows_change_no_bit_of_the_run():
-    plain, fine = (pulled(every).run(device="cpu", precision=32) for every in (None, EVERY))
+def test_rows_change_no_bit_of_the_run(device):
+    plain, fine = (pulled(every).run(device=device, precision=32) for every in (None, EVERY))
     assert plain.frame.displacement.tobytes() == fine.frame.displacement.tobytes()
     assert plain.history == fine.history
     assert not plain.fine_history and len(fine.fine_history) > 40

@@ -164,8 +164,8 @@ SINGLE = {
 
 
 @pytest.mark.parametrize("solver", SINGLE)
-def test_float32_goes_on_bit_for_bit(solver, tmp_path):
-    require_same_when_stopped(SINGLE[solver], tmp_path, [2], 32)
+def test_float32_goes_on_bit_for_bit(solver, device, tmp_path):
+    require_same_when_stopped(SINGLE[solver], tmp_path, [2], 32, device=device)
 
 
 def near_the_lock(points, along, **settings):

@@ -49,7 +49,6 @@ WRONG = [
     ({"measures": [Measure("a\nb", "s", nothing)]}, "name of a measure"),
     ({"measures": [Measure("m", "s", nothing)], "outcomes": [Outcome("m", "s", nothing)]}, "two measures or outcomes"),
     ({"damage": 1.3}, r"damage = 1\.3: expected TearingEnergy"),
-    ({"measures": [Measure("time", "s", nothing)]}, "'time'"),
     ({"initial_displacement": np.full((25, 3), np.nan)}, r"initial_displacement\[0, 0\] = nan"),
     ({"initial_velocity": "none"}, "initial_velocity = 'none'"),
 ]

@@ -52,7 +52,6 @@ WRONG = [
     (lambda: Newton(preconditioner="multigird"), "did you mean 'multigrid'"),
     (lambda: ArcLength(switch=1, modes=0), "switch = 1: expected modes > 0"),
     (lambda: simulate(square(9), ArcLength(switch=1, preconditioner="jacobi")).build("cpu"), "got 'jacobi'"),
-    (lambda: Relaxation(tolerance=-1.0), "tolerance = -1.0"),
     (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
     (lambda: Relaxation(load_steps=0), "load_steps = 0"),
     (lambda: Relaxation(most_steps=0), "most_steps = 0"),
