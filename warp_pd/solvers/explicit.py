@@ -16,7 +16,7 @@ from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
-from .integrator import add_motion
+from .integrator import add_motion, join_steps
 from .retries import Retries
 from .stable_step import StableStep
 
@@ -148,7 +148,7 @@ class BuiltExplicit(BuiltSolver):
         system.add(STEP, step)
         for part in system.parts:
             part.complete(step)
-        step.fuse_wraparound()
+        join_steps(step)
         self.stable_step = StableStep(system, self.context.state.mass)
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
         if self.solver.damping > 0.0:

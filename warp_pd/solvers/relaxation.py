@@ -20,7 +20,7 @@ from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
-from .integrator import add_motion
+from .integrator import add_motion, join_steps
 from .retries import Snapshot
 from .stable_step import StableStep
 from .static_rounds import MIN_LOAD, StaticRounds
@@ -163,7 +163,7 @@ class BuiltRelaxation(BuiltSolver):
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         system.add(STEPPED, step)
-        step.fuse_wraparound()
+        join_steps(step)
         self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())
         self._snapshot = Snapshot(context, OWNER, step)
