@@ -25,8 +25,9 @@ STYLES = ("-", "--", "-.", ":")
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
 NEEDLE = 0.05
-# Widths of strokes, and of the rims of triangles, which close the gaps between them: small ones need more [points].
-STROKE, RIMS, MANY_RIMS = 0.5, 0.2, 0.6
+# Width of strokes, and of the rims of triangles, which close the gaps between them [points]. Matplotlib looks at each
+# width of a collection by itself, which takes a sixth of a picture.
+STROKE = 0.5
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
@@ -282,10 +283,9 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     order = np.argsort(depth, kind="stable")
     corners: Any = np.concatenate([sheet, ends[:, [0, 1, 1]], bodies])[order, :, :2]
     inks = np.concatenate([faces, inks, greys])[order]
-    many = len(corners) > MOST_VECTORS
-    rims = np.full(len(corners), MANY_RIMS if many else RIMS)
-    rims[len(sheet) : len(sheet) + len(ends)] = STROKE
-    polygons = PolyCollection(corners, facecolors=inks, edgecolors=inks, linewidths=rims[order], rasterized=many)
+    polygons = PolyCollection(
+        corners, facecolors=inks, edgecolors=inks, linewidths=STROKE, rasterized=len(corners) > MOST_VECTORS
+    )
     # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
     polygons.set_in_layout(False)
     axes.add_collection(polygons, autolim=False)

@@ -68,7 +68,7 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
     _define_lights(stage)
     for body, _ in bodies:
         define_body(stage, body)
-    before, boxes = None, []
+    before, boxes, used = None, [], np.zeros(info.points, bool)
     for index, (time, positions, faces, fields) in enumerate(read_frames(frames, range(info.frames))):
         if index == 0:
             reference = positions - fields["displacement"]
@@ -80,6 +80,8 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
             mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
             mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(faces.astype(np.int32).ravel()), code)
             before = faces
+            used[:] = False
+            used[faces] = True
         mesh.GetPointsAttr().Set(vectors(positions), code)
         mesh.GetExtentAttr().Set(extent(positions), code)
         mesh.GetNormalsAttr().Set(vectors(point_normals(positions, faces, fallback=fallback)), code)
@@ -94,7 +96,7 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
             if body.kind != "plane":
                 boxes.append(bounding_box(body.placed(poses[index])))
         if len(faces):
-            boxes.append(bounding_box(positions[np.unique(faces)]))
+            boxes.append(bounding_box(positions[used]))
         if (index + 1) % SAVE_EVERY == 0:
             stage.Save()
     _aim_camera(stage, _view(boxes))
