@@ -56,6 +56,16 @@ def internal_force(built, displacement):
     return built.to_numpy(built.state.force)
 
 
+def largest_square(force, start, built, spacing):
+    """Square of the highest frequency of a force, a function of the displacement, at `start` [1/s^2]; by iteration."""
+    mass, reach = built.to_numpy(built.state.mass)[:, None], 1e-6 * spacing
+    v = np.random.default_rng(0).normal(size=start.shape)
+    for _ in range(60):
+        v /= np.abs(v).max()
+        v = (force(start - reach * v) - force(start + reach * v)) / (2.0 * reach * mass)
+    return np.abs(v).max()
+
+
 def strain_energy(built, displacement):
     """Strain energy [J]."""
     built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))

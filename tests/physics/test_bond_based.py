@@ -34,11 +34,15 @@ UNIAXIAL = {1.0: 5.0 / 3.0, 1.5: 0.8856, 2.015: 1.2395, 3.0: 1.0229, 4.0: 1.0248
 @pytest.mark.parametrize("horizon", UNIAXIAL)
 def test_uniaxial_strain_has_the_energy_of_the_lattice(horizon):
     sheet, strain = square(25), 1e-6
-    part = built(sheet, horizon=horizon)
+    part = built(sheet, horizon=horizon, fields=("principal_stress",))
     strain_energy(part, uniform(sheet, [[1.0 + strain, 0.0], [0.0, 1.0 - strain / 3.0], [0.0, 0.0]]))
     middle = sheet.nearest(0.05, 0.05)
     density = part.law.strain_energy.numpy()[middle] / (sheet.areas[middle] * sheet.thickness)
     assert density == pytest.approx(UNIAXIAL[horizon] * 0.5 * E * strain**2, rel=1e-3)
+    # Stresses that do this work, with the sum that all lattices share in this strain.
+    across = 0.75 * (1.0 - UNIAXIAL[horizon]) * E * strain
+    stresses = sorted((E * strain - across, across), reverse=True)
+    assert array(part, "principal_stress").numpy()[middle, :2] == pytest.approx(stresses, abs=1e-3 * E * strain)
 
 
 def test_a_uniformly_strained_bar_is_in_equilibrium_inside_and_carries_its_force():

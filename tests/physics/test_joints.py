@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import build, internal_force, refused, rough, square, strain_energy
+from helpers import build, internal_force, largest_square, refused, rough, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
@@ -73,6 +73,18 @@ def test_the_force_is_minus_the_gradient_of_the_energy_and_conserves_momentum(ga
     step = 1e-6 * sheet.spacing
     slope = (energy(here + step * direction) - energy(here - step * direction)) / (2.0 * step)
     assert slope == pytest.approx(-(force * direction).sum(), rel=1e-6)
+
+
+def test_the_bound_of_the_frequency_of_a_joint_holds_and_is_near():
+    sheet, start = two()
+    joint, far = (build(sheet, initial_displacement=u, loads=[glue(sheet)]) for u in (start, start + 10.0))
+    part, moved = (next(p for p in built.parts if p.label == "loads: Joint") for built in (joint, far))
+    assert part.added_frequency() == pytest.approx(moved.added_frequency(), rel=1e-9)
+    plain = build(sheet)
+    square_of = largest_square(
+        lambda u: internal_force(joint, u) - internal_force(plain, u), start, joint, sheet.spacing
+    )
+    assert 0.3 * part.added_frequency() ** 2 < square_of < part.added_frequency() ** 2
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,20 @@ def test_a_thin_pin_gives_what_the_sheet_gets():
     assert force[2] < -1e-4
 
 
+def test_a_sheet_that_slides_along_a_pin_is_rubbed_by_coulombs_law():
+    """The pin lies between two rows of points, so that its side presses on triangles alone, straight up."""
+    sheet = square(15)
+    lying = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
+    path = BodyPath([0.0], [(0.05, 6.5 * sheet.spacing, -5.3e-4)], [lying])
+    pin = RigidBody(Capsule(1e-3, 0.03), path, friction=0.3, surface=True)
+    row = run(
+        sheet, Explicit(1e-3, frames=1, safety=0.3), contact=pin,
+        initial_velocity=np.tile([1.0, 0.0, -0.2], (sheet.size, 1)),
+    ).history[-1]  # fmt: skip
+    assert row["body_force_z"] < 0.0
+    assert row["body_force_x"] == pytest.approx(-0.3 * row["body_force_z"], rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("shape", "mass", "friction"), [(Capsule(1e-3, 0.04), 1e-4, 0.0), (spike(), 0.1, 0.4)], ids=["needle", "spike"]
 )

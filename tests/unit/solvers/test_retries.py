@@ -60,6 +60,13 @@ def test_a_shorter_step_is_judged_by_its_own_energy():
     assert result.summary["steps"] < 450, "by less than a factor of 4"
 
 
+def test_a_step_that_was_halved_is_doubled_after_sound_frames():
+    """Damped, the sheet is soon as still as it was before it became taut."""
+    steps = np.array([row["step"] for row in becomes_taut(damping=400.0).run(device="cpu").history[1:]])
+    ratio = steps[1:] / steps[:-1]
+    assert ratio.min() < 0.6 and ratio.max() > 1.8
+
+
 def test_a_resumed_run_has_the_same_shortened_steps(tmp_path):
     result = require_same_when_stopped(becomes_taut, tmp_path, [3, 9, 14])
     assert result.summary["repeated"] > 0
