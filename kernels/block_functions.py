@@ -183,7 +183,6 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
         present: Words,
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
         i: int,
         k: int,
     ):
@@ -201,7 +200,9 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
             moment = vec3(c * X[0], c * X[1], real(0.0))
         else:
             moment = moment_of(moments, f.entry(family, i, member))
-        stretch = f.to_frame(family, i, inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i)))
+        stretch = f.to_frame(
+            family, i, family.inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i))
+        )
         inverse = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(not compact):
             inverse = f.shape(family, i, member)
@@ -235,7 +236,6 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
     @wp.func
     def missing_shape(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         moments: wp.array2d(dtype=vec3),
         i: int,
         k: int,
@@ -243,7 +243,7 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
         """Sum of c_m X_m (x) X_m over the missing members of D_ik."""
         shape = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(wp.static(words)):
-            missing = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
+            missing = f.initial(family, i, word) & ~intact_members(family, i, word)
             missing = missing & f.common(family, i, wp.min(k, wp.static(n - 1)), word)
             while missing != wp.uint32(0):
                 at = lowest_bit(missing)

@@ -44,17 +44,17 @@ class FamilyMechanics:
     """Warp functions of one configuration; i is a point, j and k are members of its family.
 
     Attributes:
-        intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, intact, i) -> whether no bond of i is broken.
-        is_intact: (family, intact, i, k) -> whether the bond is intact.
+        intact_members: (family, i, word) -> bits of the members whose bonds are intact.
+        is_undamaged: (family, i) -> whether no bond of i is broken.
+        is_intact: (family, i, k) -> whether the bond is intact.
         gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> the displacement gradient times
             the horizon over D_ij (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over D_ij.
-        visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> whether the bond is intact and its
+        visit: (family, field, i, j, undamaged) -> whether the bond is intact and its
             intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
             K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
             flat sheet.
         visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
-            intact, displacement, velocity, back, inverse_horizon, i, j, undamaged).
+            displacement, velocity, back, i, j, undamaged).
         green: (H1, H2, tilt) -> C - I.
         gradient: (H1, H2, tilt) -> columns of F.
         stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, or of W P R^-1 K^-1 on a
@@ -63,8 +63,8 @@ class FamilyMechanics:
         family_scale: (family, i, total) -> factor on its weights, whose sum is `total`; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
             determines no gradient; and `size`, as for `area_weight`.
-        add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
-        finish_forces: (family, intact, i, scale, bond_force) multiplies each sum of `add_to_members` by `scale`
+        add_to_members: (family, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
+        finish_forces: (family, i, scale, bond_force) multiplies each sum of `add_to_members` by `scale`
             times c_k, and rotates it from the frame of i to global axes.
     """
 
@@ -161,7 +161,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         @wp.func(name=name)
         def intersection(
             family: Family,
-            intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             velocity: wp.array(dtype=vec3),
             back: real,
@@ -180,7 +179,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             size = real(0.0)
             moment = vec2(real(0.0), real(0.0))
             for word in range(family.words):
-                members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                members = f.common(family, i, j, word) & intact_members(family, i, word)
                 while members != wp.uint32(0):
                     k = word * word_size + lowest_bit(members)
                     members = without_lowest_bit(members)
@@ -227,7 +226,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     @wp.func
     def add_to_members(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         i: int,
         j: int,
         A1: vec3,
@@ -236,7 +234,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     ):
         """Adds (A1, A2) X_k to the entries of the members k of D_ij."""
         for word in range(family.words):
-            members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+            members = f.common(family, i, j, word) & intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -244,11 +242,9 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
                 bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
 
     @wp.func
-    def finish_forces(
-        family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, scale: real, bond_force: wp.array2d(dtype=vec3)
-    ):
+    def finish_forces(family: Family, i: int, scale: real, bond_force: wp.array2d(dtype=vec3)):
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
@@ -258,11 +254,9 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         @wp.func(name=name)
         def visit(
             family: Family,
-            intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             velocity: wp.array(dtype=vec3),
             back: real,
-            inverse_horizon: real,
             i: int,
             j: int,
             undamaged: bool,
@@ -273,12 +267,12 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             inverse = vec3(real(0.0), real(0.0), real(0.0))
             weight = real(0.0)
             tilt = vec2(real(0.0), real(0.0))
-            if is_intact(family, intact, i, j):
-                G1, G2, found, size, slope = intersection(family, intact, displacement, velocity, back, i, j, undamaged)
+            if is_intact(family, i, j):
+                G1, G2, found, size, slope = intersection(family, displacement, velocity, back, i, j, undamaged)
                 if found[0] > real(0.0):
                     there = True
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
+                    H1 = family.inverse_horizon * G1
+                    H2 = family.inverse_horizon * G2
                     inverse = found
                     weight = area_weight(family, i, j, undamaged, size)
                     tilt = slope
@@ -291,14 +285,12 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     @wp.func
     def visit(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         field: wp.array(dtype=vec3),
-        inverse_horizon: real,
         i: int,
         j: int,
         undamaged: bool,
     ):
-        return visit_now(family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged)
+        return visit_now(family, field, field, real(0.0), i, j, undamaged)
 
     return FamilyMechanics(
         intact_members,
@@ -336,16 +328,14 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
     @wp.func
     def partial_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         i: int,
         lane: int,
         lanes: int,
     ):
         """Sum of W_ij w_ij over the members j = lane, lane + lanes, ...; members are read once for all threads."""
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         last = family.members - 1
         stored = real(0.0)
         for block in range(0, family.members, lanes):
@@ -357,14 +347,14 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
             moment = vec2(real(0.0), real(0.0))
             for begin in range(0, family.members, lanes):
                 k = wp.min(begin + lane, last)
-                m = wp.where(law.is_intact(family, intact, i, k), f.neighbour(family, i, k), i)
+                m = wp.where(law.is_intact(family, i, k), f.neighbour(family, i, k), i)
                 xi = f.bond(family, i, k)
                 a = f.area(family, m)
                 c = f.influence(family, i, k) * a
                 stretch = displacement[m] - displacement[i]
                 rise = f.rise(family, i, k)
                 word = begin // word_size
-                members = f.common(family, i, j, word) & law.intact_members(family, intact, i, word)
+                members = f.common(family, i, j, word) & law.intact_members(family, i, word)
                 for n in range(wp.min(lanes, family.members - begin)):
                     # All threads of the family take part, whatever their own intersection.
                     U = vec3(
@@ -384,12 +374,12 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
                         size += area
                         if wp.static(layout.curved):
                             moment += height * cX
-            if block + lane < family.members and law.is_intact(family, intact, i, j):
+            if block + lane < family.members and law.is_intact(family, i, j):
                 G1, G2, inverse, size, tilt = law.gradient_over(
                     family, i, j, undamaged, first, second, shape, size, moment
                 )
                 if inverse[0] > real(0.0):
-                    strain = law.green(inverse_horizon * G1, inverse_horizon * G2, tilt)
+                    strain = law.green(family.inverse_horizon * G1, family.inverse_horizon * G2, tilt)
                     weight = law.area_weight(family, i, j, undamaged, size)
                     stored += weight * energy(strain, f.of_bond(family, i, j, constants))
         return stored
@@ -397,21 +387,19 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
     @wp.func
     def earlier_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         constants: Constants,
-        inverse_horizon: real,
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         stored = real(0.0)
         total = real(0.0)
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
-                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+                family, displacement, velocity, back, i, j, undamaged
             )
             if there:
                 stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))

@@ -155,10 +155,8 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         tension: wp.array(dtype=real),
         damage: wp.array(dtype=real),
         first: int,
@@ -167,13 +165,11 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         moduli: wp.array2d(dtype=vec6),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         for j in range(family.members):
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
-            there, H1, H2, _inverse, weight, tilt = visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
                 S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 A1, A2 = gradient_of(H1, H2, tilt)
@@ -190,12 +186,10 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     @kernel(gathers=("direction",))
     def product(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         direction: wp.array(dtype=vec3),
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
         moduli: wp.array2d(dtype=vec6),
-        inverse_horizon: real,
         unit_force: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
@@ -203,9 +197,9 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         i = wp.tid() + first
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         for j in range(family.members):
-            there, H1, H2, inverse, _weight, tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
+            there, H1, H2, inverse, _weight, tilt = visit(family, direction, i, j, undamaged)
             if there:
                 D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
                 F1, F2 = columns_of(gradient[j, i])
@@ -222,27 +216,25 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 if wp.static(curved):
                     P1, P2 = level(P1, P2, tilt)
                 A1, A2 = columns(P1, P2, inverse)
-                add_to_members(family, intact, i, j, A1, A2, bond_force)
+                add_to_members(family, i, j, A1, A2, bond_force)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
 
     @kernel(gathers=("direction",))
     def turning(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         direction: wp.array(dtype=vec3),
         gradient: wp.array2d(dtype=mat32),
-        inverse_horizon: real,
         first: int,
         longest: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         shortest = far
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         for j in range(family.members):
-            there, H1, H2, _inverse, _weight, _tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
+            there, H1, H2, _inverse, _weight, _tilt = visit(family, direction, i, j, undamaged)
             if there:
                 D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
                 F1, F2 = columns_of(gradient[j, i])
@@ -258,7 +250,6 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     @wp.func
     def shape_of(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         i: int,
         j: int,
@@ -267,14 +258,12 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         """K_ij^-1, zero where the bond is broken or the intersection degenerate; tilt."""
         result = vec3(real(0.0), real(0.0), real(0.0))
         tilt = vec2(real(0.0), real(0.0))
-        if is_intact(family, intact, i, j):
+        if is_intact(family, i, j):
             if undamaged:
                 result = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
             else:
-                _there, _H1, _H2, inverse, _weight, tilt_left = visit(
-                    family, intact, displacement, real(1.0), i, j, undamaged
-                )
+                _there, _H1, _H2, inverse, _weight, tilt_left = visit(family, displacement, i, j, undamaged)
                 result = inverse
                 tilt = tilt_left
         return result, tilt
@@ -287,10 +276,9 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         else:
             return g
 
-    @kernel(gathers=("displacement", "intact", "gradient", "stress", "moduli"))
+    @kernel(gathers=("displacement", "family.intact", "gradient", "stress", "moduli"))
     def inverse_blocks(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
@@ -302,13 +290,13 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     ):
         i = wp.tid() + first
         block = mat33()
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         for j in range(family.members):
-            inverse, tilt = shape_of(family, intact, displacement, i, j, undamaged)
+            inverse, tilt = shape_of(family, displacement, i, j, undamaged)
             if inverse[0] > real(0.0):
                 sum_of = vec2(real(0.0), real(0.0))
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    members = f.common(family, i, j, word) & intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -317,17 +305,17 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 g = levelled(times(inverse, sum_of), tilt)
                 block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 back = f.reverse(family, i, k)
                 c = f.influence(family, m, back) * f.area(family, i)
                 xi = f.bond(family, m, back)
                 word = back // word_size
                 bit = wp.uint32(1) << wp.uint32(back - word * word_size)
-                undamaged_there = is_undamaged(family, intact, m)
+                undamaged_there = is_undamaged(family, m)
                 for j in range(family.members):
                     if (f.common(family, m, j, word) & bit) != wp.uint32(0):
-                        inverse, tilt = shape_of(family, intact, displacement, m, j, undamaged_there)
+                        inverse, tilt = shape_of(family, displacement, m, j, undamaged_there)
                         if inverse[0] > real(0.0):
                             g = levelled(c * times(inverse, xi), tilt)
                             block += block_of(gradient[j, m], stress[j, m], moduli[j, m], g)
@@ -349,10 +337,9 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 high = middle
         return low
 
-    @kernel(gathers=("displacement", "intact", "gradient", "stress", "moduli"))
+    @kernel(gathers=("displacement", "family.intact", "gradient", "stress", "moduli"))
     def assemble(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
@@ -376,25 +363,25 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             word = 0
             bit = wp.uint32(0)
             if s < family.members:
-                belongs = is_intact(family, intact, i, s)
+                belongs = is_intact(family, i, s)
                 if belongs:
                     q = f.neighbour(family, i, s)
                     mine = f.reverse(family, i, s)
                     word = mine // word_size
                     bit = wp.uint32(1) << wp.uint32(mine - word * word_size)
             if belongs:
-                undamaged = is_undamaged(family, intact, q)
+                undamaged = is_undamaged(family, q)
                 own = entry_of(columns, begin, end, q)
                 for j in range(family.members):
                     inverse = vec3(real(0.0), real(0.0), real(0.0))
                     tilt = vec2(real(0.0), real(0.0))
                     if mine == family.members or (f.common(family, q, j, word) & bit) != wp.uint32(0):
-                        inverse, tilt = shape_of(family, intact, displacement, q, j, undamaged)
+                        inverse, tilt = shape_of(family, displacement, q, j, undamaged)
                     if inverse[0] > real(0.0):
                         # First the sum over the members; its negative is the coefficient of the centre.
                         centre = vec2(real(0.0), real(0.0))
                         for w in range(family.words):
-                            members = f.common(family, q, j, w) & intact_members(family, intact, q, w)
+                            members = f.common(family, q, j, w) & intact_members(family, q, w)
                             while members != wp.uint32(0):
                                 k = w * word_size + lowest_bit(members)
                                 members = without_lowest_bit(members)
@@ -433,7 +420,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                         Q2 = r[0] * R1 + r[1] * R2
                         matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
                         for w in range(family.words):
-                            members = f.common(family, q, j, w) & intact_members(family, intact, q, w)
+                            members = f.common(family, q, j, w) & intact_members(family, q, w)
                             while members != wp.uint32(0):
                                 k = w * word_size + lowest_bit(members)
                                 members = without_lowest_bit(members)

@@ -70,7 +70,7 @@ class BondFunctions:
     """Warp functions of one bond.
 
     Attributes:
-        is_intact: (family, intact, i, k) -> whether it is intact.
+        is_intact: (family, i, k) -> whether it is intact.
         strain: (xi, U) -> |Y|/|X| - 1.
         image: (xi, U) -> Y divided by the horizon.
         growth: (xi, U) -> |Y|^2 - |X|^2, divided by the square of the horizon.
@@ -169,31 +169,27 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     @wp.func
     def earlier_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         constants: parameters,
-        inverse_horizon: real,
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         stored = real(0.0)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
-                s = strain(f.chord(family, i, k), inverse_horizon * U)
+                s = strain(f.chord(family, i, k), family.inverse_horizon * U)
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
     @kernel(gathers=("displacement",))
     def principal_stress(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         first: int,
         out: wp.array(dtype=vec3),
     ):
@@ -203,10 +199,10 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         sxy = real(0.0)
         syy = real(0.0)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.chord(family, i, k)
-                U = inverse_horizon * (displacement[m] - displacement[i])
+                U = family.inverse_horizon * (displacement[m] - displacement[i])
                 Y = image(xi, U)
                 tension = tension_of(strain(xi, U), constants)
                 weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
@@ -224,9 +220,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     @kernel(gathers=("displacement",))
     def wrinkle_level(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
         first: int,
         out: wp.array(dtype=wp.float32),
     ):
@@ -234,8 +228,8 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         compressed = wp.float32(0.0)
         bonds = wp.float32(0.0)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
-                U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+            if is_intact(family, i, k):
+                U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 bonds += wp.float32(1.0)
                 if strain(f.chord(family, i, k), U) < real(0.0):
                     compressed += wp.float32(1.0)
@@ -261,10 +255,8 @@ def bond_based_tangent(
     @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         unit_stiffness: real,
         tension: wp.array(dtype=real),
         first: int,
@@ -274,10 +266,10 @@ def bond_based_tangent(
         i = wp.tid() + first
         for k in range(family.members):
             block = vec6()
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.chord(family, i, k)
-                U = inverse_horizon * (displacement[m] - displacement[i])
+                U = family.inverse_horizon * (displacement[m] - displacement[i])
                 s = strain(xi, U)
                 along = slope_of(s, constants)
                 across = real(0.0)
@@ -306,7 +298,6 @@ def bond_based_tangent(
     @kernel(gathers=("direction",))
     def product(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         blocks: wp.array2d(dtype=vec6),
         direction: wp.array(dtype=vec3),
         first: int,
@@ -315,7 +306,7 @@ def bond_based_tangent(
         i = wp.tid() + first
         total = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
         change[i] = total
 

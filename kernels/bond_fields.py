@@ -52,10 +52,8 @@ def bond_fields(
     @kernel(gathers=("displacement",), writes=WRITTEN)
     def bond_fields(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         factors: wp.array(dtype=real),
         terms: wp.array(dtype=parameters),
         state: wp.array2d(dtype=parameters),
@@ -63,7 +61,7 @@ def bond_fields(
         first: int,
     ):
         i = wp.tid() + first
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         total = real(0.0)
         mean = mat22()
         biot = mat22()
@@ -71,9 +69,7 @@ def bond_fields(
         F1 = vec3()
         F2 = vec3()
         for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = law.visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, _inverse, weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there and weight > real(0.0):
                 G = law.green(H1, H2, tilt)
                 total += weight
@@ -125,7 +121,6 @@ def bond_counts(layout: Layout) -> Kernel:
     @kernel()
     def bond_counts(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         first: int,
         intact_count: wp.array(dtype=wp.int32),
         broken_count: wp.array(dtype=wp.int32),
@@ -134,7 +129,7 @@ def bond_counts(layout: Layout) -> Kernel:
         left = wp.int32(0)
         begun = wp.int32(0)
         for word in range(family.words):
-            left += count(bonds.intact_members(family, intact, i, word))
+            left += count(bonds.intact_members(family, i, word))
             begun += count(f.initial(family, i, word))
         intact_count[i] = left
         broken_count[i] = begun - left

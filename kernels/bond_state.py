@@ -1,6 +1,6 @@
 """State of the bonds, intact or broken, and the kernels that sum the contributions of families.
 
-In a layout whose bonds cannot break, no kernel reads the bits `intact` [words, points].
+In a layout whose bonds cannot break, no kernel reads the bits `family.intact` [words, points].
 """
 
 import functools
@@ -22,10 +22,10 @@ class BondState:
     """Warp functions; i is a point, k a member of its family.
 
     Attributes:
-        intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, intact, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then
+        intact_members: (family, i, word) -> bits of the members whose bonds are intact.
+        is_undamaged: (family, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then
             valid.
-        is_intact: (family, intact, i, k) -> whether the bond is intact.
+        is_intact: (family, i, k) -> whether the bond is intact.
     """
 
     intact_members: wp.Function
@@ -41,25 +41,25 @@ def bond_state(layout: Layout) -> BondState:
     word_size = WORD
 
     @wp.func
-    def intact_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
+    def intact_members(family: Family, i: int, word: int):
         if wp.static(layout.breakable):
-            return intact[word, i]
+            return family.intact[word, i]
         else:
             return f.initial(family, i, word)
 
     @wp.func
-    def is_undamaged(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+    def is_undamaged(family: Family, i: int):
         answer = bool(True)
         if wp.static(layout.breakable):
             for word in range(family.words):
-                if intact[word, i] != f.initial(family, i, word):
+                if family.intact[word, i] != f.initial(family, i, word):
                     answer = False
         return answer
 
     @wp.func
-    def is_intact(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, k: int):
+    def is_intact(family: Family, i: int, k: int):
         word = k // word_size
-        return bit_of(intact_members(family, intact, i, word), k - word * word_size)
+        return bit_of(intact_members(family, i, word), k - word * word_size)
 
     return BondState(intact_members, is_undamaged, is_intact)
 
@@ -80,7 +80,6 @@ def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     @wp.struct
     class Gather:
         family: Family
-        intact: wp.array2d(dtype=wp.uint32)
         bond_force: wp.array2d(dtype=vec3)
         damage: wp.array(dtype=real)
         force: wp.array(dtype=vec3)
@@ -90,7 +89,7 @@ def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
         for i in range(begin, end):
             pull = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(a.family.members):
-                if is_intact(a.family, a.intact, i, k):
+                if is_intact(a.family, i, k):
                     m = f.neighbour(a.family, i, k)
                     own = a.bond_force[k, i]
                     others = a.bond_force[f.reverse(a.family, i, k), m]
@@ -109,7 +108,7 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
 
     Args:
         layout: Layout of the families.
-        family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
+        family_energy: Warp function (family, displacement, velocity, back, constants, i) ->
             energy divided by (thickness x reference area) [J/m^3], for the displacement at a time `back` before now.
     """
     types = layout.types
@@ -119,16 +118,14 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
     @kernel(gathers=("displacement",))
     def strain_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         first: int,
         out: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        density = family_energy(family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i)
+        density = family_energy(family, displacement, displacement, real(0.0), constants, i)
         out[i] = wp.float64(unit_volume * density)
 
     return strain_energy
@@ -162,10 +159,8 @@ def sums_of_bonds(
     @kernel(gathers=("displacement", "constants.factors"))
     def pair_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_force: real,
         first: int,
         force: wp.array(dtype=vec3),
@@ -174,22 +169,20 @@ def sums_of_bonds(
         ui = displacement[i]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
-            members = bonds.intact_members(family, intact, i, word)
+            members = bonds.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
                 m = f.neighbour(family, i, k)
-                U = inverse_horizon * (displacement[m] - ui)
+                U = family.inverse_horizon * (displacement[m] - ui)
                 pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
         force[i] = unit_force * pull
 
     @kernel(gathers=("displacement", "constants.factors"))
     def row_sums(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_stiffness: real,
         least: real,
         first: int,
@@ -198,9 +191,9 @@ def sums_of_bonds(
         i = wp.tid() + first
         total = real(0.0)
         for k in range(family.members):
-            if bonds.is_intact(family, intact, i, k):
+            if bonds.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
-                U = inverse_horizon * (displacement[m] - displacement[i])
+                U = family.inverse_horizon * (displacement[m] - displacement[i])
                 total += stiffness_of(family, constants, i, k, m, f.chord(family, i, k), U)
         density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
 

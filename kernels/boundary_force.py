@@ -37,33 +37,29 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
     @kernel(gathers=("displacement",), per="point" if layout.breakable else "list")
     def edge_normals(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         points: wp.array(dtype=wp.int32),
         marked: wp.array(dtype=wp.uint8),
-        inverse_horizon: real,
         first: int,
         normals: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
         carries = bool(True)
         if wp.static(layout.breakable):
-            carries = marked[i] != wp.uint8(0) or not bonds.is_undamaged(family, intact, i)
+            carries = marked[i] != wp.uint8(0) or not bonds.is_undamaged(family, i)
         else:
             i = points[i]
         normal = vec3(real(0.0), real(0.0), real(0.0))
         if carries:
-            normal = wp.normalize(surface(family, intact, displacement, inverse_horizon, i))
+            normal = wp.normalize(surface(family, displacement, i))
         normals[i] = normal
 
     @kernel(gathers=("displacement", "normals"), per="point" if layout.breakable else "list")
     def add_boundary_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         normals: wp.array(dtype=vec3),
         points: wp.array(dtype=wp.int32),
-        horizon: real,
         unit_force: real,
         first: int,
         external: wp.array(dtype=vec3),
@@ -75,13 +71,13 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
         own = normals[i]
         total = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
-            members = bonds.intact_members(family, intact, i, word)
+            members = bonds.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
                 m = f.neighbour(family, i, k)
                 other = normals[m]
-                X = horizon * f.bond(family, i, k)
+                X = family.horizon * f.bond(family, i, k)
                 U = displacement[m] - ui
                 Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
                 c = f.area(family, i) * f.area(family, m) * f.influence(family, i, k)

@@ -19,12 +19,12 @@ def point_damage(layout: Layout) -> Kernel:
     word_size = WORD
 
     @kernel()
-    def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
+    def damage(family: Family, first: int, out: wp.array(dtype=wp.float32)):
         """Fill `out` with the area of the lost members divided by the area of the initial family."""
         i = wp.tid() + first
         lost = real(0.0)
         for word in range(family.words):
-            members = f.initial(family, i, word) & ~intact[word, i]
+            members = f.initial(family, i, word) & ~family.intact[word, i]
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -43,11 +43,11 @@ def face_damage(layout: Layout) -> Kernel:
     intact_members = bond_state(layout).intact_members
 
     @wp.func
-    def lost(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, j: int):
+    def lost(family: Family, i: int, j: int):
         """Whether the family of i has lost its bond to j."""
         found = bool(False)
         for word in range(family.words):
-            members = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
+            members = f.initial(family, i, word) & ~intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -58,7 +58,6 @@ def face_damage(layout: Layout) -> Kernel:
     @kernel(per="face")
     def find_intact_faces(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         triangles: wp.array(dtype=wp.vec3i),
         first: int,
         intact_faces: wp.array(dtype=wp.uint8),
@@ -66,7 +65,7 @@ def face_damage(layout: Layout) -> Kernel:
         """Mark triangles whose edge bonds are all intact; edges longer than the horizon have no bond."""
         t = wp.tid() + first
         a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
-        torn = lost(family, intact, a, b) or lost(family, intact, b, c) or lost(family, intact, c, a)
+        torn = lost(family, a, b) or lost(family, b, c) or lost(family, c, a)
         intact_faces[t] = wp.uint8(1)
         if torn:
             intact_faces[t] = wp.uint8(0)

@@ -87,23 +87,21 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
     sum_lanes = sum_of_lanes(layout.bits)
 
     @wp.func
-    def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+    def fraction_broken(family: Family, i: int):
         """Fraction of the bonds of a point that are broken."""
         broken = wp.int32(0)
         members = wp.int32(0)
         for word in range(family.words):
             initial = f.initial(family, i, word)
             members += number_of_bits(initial)
-            broken += number_of_bits(initial & ~intact[word, i])
+            broken += number_of_bits(initial & ~family.intact[word, i])
         return real(broken) / real(wp.max(members, 1))
 
     @wp.func
     def drive_points(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
         constants: Constants,
-        inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
         ahead: wp.array(dtype=wp.uint8),
@@ -123,21 +121,17 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
             i = listed[n]
             stored = real(0.0)
             if wp.static(lanes > 1):
-                part = partial_energy(
-                    family, intact, displacement, constants, inverse_horizon, i, lane, wp.static(lanes)
-                )
+                part = partial_energy(family, displacement, constants, i, lane, wp.static(lanes))
                 stored = sum_lanes(part, wp.static(lanes))
             else:
-                stored = driving_energy(
-                    family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
-                )
+                stored = driving_energy(family, displacement, displacement, real(0.0), constants, i)
             if lane == 0:
                 y = scale[i] * stored
                 driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
                 before[i] = damage[i]
                 if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
                     enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
-                    if fraction_broken(family, intact, i) >= enough:
+                    if fraction_broken(family, i) >= enough:
                         severed_at[i] = damage[i]
 
     return drive_points
@@ -295,7 +289,6 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
     @wp.func(inline=False)
     def bonds_left(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         damage: wp.array(dtype=real),
         severed_at: wp.array(dtype=real),
         spared_mask: wp.array(dtype=wp.uint8),
@@ -304,10 +297,10 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         word: int,
     ):
         """Bits of the bonds of one word that stay intact."""
-        kept = intact[word, i]
+        kept = family.intact[word, i]
         begin = word * word_size
         for k in range(begin, wp.min(begin + word_size, family.members)):
-            if bit_of(intact[word, i], k - begin):
+            if bit_of(family.intact[word, i], k - begin):
                 m = f.neighbour(family, i, k)
                 breaks = damage[i] >= severed_at[i] or damage[m] >= severed_at[m]
                 for other in range(family.members):
@@ -340,7 +333,6 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),
         squared_reach: wp.array(dtype=real),
@@ -354,7 +346,6 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         end: int,
         stride: int,
         others: OtherFamilies,
-        intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
@@ -376,25 +367,23 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
             breaks = bool(False)
             if near_severed(family, damage, severed_at, i):
                 for word in range(family.words):
-                    kept = bonds_left(family, intact, damage, severed_at, spared_mask, squared_reach, i, word)
-                    breaks = breaks or kept != intact[word, i]
+                    kept = bonds_left(family, damage, severed_at, spared_mask, squared_reach, i, word)
+                    breaks = breaks or kept != family.intact[word, i]
             # One loop before and after bonds break, as the compiler spells out what stands twice.
             lost = real(0.0)
             for after in range(wp.where(breaks, 2, 1)):
                 if after == 1:
                     if i < others.stop:
                         # The kernel of undamaged families has taken it for one.
-                        if others.family_class[i] == others.inner and intact[0, i] == others.undamaged:
+                        if others.family_class[i] == others.inner and family.intact[0, i] == others.undamaged:
                             others.points[wp.atomic_add(others.count, 0, 1)] = i
                     for word in range(family.words):
-                        intact[word, i] = bonds_left(
-                            family, intact, damage, severed_at, spared_mask, squared_reach, i, word
+                        family.intact[word, i] = bonds_left(
+                            family, damage, severed_at, spared_mask, squared_reach, i, word
                         )
                 if wp.static(tracked):
                     if breaks or grows:
-                        stored = energy_of_step(
-                            family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
-                        )
+                        stored = energy_of_step(family, displacement, velocity, step[0], constants, i)
                         now = left(damage[i], fastest)
                         if after == 1:
                             lost -= now * stored

@@ -50,20 +50,19 @@ def screen_struct(bits: int) -> Any:
 
 @functools.cache
 def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Function:
-    """Function (family, displacement, intact, horizon, screen, spared_mask, awake, i) -> whether to list a point.
+    """Function (family, displacement, screen, spared_mask, awake, i) -> whether to list a point.
 
     Arguments as for `damage_field`.
     """
-    types = layout.types
-    real, vec3 = types.real, types.vec3
+    vec3 = layout.types.vec3
     f = family_functions(layout)
     Family, Screen, word_size = f.struct, screen_struct(layout.bits), WORD
     bond_vectors = reference_and_deformed(layout)
 
     @wp.func
-    def outside(family: Family, displacement: wp.array(dtype=vec3), horizon: real, screen: Screen, i: int, k: int):
+    def outside(family: Family, displacement: wp.array(dtype=vec3), screen: Screen, i: int, k: int):
         """Whether the squared stretch of a bond is outside the range of the screen."""
-        X, Y = bond_vectors(family, displacement, horizon, i, k, f.neighbour(family, i, k))
+        X, Y = bond_vectors(family, displacement, i, k, f.neighbour(family, i, k))
         there = wp.dot(X, X)
         now = wp.dot(Y, Y)
         return now > screen.longest * there or now < screen.shortest * there
@@ -72,8 +71,6 @@ def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Functio
     def stretched(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
         screen: Screen,
         i: int,
     ):
@@ -93,16 +90,14 @@ def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Functio
         found = bool(False)
         for n in range(screen.members.shape[0]):
             k = screen.members[n]
-            if bit_of(intact[k // word_size, i], k % word_size):
-                found = outside(family, displacement, horizon, screen, i, k) or found
+            if bit_of(family.intact[k // word_size, i], k % word_size):
+                found = outside(family, displacement, screen, i, k) or found
         return found
 
     @wp.func
     def wakes(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
         screen: Screen,
         spared_mask: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
@@ -114,7 +109,7 @@ def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Functio
             can_wake = spared_mask[i] == wp.uint8(0)
         if wp.static(screened):
             found = awake[i] != wp.uint8(0)
-            found = stretched(family, displacement, intact, horizon, screen, i) or found
+            found = stretched(family, displacement, screen, i) or found
         return found and can_wake
 
     return wakes
@@ -171,8 +166,6 @@ def listing(
     def wake(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
-        horizon: real,
         screen: Screen,
         spared_mask: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
@@ -194,7 +187,7 @@ def listing(
         for i in range(begin, end, step):
             if wp.static(shared):
                 driving[i] = real(UNLISTED)
-            if wakes(family, displacement, intact, horizon, screen, spared_mask, awake, i):
+            if wakes(family, displacement, screen, spared_mask, awake, i):
                 if wp.static(atomics):
                     listed[wp.atomic_add(count, 0, 1)] = i
                 else:

@@ -122,9 +122,7 @@ def damage_field(
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        intact: wp.array2d(dtype=wp.uint32),
         constants: Constants,
-        inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
         ahead: wp.array(dtype=wp.uint8),
@@ -139,7 +137,7 @@ def damage_field(
         before: wp.array(dtype=real),
     ):
         drive_points(
-            family, displacement, intact, constants, inverse_horizon, scale, fastest, ahead, awake, damage, listed,
+            family, displacement, constants, scale, fastest, ahead, awake, damage, listed,
             wp.tid() + first, count[0], stride, severed_at, driving, before,
         )  # fmt: skip
 
@@ -170,14 +168,17 @@ def damage_field(
                 count[0], stride, blocks, damage, other, arrived,
             )  # fmt: skip
 
-    @kernel(per="list", gathers=("displacement", "velocity", "damage"), writes=("others.points", "others.count"))
+    @kernel(
+        per="list",
+        gathers=("displacement", "velocity", "damage"),
+        writes=("family.intact", "others.points", "others.count"),
+    )
     def finish(
         family: Family,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),
         squared_reach: wp.array(dtype=real),
@@ -191,21 +192,21 @@ def damage_field(
         stride: int,
         others: OtherFamilies,
         first: int,
-        intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
     ):
         finish_points(
-            family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask, squared_reach,
+            family, displacement, velocity, step, constants, unit_volume, spared_mask, squared_reach,
             severed_at, fastest, neighbours, damage, before, listed, wp.tid() + first, count[0], stride, others,
-            intact, awake, near_damage, softening, released,
+            awake, near_damage, softening, released,
         )  # fmt: skip
 
     @kernel(
         per="list",
         gathers=("displacement", "velocity", "damage", "other"),
+        writes=("family.intact",),
         launch_bounds=(WAITING_BLOCK, RESIDENT[layout.bits]),
     )
     def find_damage(
@@ -213,9 +214,7 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        horizon: real,
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         screen: Screen,
         spared_mask: wp.array(dtype=wp.uint8),
@@ -237,7 +236,6 @@ def damage_field(
         before: wp.array(dtype=real),
         damage: wp.array(dtype=real),
         other: wp.array(dtype=real),
-        intact: wp.array2d(dtype=wp.uint32),
         awake: wp.array(dtype=wp.uint8),
         near_damage: wp.array(dtype=wp.uint8),
         softening: wp.array(dtype=real),
@@ -249,7 +247,7 @@ def damage_field(
         block = thread // size
         if wp.static(looks):
             for i in range(thread, damage.shape[0], blocks * size):
-                if wakes(family, displacement, intact, horizon, screen, spared_mask, awake, i):
+                if wakes(family, displacement, screen, spared_mask, awake, i):
                     listed[wp.atomic_add(count, 0, 1)] = i
             wait_for_blocks(arrived, blocks)
         end = count[0]
@@ -257,7 +255,7 @@ def damage_field(
         needed = wp.min(blocks, (end * wp.static(lanes) + size - 1) // size)
         if block < needed:
             drive_points(
-                family, displacement, intact, constants, inverse_horizon, scale, fastest, ahead, awake, damage, listed,
+                family, displacement, constants, scale, fastest, ahead, awake, damage, listed,
                 thread, end, needed * size // wp.static(lanes), severed_at, driving, before,
             )  # fmt: skip
             wait_for_blocks(arrived, needed)
@@ -271,9 +269,9 @@ def damage_field(
                 )  # fmt: skip
                 wait_for_blocks(arrived, needed)
                 finish_points(
-                    family, displacement, velocity, step, constants, inverse_horizon, unit_volume, spared_mask,
+                    family, displacement, velocity, step, constants, unit_volume, spared_mask,
                     squared_reach, severed_at, fastest, neighbours, damage, before, listed, thread, end, needed * size,
-                    OtherFamilies(), intact, awake, near_damage, softening, released,
+                    OtherFamilies(), awake, near_damage, softening, released,
                 )  # fmt: skip
 
     fracture_energy, shown = of_frames(layout.bits)

@@ -29,7 +29,6 @@ def energy_release(layout: Layout) -> Kernel:
     @kernel(gathers=("velocity", "bond_force"))
     def add_release(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
         bond_force: wp.array2d(dtype=vec3),
@@ -39,7 +38,7 @@ def energy_release(layout: Layout) -> Kernel:
     ):
         i = wp.tid() + first
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 pull = bond_force[k, i] - bond_force[f.reverse(family, i, k), m]
                 work = real(0.5) * step[0] * wp.dot(pull, velocity[m] - velocity[i])

@@ -72,7 +72,8 @@ class FamilyFunctions:
     """Warp functions of one layout; `family` is its struct, i a point, k a member of the family of i.
 
     Attributes:
-        struct: The Warp struct that holds the tables.
+        struct: The Warp struct that holds the tables, the horizon [m] and its inverse, and the bits `intact`
+            [words, points] of the intact bonds, if bonds can break.
         neighbour: (family, i, k) -> index of the member's point; invalid for members that do not exist.
         reverse: (family, i, k) -> member index of the reverse bond, i.e. of i in the family of k; invalid likewise.
         bond: (family, i, k) -> xi_ik, vec2.
@@ -154,6 +155,9 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
     class LatticeFamily:
         members: wp.int32
         words: wp.int32
+        horizon: real
+        inverse_horizon: real
+        intact: wp.array2d(dtype=wp.uint32)
         stencil_shift: wp.array(dtype=wp.int32)
         stencil_reverse: wp.array(dtype=wp.int32)
         stencil_bond: wp.array(dtype=vec2)
@@ -230,6 +234,9 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     class Family:
         members: wp.int32
         words: wp.int32
+        horizon: real
+        inverse_horizon: real
+        intact: wp.array2d(dtype=wp.uint32)
         rows: wp.int32
         family_class: wp.array(dtype=wp.int32)
         centres: wp.array2d(dtype=wp.int32)
@@ -378,10 +385,13 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
     class CompactFamily:
         members: wp.int32
         words: wp.int32
+        horizon: real
+        inverse_horizon: real
+        intact: wp.array2d(dtype=wp.uint32)
         points: wp.int32
         far: wp.int32
         large: wp.int32
-        inverse_horizon: wp.float64
+        inverse_horizon_64: wp.float64
         positions: wp.array(dtype=wp.vec2d)
         neighbours: wp.array2d(dtype=wp.int16)
         neighbours_high: wp.array2d(dtype=wp.int16)
@@ -410,7 +420,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
     @wp.func
     def bond(family: CompactFamily, i: int, k: int):
-        X = family.inverse_horizon * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
+        X = family.inverse_horizon_64 * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
         return vec2(real(X[0]), real(X[1]))
 
     @wp.func

@@ -104,7 +104,6 @@ def block_force(
     @kernel(per="list", gathers=("displacement",), launch_bounds=(threads, resident), fast_math=bits == 32)
     def family_block_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         others: wp.array(dtype=wp.int32),
         other_count: wp.array(dtype=wp.int32),
         start: int,
@@ -112,7 +111,6 @@ def block_force(
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_force: real,
         blocks: int,
         first: int,
@@ -143,7 +141,7 @@ def block_force(
             undamaged = bool(True)
             present = Words()
             for word in range(wp.static(words)):
-                intact_here = intact_members(family, intact, i, wp.static(word))
+                intact_here = intact_members(family, i, wp.static(word))
                 if wp.static(breakable):
                     undamaged = undamaged and intact_here == f.initial(family, i, word)
                 present[word] = wp.where(here, intact_here, wp.uint32(0))
@@ -153,7 +151,7 @@ def block_force(
             for b in range(wp.static(bonds)):
                 place_of_bond = lane + wp.static(b * threads)
                 u, m, mask, inverse, weight = arrive(
-                    family, present, moments, displacement, inverse_horizon, i, k + wp.static(b * lanes)
+                    family, present, moments, displacement, i, k + wp.static(b * lanes)
                 )
                 put_vec4(stretches, place_of_bond, u)
                 put_arm(arms, place_of_bond, m)
@@ -185,7 +183,7 @@ def block_force(
                     if not undamaged:
                         # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                         if wp.static(by_missing):
-                            shape = missing_shape(family, intact, moments, i, k + wp.static(b * lanes))
+                            shape = missing_shape(family, moments, i, k + wp.static(b * lanes))
                         else:
                             for word in range(wp.static(words)):
                                 for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):

@@ -41,10 +41,8 @@ def point_fields(
     @kernel(gathers=("displacement",), writes=WRITTEN)
     def point_fields(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         fields: Fields,
         first: int,
     ):
@@ -55,7 +53,7 @@ def point_fields(
         H2 = vec3()
         size = real(0.0)
         for word in range(family.words):
-            members = bonds.intact_members(family, intact, i, word)
+            members = bonds.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -65,7 +63,7 @@ def point_fields(
                 cxi = f.influence(family, i, k) * f.area(family, m) * xi
                 shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                 moment += f.rise(family, i, k) * cxi
-                U = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
+                U = f.to_frame(family, i, family.inverse_horizon * (displacement[m] - displacement[i]))
                 H1 += cxi[0] * U
                 H2 += cxi[1] * U
         inverse = motion.inverse_shape(shape)

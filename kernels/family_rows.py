@@ -102,10 +102,8 @@ def family_rows(
     @kernel(gathers=("displacement",), name=f"family_rows_{what}")
     def family_rows(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit: real,
         step: wp.array(dtype=real),
         terms: wp.array(dtype=parameters),
@@ -117,11 +115,11 @@ def family_rows(
         state: wp.array2d(dtype=parameters),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         here = Words()
         members = wp.int32(0)
         for word in range(wp.static(words)):
-            here[word] = intact_members(family, intact, i, word)
+            here[word] = intact_members(family, i, word)
             members += number_of_bits(here[word])
         if wp.static(not energetic):
             for k in range(family.members):
@@ -199,8 +197,8 @@ def family_rows(
                         if wp.static(curved):
                             tilt = motion.tilt_of(motion.times(inverse, vec2(shape[4], shape[5])))
                 if inverse[0] > real(0.0):
-                    G1 = inverse_horizon * vec3(G[0], G[1], G[2])
-                    G2 = inverse_horizon * vec3(G[3], G[4], G[5])
+                    G1 = family.inverse_horizon * vec3(G[0], G[1], G[2])
+                    G2 = family.inverse_horizon * vec3(G[3], G[4], G[5])
                     H1, H2 = motion.columns(G1, G2, inverse)
                     if wp.static(curved):
                         H1, H2 = motion.level(H1, H2, tilt)
@@ -228,7 +226,7 @@ def family_rows(
             if wp.static(layout.softened):
                 work *= wp.float64(left_of(damage[i]))
             if step[0] > real(0.0):
-                viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
+                viscous_work[i] = viscous_work[i] + wp.float64(unit / family.inverse_horizon) * work
         if wp.static(energetic):
             energies[i] = wp.float64(unit * stored)
         else:

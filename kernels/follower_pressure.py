@@ -32,9 +32,7 @@ def surface_vector(layout: Layout) -> wp.Function:
     @wp.func
     def surface(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
         i: int,
     ):
         ui = displacement[i]
@@ -43,7 +41,7 @@ def surface_vector(layout: Layout) -> wp.Function:
         shape = vec3(real(0.0), real(0.0), real(0.0))
         rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
-            members = intact_members(family, intact, i, word)
+            members = intact_members(family, i, word)
             first = word * word_size
             for k in range(first, wp.min(first + word_size, family.members)):
                 there = bit_of(members, k - first)
@@ -59,7 +57,7 @@ def surface_vector(layout: Layout) -> wp.Function:
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         answer = vec3(real(0.0), real(0.0), real(0.0))
         if determines_gradient(shape):
-            scale = inverse_horizon / determinant
+            scale = family.inverse_horizon / determinant
             if wp.static(curved):
                 slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
                 tilt = tilt_of(slope / determinant)
@@ -94,9 +92,7 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
     @wp.struct
     class FollowerPressure:
         family: Family
-        intact: wp.array2d(dtype=wp.uint32)
         displacement: wp.array(dtype=vec3)
-        inverse_horizon: real
         unit_pressure: real
         factors: wp.array(dtype=vec3)
         schedule: int
@@ -108,7 +104,7 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
             p = a.unit_pressure * f.area(a.family, i)
             if wp.static(scheduled):
                 p = p * a.factors[a.schedule][0]
-            a.external[i] = a.external[i] + p * surface(a.family, a.intact, a.displacement, a.inverse_horizon, i)
+            a.external[i] = a.external[i] + p * surface(a.family, a.displacement, i)
 
     return add_follower_pressure
 
@@ -132,10 +128,8 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     @kernel(gathers=("displacement", "direction"))
     def add_follower_tangent(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
-        inverse_horizon: real,
         unit_pressure: real,
         factors: wp.array(dtype=vec3),
         schedule: int,
@@ -151,7 +145,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
         shape = zero
         rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
-            members = intact_members(family, intact, i, word)
+            members = intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -171,7 +165,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
                 shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         if determines_gradient(shape):
-            scale = inverse_horizon / determinant
+            scale = family.inverse_horizon / determinant
             F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
             F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
             dF1 = scale * (shape[2] * D1 - shape[1] * D2)

@@ -321,19 +321,17 @@ def branched_energy(layout: Layout, network: ElasticNetwork, drives: bool) -> wp
     @wp.func
     def earlier_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         constants: Branched,
-        inverse_horizon: real,
         i: int,
     ):
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         stored = real(0.0)
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
-                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+                family, displacement, velocity, back, i, j, undamaged
             )
             if there:
                 _S, strain = respond(

@@ -24,19 +24,15 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
     @kernel(gathers=("displacement",))
     def remember(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         first: int,
         largest: wp.array2d(dtype=real),
     ):
         i = wp.tid() + first
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         for j in range(family.members):
-            there, H1, H2, _inverse, _weight, tilt = law.visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, _inverse, _weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
                 now = value(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 largest[j, i] = wp.max(largest[j, i], now)

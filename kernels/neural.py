@@ -88,28 +88,24 @@ def neural(
     @kernel(gathers=("displacement",), name="fused_force" if fused else None, fast_math=fused and bits == 32)
     def closed_form_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         unit_force: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        H, R, D, V, area, z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
+        H, R, D, V, area, z = law.family_frame(family, displacement, constants, i)
         scale = law.family_scale(family, V, unit_force, i)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if law.is_intact(family, intact, i, k) and scale > real(0.0):
+            if law.is_intact(family, i, k) and scale > real(0.0):
                 if wp.static(fused):
-                    x, u, weight, direction, row = law.bond_seen(
-                        family, displacement, inverse_horizon, H, D, V, area, z, i, k
-                    )
+                    x, u, weight, direction, row = law.bond_seen(family, displacement, H, D, V, area, z, i, k)
                     o = network(law.logarithms(row))
                     T = vec2(o[0], row[1] * o[1])
                 else:
-                    x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+                    x, u, weight = law.bond_vectors(family, displacement, i, k)
                     excess, sine, versine, direction = law.bond_motion(x, u, H, D, V)
                     T = exact(excess, sine, versine, area, z, constants)
                 force = scale * weight * law.pull(x, u, direction, R, T)
@@ -118,34 +114,28 @@ def neural(
     @kernel(gathers=("displacement",))
     def features(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         points: int,
         first: int,
         features: wp.array(dtype=parameters),
         frame: wp.array(dtype=mat32),
     ):
         i = wp.tid() + first
-        H, R, D, V, area, z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
+        H, R, D, V, area, z = law.family_frame(family, displacement, constants, i)
         frame[i] = R
         for k in range(family.members):
             row = parameters(real(1.0), real(0.0), real(1.0), real(1.0))
-            if law.is_intact(family, intact, i, k) and V[0, 0] != real(0.0):
-                _x, _u, _weight, _direction, row = law.bond_seen(
-                    family, displacement, inverse_horizon, H, D, V, area, z, i, k
-                )
+            if law.is_intact(family, i, k) and V[0, 0] != real(0.0):
+                _x, _u, _weight, _direction, row = law.bond_seen(family, displacement, H, D, V, area, z, i, k)
             features[k * points + i] = row
 
     @kernel(gathers=("displacement",))
     def spread(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         frame: wp.array(dtype=mat32),
         pairs: wp.array(dtype=vec2),
-        inverse_horizon: real,
         unit_force: real,
         points: int,
         first: int,
@@ -161,8 +151,8 @@ def neural(
             scale = real(0.0)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+            if law.is_intact(family, i, k) and scale > real(0.0):
+                x, u, weight = law.bond_vectors(family, displacement, i, k)
                 direction = wp.transpose(R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
                 force = scale * weight * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
             bond_force[k, i] = force
@@ -170,10 +160,8 @@ def neural(
     @kernel(gathers=("displacement",))
     def outside(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         least: real,
         most: real,
         first: int,
@@ -181,12 +169,12 @@ def neural(
     ):
         """Counts the bonds whose U has a principal stretch below `least` or above `most`."""
         i = wp.tid() + first
-        H, _R, D, V, area, _z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
+        H, _R, D, V, area, _z = law.family_frame(family, displacement, constants, i)
         det = real(1.0) + area
         found = wp.int32(0)
         for k in range(family.members):
-            if law.is_intact(family, intact, i, k) and V[0, 0] != real(0.0):
-                x, u, _weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+            if law.is_intact(family, i, k) and V[0, 0] != real(0.0):
+                x, u, _weight = law.bond_vectors(family, displacement, i, k)
                 excess, sine, versine, _direction = law.bond_motion(x, u, H, D, V)
                 a = (real(1.0) + excess) * (real(1.0) - versine)
                 b = (real(1.0) + excess) * sine

@@ -26,15 +26,15 @@ class NeuralFunctions:
 
     Attributes:
         struct: Warp struct of the families.
-        is_intact: (family, intact, i, k) -> whether the bond is intact.
-        family_frame: (family, intact, displacement, constants, inverse_horizon, i) -> deformation of the family of i:
+        is_intact: (family, i, k) -> whether the bond is intact.
+        family_frame: (family, displacement, constants, i) -> deformation of the family of i:
             displacement gradient H, rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact
             bonds determine no gradient.
         bond_motion: (x, u, H, U - I, U^-1) -> excess stretch of the bond, sine and 1 - cosine of its rotation, its
             direction in the tangent plane, vec2.
-        bond_vectors: (family, displacement, inverse_horizon, i, k) -> unit vector x of the undeformed bond, vec2;
+        bond_vectors: (family, displacement, i, k) -> unit vector x of the undeformed bond, vec2;
             relative displacement u of its ends divided by its length, vec3; its weight.
-        bond_seen: (family, displacement, inverse_horizon, H, U - I, U^-1, det F - 1, z, i, k) -> results of
+        bond_seen: (family, displacement, H, U - I, U^-1, det F - 1, z, i, k) -> results of
             `bond_vectors`, direction in the tangent plane, input of a network: (lambda, theta, C33, det F).
         family_scale: (family, U^-1, unit_force, i) -> force of a bond divided by its weight and T; zero if the family
             determines no gradient.
@@ -68,13 +68,11 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
     @wp.func
     def family_frame(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         i: int,
     ):
-        G1, G2, inverse, _size = point.gradient(family, intact, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, _size = point.gradient(family, displacement, displacement, real(0.0), i)
         H = mat32()
         R = mat32()
         D = mat22()
@@ -82,8 +80,8 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         area = real(0.0)
         z = real(0.0)
         if inverse[0] > real(0.0):
-            H1 = inverse_horizon * G1
-            H2 = inverse_horizon * G2
+            H1 = family.inverse_horizon * G1
+            H2 = family.inverse_horizon * G2
             G = point.green(H1, H2)
             # det C - 1; the root of det C is det U = det F, and tr U^2 = tr C + 2 det U.
             change = G[0, 0] + G[1, 1] + wp.determinant(G)
@@ -179,12 +177,12 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
     no_length = NO_LENGTH
 
     @wp.func
-    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, i: int, k: int):
+    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), i: int, k: int):
         """The weight is 2 W_ik / |X|, with published weights c_k |X|; lengths are divided by the horizon."""
         xi = f.bond(family, i, k)
         length = wp.length(xi)
         m = f.neighbour(family, i, k)
-        u = (inverse_horizon / length) * (displacement[m] - displacement[i])
+        u = (family.inverse_horizon / length) * (displacement[m] - displacement[i])
         if wp.static(corrected):
             return xi / length, u, real(2.0) * f.weight(family, i, k) / length
         else:
@@ -197,10 +195,10 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
 
     @wp.func
     def bond_seen(
-        family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
+        family: Family, displacement: wp.array(dtype=vec3), H: mat32, D: mat22, V: mat22,
         area: real, z: real, i: int, k: int,
     ):  # fmt: skip
-        x, u, weight = bond_vectors(family, displacement, inverse_horizon, i, k)
+        x, u, weight = bond_vectors(family, displacement, i, k)
         excess, sine, versine, direction = bond_motion(x, u, H, D, V)
         det = real(1.0) + area
         stretch = wp.max(real(1.0) + excess, real(no_length))

@@ -31,8 +31,8 @@ class PointFamily:
     """Warp functions of the family of a point; i is a point, k a member of its family.
 
     Attributes:
-        is_intact: (family, intact, i, k) -> whether the bond is intact.
-        gradient: (family, intact, displacement, velocity, back, i) -> displacement gradient times horizon (two columns)
+        is_intact: (family, i, k) -> whether the bond is intact.
+        gradient: (family, displacement, velocity, back, i) -> displacement gradient times horizon (two columns)
             for the displacement at a time `back` before now, K^-1 (zero if degenerate), intact area.
         green: (H1, H2) -> C - I.
     """
@@ -56,7 +56,6 @@ def point_family(layout: Layout) -> PointFamily:
     @wp.func
     def gradient(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
@@ -69,7 +68,7 @@ def point_family(layout: Layout) -> PointFamily:
         shape = vec3(real(0.0), real(0.0), real(0.0))
         size = real(0.0)
         for word in range(family.words):
-            members = bonds.intact_members(family, intact, i, word)
+            members = bonds.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -84,7 +83,7 @@ def point_family(layout: Layout) -> PointFamily:
                     shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                     size += a
         inverse = f.shape(family, i, 0)
-        if bonds.is_undamaged(family, intact, i):
+        if bonds.is_undamaged(family, i):
             size = f.family_area(family, i)
         else:
             inverse = motion.inverse_shape(shape)
@@ -112,50 +111,46 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
     @wp.func
     def family_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         constants: Constants,
-        inverse_horizon: real,
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
-        G1, G2, inverse, size = point.gradient(family, intact, displacement, velocity, back, i)
+        G1, G2, inverse, size = point.gradient(family, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):
             intact_fraction = size / f.family_area(family, i)
             stored = (
                 f.area(family, i)
                 * intact_fraction
-                * energy(point.green(inverse_horizon * G1, inverse_horizon * G2), constants)
+                * energy(point.green(family.inverse_horizon * G1, family.inverse_horizon * G2), constants)
             )
         return stored
 
     @kernel(gathers=("displacement",))
     def family_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_force: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        G1, G2, inverse, size = point.gradient(family, intact, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, size = point.gradient(family, displacement, displacement, real(0.0), i)
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         if inverse[0] > real(0.0):
-            H1 = inverse_horizon * G1
-            H2 = inverse_horizon * G2
+            H1 = family.inverse_horizon * G1
+            H2 = family.inverse_horizon * G2
             S = stress(point.green(H1, H2), constants)
             scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
             A1, A2 = stress_on_members(H1, H2, S, scale, inverse)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if point.is_intact(family, intact, i, k):
+            if point.is_intact(family, i, k):
                 xi = f.bond(family, i, k)
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 force = c * (xi[0] * A1 + xi[1] * A2)

@@ -42,10 +42,8 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
     @kernel(gathers=("displacement",), name="viscous_force" if viscous else "variational_force")
     def variational_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit: real,
         step: wp.array(dtype=real),
         terms: wp.array(dtype=vec4),
@@ -58,12 +56,10 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
         i = wp.tid() + first
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = law.is_undamaged(family, intact, i)
+        undamaged = law.is_undamaged(family, i)
         work = wp.float64(0.0)
         for j in range(family.members):
-            there, H1, H2, inverse, weight, tilt = law.visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, inverse, weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
                 G = law.green(H1, H2, tilt)
                 if wp.static(viscous):
@@ -72,13 +68,13 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
                 else:
                     S = stress(G, f.of_bond(family, i, j, constants))
                 A1, A2 = law.stress_on_members(H1, H2, S, weight, inverse, tilt)
-                law.add_to_members(family, intact, i, j, A1, A2, bond_force)
-        law.finish_forces(family, intact, i, unit, bond_force)
+                law.add_to_members(family, i, j, A1, A2, bond_force)
+        law.finish_forces(family, i, unit, bond_force)
         if wp.static(viscous):
             if wp.static(layout.softened):
                 work *= wp.float64(left(damage[i]))
             if step[0] > real(0.0):
-                viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
+                viscous_work[i] = viscous_work[i] + wp.float64(unit / family.inverse_horizon) * work
 
     return variational_force
 
@@ -99,42 +95,38 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
     is_undamaged, is_intact = law.is_undamaged, law.is_intact
 
     @wp.func
-    def present_area(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+    def present_area(family: Family, i: int):
         """|H_i| of the intact bonds, divided by the reference area."""
-        if is_undamaged(family, intact, i):
+        if is_undamaged(family, i):
             return f.family_area(family, i)
         size = real(0.0)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 size += f.area(family, f.neighbour(family, i, k))
         return size
 
-    @kernel(gathers=("displacement", "intact"))
+    @kernel(gathers=("displacement", "family.intact"))
     def published_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, intact, i)
-        own_area = present_area(family, intact, i)
+        undamaged = is_undamaged(family, i)
+        own_area = present_area(family, i)
         for j in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            there, H1, H2, inverse, size, tilt = law.visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, inverse, size, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
                 S = stress(law.green(H1, H2, tilt), constants)
                 A1, A2 = law.stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
                 xi = f.bond(family, i, j)
                 m = f.neighbour(family, i, j)
                 intact_fraction = size / own_area
-                pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
+                pair = (own_area + present_area(family, m)) / (real(2.0) * own_area)
                 c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
                 force = unit * intact_fraction * pair * c * (xi[0] * A1 + xi[1] * A2)
             bond_force[j, i] = f.from_frame(family, i, force)

@@ -49,10 +49,8 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
     @kernel(gathers=("displacement",))
     def family_rows(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_stiffness: real,
         damage: wp.array(dtype=real),
         first: int,
@@ -62,11 +60,11 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         i = wp.tid() + first
         for k in range(family.members):
             row[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         total = real(0.0)
         centre_row = real(0.0)
         for j in range(family.members):
-            there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
+            there, H1, H2, inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
                 S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
@@ -78,7 +76,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
                 c1 = real(0.0)
                 c2 = real(0.0)
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    members = f.common(family, i, j, word) & intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -91,7 +89,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
                 contribution = weight * bound * sizes
                 centre_row += contribution * centre
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    members = f.common(family, i, j, word) & intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -108,7 +106,6 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
     @kernel(gathers=("row",))
     def sum_rows(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         row: wp.array2d(dtype=vec3),
         own: wp.array(dtype=real),
         least: real,
@@ -119,7 +116,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 total += row[f.reverse(family, i, k), f.neighbour(family, i, k)][0]
         density[i] = wp.max(total, least)
 

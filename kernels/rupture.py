@@ -29,7 +29,7 @@ class Criterion:
     """The criterion by which a bond breaks.
 
     Attributes:
-        exceeds: Warp function (family, displacement, criterion, horizon, i, k, m) -> whether bond k of point i, to
+        exceeds: Warp function (family, displacement, criterion, i, k, m) -> whether bond k of point i, to
             point m, exceeds the criterion. Both ends of a bond must give the same result.
         struct: Warp struct of its constants and arrays.
         gathers: Arrays of the struct that it reads at points other than i.
@@ -42,18 +42,17 @@ class Criterion:
 
 @functools.cache
 def reference_and_deformed(layout: Layout) -> wp.Function:
-    """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m].
+    """Function (family, displacement, i, k, m) -> X and Y of bond k of point i, to point m [m].
 
     X is a vec2, on a curved sheet the chord (vec3). It is bitwise equal to minus that of the reverse bond.
     """
-    types = layout.types
-    real, vec3 = types.real, types.vec3
+    vec3 = layout.types.vec3
     f = family_functions(layout)
     Family, curved = f.struct, layout.curved
 
     @wp.func
-    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
-        X = horizon * f.chord(family, i, k)
+    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), i: int, k: int, m: int):
+        X = family.horizon * f.chord(family, i, k)
         U = displacement[m] - displacement[i]
         if wp.static(curved):
             return X, X + U
@@ -80,12 +79,11 @@ def critical_stretch(layout: Layout) -> Criterion:
         family: Family,
         displacement: wp.array(dtype=vec3),
         criterion: CriticalStretch,
-        horizon: real,
         i: int,
         k: int,
         m: int,
     ):
-        X, Y = bond_vectors(family, displacement, horizon, i, k, m)
+        X, Y = bond_vectors(family, displacement, i, k, m)
         return wp.dot(Y, Y) > criterion.squared * wp.dot(X, X)
 
     return Criterion(exceeds_stretch, CriticalStretch)
@@ -108,7 +106,6 @@ def critical_energy(layout: Layout) -> Criterion:
         family: Family,
         displacement: wp.array(dtype=vec3),
         criterion: CriticalEnergy,
-        horizon: real,
         i: int,
         k: int,
         m: int,
@@ -125,8 +122,7 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
     The second half of a stencil is ahead of the point, so each bond is checked once. In most steps hardly any bond
     breaks; blocks without a flag then cost half as much as in `break_bonds`.
     """
-    types = layout.types
-    real, vec3 = types.real, types.vec3
+    vec3 = layout.types.vec3
     f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
@@ -137,8 +133,6 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
         family: Family,
         displacement: wp.array(dtype=vec3),
         criterion: Constants,
-        horizon: real,
-        intact: wp.array2d(dtype=wp.uint32),
         first: int,
         exceeding: wp.array(dtype=wp.uint8),
     ):
@@ -147,11 +141,11 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
         half = family.members // 2
         for i in range(b * block, wp.min((b + 1) * block, displacement.shape[0])):
             for word in range(half // word_size, family.words):
-                members = intact[word, i]
+                members = family.intact[word, i]
                 begin = word * word_size
                 for k in range(wp.max(half, begin), wp.min(family.members, begin + word_size)):
                     if bit_of(members, k - begin):
-                        if exceeds(family, displacement, criterion, horizon, i, k, f.neighbour(family, i, k)):
+                        if exceeds(family, displacement, criterion, i, k, f.neighbour(family, i, k)):
                             found = wp.uint8(1)
         exceeding[b] = found
 
@@ -168,18 +162,16 @@ def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function
     @wp.func
     def energy_of_step(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         dt: real,
         constants: Constants,
-        inverse_horizon: real,
         i: int,
     ):
         energy = real(0.0)
         for half_steps in range(wp.int32(3)):
             back = real(0.5) * real(half_steps) * dt
-            part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+            part = earlier_energy(family, displacement, velocity, back, constants, i)
             energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
         return energy
 
@@ -209,7 +201,6 @@ def breaking(
         family: Family,
         displacement: wp.array(dtype=vec3),
         criterion: Limits,
-        horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         word: int,
@@ -225,28 +216,28 @@ def breaking(
         for k in range(first_member, wp.min(first_member + word_size, family.members)):
             there = (intact_bits & bit) != wp.uint32(0)
             m = wp.where(there, f.neighbour(family, i, k), i)
-            over = exceeds(family, displacement, criterion, horizon, i, k, m)
+            over = exceeds(family, displacement, criterion, i, k, m)
             if wp.static(spared):
                 over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
             left = left & ~wp.where(over, bit, wp.uint32(0))
             bit = bit << wp.uint32(1)
         return left
 
-    @kernel(gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)))
+    @kernel(
+        gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)),
+        writes=("family.intact",),
+    )
     def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
         criterion: Limits,
-        horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         exceeding: wp.array(dtype=wp.uint8),
         first: int,
-        intact: wp.array2d(dtype=wp.uint32),
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
@@ -260,19 +251,19 @@ def breaking(
                 return
         breaks = bool(False)
         for word in range(family.words):
-            before_bits = intact[word, i]
-            if remaining(family, displacement, criterion, horizon, spared_mask, i, word, before_bits) != before_bits:
+            before_bits = family.intact[word, i]
+            if remaining(family, displacement, criterion, spared_mask, i, word, before_bits) != before_bits:
                 breaks = True
         if breaks:
             before = real(0.0)
             if wp.static(tracked):
-                before = energy_of_step(family, intact, displacement, velocity, step[0], constants, inverse_horizon, i)
+                before = energy_of_step(family, displacement, velocity, step[0], constants, i)
             for word in range(family.words):
-                intact[word, i] = remaining(
-                    family, displacement, criterion, horizon, spared_mask, i, word, intact[word, i]
+                family.intact[word, i] = remaining(
+                    family, displacement, criterion, spared_mask, i, word, family.intact[word, i]
                 )
             if wp.static(tracked):
-                after = energy_of_step(family, intact, displacement, velocity, step[0], constants, inverse_horizon, i)
+                after = energy_of_step(family, displacement, velocity, step[0], constants, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
     return break_bonds

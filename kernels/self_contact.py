@@ -72,13 +72,12 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
         return depth, direction, (points.area[i] * points.area[j]) * points.stiffness
 
     @wp.func
-    def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
-        return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
+    def broken_members(family: Family, i: int, word: int):
+        return f.initial(family, i, word) & (~intact_members(family, i, word))
 
     @wp.func
     def pressed(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         points: Points,
         displacement: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
@@ -97,7 +96,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
                 stored += stiffness * depth * depth
         if wp.static(layout.breakable):
             for word in range(family.words):
-                members = broken_members(family, intact, i, word)
+                members = broken_members(family, i, word)
                 while members != wp.uint32(0):
                     j = f.neighbour(family, i, word * word_size + lowest_bit(members))
                     members = without_lowest_bit(members)
@@ -111,7 +110,6 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     @kernel(gathers=("displacement", "points.reference", "points.area"))
     def add_contact_force(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         points: Points,
         displacement: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
@@ -123,7 +121,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
         status: wp.array(dtype=wp.int32),
     ):
         i = wp.tid() + first
-        total, touching, _stored = pressed(family, intact, points, displacement, counts, near, i)
+        total, touching, _stored = pressed(family, points, displacement, counts, near, i)
         if wp.static(rubbing):
             contacts[i] = touching
             contact_force[i] = total
@@ -135,7 +133,6 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     @kernel(gathers=("displacement", "points.reference", "points.area"))
     def contact_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         points: Points,
         displacement: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
@@ -144,7 +141,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
         energy: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        _total, _touching, stored = pressed(family, intact, points, displacement, counts, near, i)
+        _total, _touching, stored = pressed(family, points, displacement, counts, near, i)
         energy[i] = wp.float64(real(0.25) * stored)
 
     @wp.func
@@ -185,7 +182,6 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     )
     def friction_impulse(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         points: Points,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -207,7 +203,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
                 total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, near[c, i])
             if wp.static(layout.breakable):
                 for word in range(family.words):
-                    members = broken_members(family, intact, i, word)
+                    members = broken_members(family, i, word)
                     while members != wp.uint32(0):
                         j = f.neighbour(family, i, word * word_size + lowest_bit(members))
                         members = without_lowest_bit(members)

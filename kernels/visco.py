@@ -162,10 +162,8 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     @kernel(gathers=("displacement",))
     def stored_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        inverse_horizon: real,
         unit_volume: real,
         prony: wp.array(dtype=parameters),
         state: wp.array2d(dtype=parameters),
@@ -175,13 +173,11 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
         dissipated: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, intact, i)
+        undamaged = is_undamaged(family, i)
         elastic = wp.float64(0.0)
         viscous = wp.float64(0.0)
         for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = visit(
-                family, intact, displacement, inverse_horizon, i, j, undamaged
-            )
+            there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
                 G = green(H1, H2, tilt)
                 wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))

@@ -58,31 +58,27 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     @wp.func
     def excess(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
-        inverse_horizon: real,
         i: int,
     ):
         """I1 - 2 at a time `back` before now; |Y|^2 - |X|^2 = |X|^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.bond(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
-                s = strain_of(xi, inverse_horizon * U)
+                s = strain_of(xi, family.inverse_horizon * U)
                 total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
         return real(0.5) * total / f.area(family, i)
 
     @kernel(gathers=("displacement",))
     def half_forces(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
-        inverse_horizon: real,
         unit_force: real,
         prony: wp.array(dtype=parameters),
         strain: wp.array2d(dtype=real),
@@ -91,13 +87,13 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        J = excess(family, intact, displacement, displacement, real(0.0), inverse_horizon, i)
+        J = excess(family, displacement, displacement, real(0.0), i)
         modulus = constants[0] + real(2.0) * constants[1] * J
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 xi = f.bond(family, i, k)
-                U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 Y = image(xi, U)
                 s = strain_of(xi, U)
                 # |X| / |Y| turns the viscous stretch into a factor on Y.
@@ -112,9 +108,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     @kernel(gathers=("displacement",))
     def update(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
         step: wp.array(dtype=real),
         prony: wp.array(dtype=parameters),
         first: int,
@@ -124,9 +118,9 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         i = wp.tid() + first
         dt = step[0]
         for k in range(family.members):
-            if is_intact(family, intact, i, k):
+            if is_intact(family, i, k):
                 xi = f.bond(family, i, k)
-                s = strain_of(xi, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
+                s = strain_of(xi, family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
                 change = s - strain[k, i]
                 stretch = real(1.0) + s
                 squared = stretch * stretch
@@ -145,16 +139,14 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     @wp.func
     def earlier_energy(
         family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         constants: parameters,
-        inverse_horizon: real,
         i: int,
     ):
         """Energy c10 J + c20 J^2 of family i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        J = excess(family, intact, displacement, velocity, back, inverse_horizon, i)
+        J = excess(family, displacement, velocity, back, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 
     return ViscoBondKernels(half_forces, update, earlier_energy)

@@ -104,7 +104,6 @@ class BuiltLaw(BuiltPart, Protocol):
         intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
         constants: Constants of the material.
         point_values: Values of the points that replace the last constant, (N,), which parts may change; or None.
-        inverse_horizon: 1 / horizon [1/m].
         unit_volume: Thickness times reference area [m^3].
         correction: Report on the correction of the weights for the summary, or None.
         earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
@@ -127,7 +126,6 @@ class BuiltLaw(BuiltPart, Protocol):
     intact: Array | None
     constants: Any
     point_values: Array | None
-    inverse_horizon: float
     unit_volume: float
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None

@@ -31,7 +31,7 @@ STRAIN = 1e-3
 # What the law with bending takes from the law: attributes, and methods in which bending changes nothing.
 OF_THE_LAW = (
     "label", "weights", "has_energy", "families", "struct", "intact", "constants", "energy_constants", "point_values",
-    "horizon_ratio", "inverse_horizon", "unit_volume", "correction", "earlier_energy", "driving_energy",
+    "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
     "partial_energy", "goes_slack", "slack_frequency",
     "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density", "fictitious_mass",
     "request_fields", "field_names", "sums", "column_names", "columns", "notes", "fingerprint", "likely_cause",

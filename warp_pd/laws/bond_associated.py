@@ -235,7 +235,7 @@ class BondAssociatedForce(BondAssociatedLaw):
             unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
         )  # fmt: skip
         stage.launch(
-            "Relaxation", total, self.points, family=self.struct, intact=self.intact, row=self.pairs, own=own,
+            "Relaxation", total, self.points, family=self.struct, row=self.pairs, own=own,
             least=1e-3 * material.constants[0] * self.thickness, density=density,
         )  # fmt: skip
         return density

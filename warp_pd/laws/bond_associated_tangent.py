@@ -79,7 +79,7 @@ class BondAssociatedTangent:
             return
         stage.launch(
             OWNER, self.kernels.inverse_blocks, n,
-            family=force.struct, intact=force.intact, displacement=displacement, **state, held_mask=held_mask,
+            family=force.struct, displacement=displacement, **state, held_mask=held_mask,
             unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
         )  # fmt: skip
 
@@ -92,8 +92,8 @@ class BondAssociatedTangent:
             return
         stage.launch(
             OWNER, self.kernels.product, n,
-            family=force.struct, intact=force.intact, direction=direction, gradient=self.gradient, stress=self.stress,
-            moduli=self.moduli, inverse_horizon=force.inverse_horizon, unit_force=force.unit_force,
+            family=force.struct, direction=direction, gradient=self.gradient, stress=self.stress,
+            moduli=self.moduli, unit_force=force.unit_force,
             bond_force=force.pairs,
         )  # fmt: skip
         force.add_gather(stage, force.pairs, change, softens=False)
@@ -109,8 +109,8 @@ class BondAssociatedTangent:
         longest = self.context.array("longest_step", OWNER, self.context.types.real, shape=force.points)
         stage.launch(
             OWNER, self.kernels.turning, force.points,
-            family=force.struct, intact=force.intact, direction=direction, gradient=self.gradient,
-            inverse_horizon=force.inverse_horizon, longest=longest,
+            family=force.struct, direction=direction, gradient=self.gradient,
+            longest=longest,
         )  # fmt: skip
         return longest
 
@@ -168,7 +168,7 @@ class TangentMatrix:
         self.blocks = context.array("matrix", OWNER, context.types.mat33, shape=len(columns), per="once")
         stage.launch(
             OWNER, tangent.kernels.assemble, force.points,
-            family=force.struct, intact=force.intact, displacement=displacement, gradient=tangent.gradient,
+            family=force.struct, displacement=displacement, gradient=tangent.gradient,
             stress=tangent.stress, moduli=tangent.moduli, starts=self.starts, columns=self.columns,
             unit_stiffness=force.unit_stiffness, matrix=self.blocks,
         )  # fmt: skip

@@ -66,7 +66,7 @@ class BondBasedTangent:
         force = self.force
         stage.launch(
             OWNER, self.kernels.product, force.points,
-            family=force.struct, intact=force.intact, blocks=self.blocks, direction=direction, change=change,
+            family=force.struct, blocks=self.blocks, direction=direction, change=change,
         )  # fmt: skip
 
     def mean_tension(self) -> float:

@@ -125,6 +125,7 @@ class FamilyLaw(BuiltLaw):
         if context.features.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
+            self.struct.intact = self.intact
         self.thickness = context.whole.mean_thickness
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
@@ -190,12 +191,7 @@ class FamilyLaw(BuiltLaw):
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
         """Arguments common to all launches of the law."""
-        return {
-            "family": self.struct,
-            "intact": self.intact,
-            "displacement": displacement,
-            "inverse_horizon": self.inverse_horizon,
-        }
+        return {"family": self.struct, "displacement": displacement}
 
     def add_launch(self, stage: Stage, kernel: Kernel, displacement: Array, **more: Any) -> None:
         """Add a launch on all points, with the arguments common to all kernels of the law."""
@@ -209,7 +205,7 @@ class FamilyLaw(BuiltLaw):
         """
         stage.pointwise(
             self.owner, gather_pairs(self.context.layout, softens), self.points, family=self.struct,
-            intact=self.intact, bond_force=bond_force, damage=self.damage, force=force,
+            bond_force=bond_force, damage=self.damage, force=force,
         )  # fmt: skip
 
     def soften(self, damage: Array, near: Array) -> None:

@@ -47,6 +47,7 @@ def family_struct(
     types = context.types
     s: Any = family_functions(context.layout).struct()
     s.members, s.words = families.members, families.words
+    s.horizon, s.inverse_horizon = families.horizon, 1.0 / families.horizon
     family_areas = families.member_areas.sum(axis=1)
     real = wp.dtype_to_numpy(types.real)
 
@@ -116,7 +117,7 @@ def _put_compact(s: Any, families: Families, context: Context, put: Callable[...
     apart = np.where(families.exists, families.neighbours - index, 0)
     s.points = families.points
     s.far, s.large = int(np.abs(apart).max() >= NEAR), int(families.members > 2**8)
-    s.inverse_horizon = 1.0 / families.horizon
+    s.inverse_horizon_64 = 1.0 / families.horizon
     s.positions = put("positions", context.sheet.points, wp.vec2d)
     s.neighbours = put("neighbours", _by_member(apart.astype(np.int16), np.int16), wp.int16)
     s.reverses = put("reverses", _by_member(families.reverses.astype(np.uint8), np.uint8), wp.uint8)

@@ -384,9 +384,9 @@ class FamilyBlocks(Reference):
         kernel = block_force(law.layout, self.near, block, listed, self.forces.turns_over)
         stage.launch(
             law.owner, kernel, blocks * block.threads, block_dim=block.threads, family=law.struct,
-            intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
+            others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
-            inverse_horizon=law.inverse_horizon, unit_force=law.unit_force, blocks=blocks,
+            unit_force=law.unit_force, blocks=blocks,
             bond_force=self.forces.array, force=force, span=None if listed else Span(block.together, TUNING.blocks),
         )  # fmt: skip
 

@@ -118,7 +118,7 @@ class ShownFields:
         context = self.law.context
         kernel = bond_counts(context.layout)
         stage.launch(
-            OWNER, kernel, self.law.points, family=self.law.struct, intact=self.law.intact,
+            OWNER, kernel, self.law.points, family=self.law.struct,
             intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
         )  # fmt: skip
 

@@ -126,7 +126,7 @@ class BodySurface:
         name, context, made, state = self.name, self.context, self._kernels, self.context.state
         if self._intact is not None and not at_end:
             stage.launch(
-                name, face_damage(context.layout), self._faces, family=self._law.struct, intact=self._law.intact,
+                name, face_damage(context.layout), self._faces, family=self._law.struct,
                 triangles=self._triangles, intact_faces=self._intact,
             )  # fmt: skip
         values = {

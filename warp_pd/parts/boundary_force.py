@@ -95,14 +95,14 @@ class BuiltBoundaryForce(BuiltLoad):
         """Add the launches that find the normals and add the force."""
         context, law = self.context, self.law
         find, push = boundary_force(context.layout, self.load.form)
-        family = {"family": law.struct, "intact": law.intact, "displacement": displacement}
+        family = {"family": law.struct, "displacement": displacement}
         stage.launch(
             OWNER, find, self._threads[0], **family, points=self._points, marked=self._mask,
-            inverse_horizon=law.inverse_horizon, normals=self._normals,
+            normals=self._normals,
         )  # fmt: skip
         stage.launch(
             OWNER, push, self._threads[1], **family, normals=self._normals, points=self._reach,
-            horizon=law.families.horizon, unit_force=self.load.value * law.unit_volume**2, external=out,
+            unit_force=self.load.value * law.unit_volume**2, external=out,
         )  # fmt: skip
 
 

@@ -306,7 +306,7 @@ class BuiltEnclosed(BuiltLoad):
             context, law = self.context, self._family_law
             stage.launch(
                 self.owner, face_damage(context.layout), len(self._intact),
-                family=law.struct, intact=law.intact, triangles=self._edges, intact_faces=self._intact,
+                family=law.struct, triangles=self._edges, intact_faces=self._intact,
             )  # fmt: skip
 
     def _add_leak(self, stage: Stage) -> None:

@@ -182,8 +182,7 @@ class FollowerPressure(BuiltLoad):
     def _arguments(self, displacement: Array) -> dict[str, Any]:
         law = self.law
         return {
-            "family": law.struct, "intact": law.intact, "displacement": displacement,
-            "inverse_horizon": law.inverse_horizon, "unit_pressure": self._unit_pressure,
+            "family": law.struct, "displacement": displacement, "unit_pressure": self._unit_pressure,
             "factors": self.context.clock.scheduled, "schedule": self._schedule or 0,
         }  # fmt: skip
 

@@ -205,15 +205,14 @@ class Damaged(BuiltRupture):
         law, state = self.law, self.context.state
         return {
             "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
-            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.energy_constants,
-            "inverse_horizon": law.inverse_horizon, "unit_volume": law.unit_volume, "intact": law.intact,
+            "spared_mask": self.spared, "constants": law.energy_constants, "unit_volume": law.unit_volume,
             "released": self.released,
         }  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
         stage.launch(
             self.owner, point_damage(self.context.layout), self.context.sheet.size, family=self.law.struct,
-            intact=self.law.intact, out=self.damage,
+            out=self.damage,
         )  # fmt: skip
         self.add_faces(stage)
 
@@ -221,7 +220,7 @@ class Damaged(BuiltRupture):
         """Add the launch that finds the triangles not cut by a crack."""
         stage.launch(
             self.owner, face_damage(self.context.layout), len(self.context.sheet.triangles), family=self.law.struct,
-            intact=self.law.intact, triangles=self._triangles, intact_faces=self.intact_faces,
+            triangles=self._triangles, intact_faces=self.intact_faces,
         )  # fmt: skip
 
     def lost_energy(self) -> Mapping[str, Array]:
@@ -269,7 +268,7 @@ class BreakingBonds(Damaged):
             if self._limit is None or not self.law.screen_with_force(stage, self._limit, exceeding):
                 stage.launch(
                     self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
-                    **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
+                    family=self.law.struct, displacement=self.context.state.displacement,
                 )  # fmt: skip
         stage.launch(self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding)
 
@@ -284,7 +283,7 @@ class BreakingByEnergy(BreakingBonds):
             context, law, sheet = self.context, self.law, self.context.sheet
             stage.launch(
                 self.owner, energy_release(context.layout), sheet.size,
-                family=law.struct, intact=law.intact, velocity=context.state.velocity, step=context.state.step,
+                family=law.struct, velocity=context.state.velocity, step=context.state.step,
                 bond_force=law.bond_force(), inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
                 energy_release=self.criterion.energy_release,
             )  # fmt: skip

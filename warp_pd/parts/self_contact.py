@@ -187,7 +187,7 @@ class BuiltSelfContact(BuiltContact):
 
     def _pairs(self, displacement: Array) -> dict[str, Any]:
         return {
-            "family": self.law.struct, "intact": self.law.intact, "points": self._points,
+            "family": self.law.struct, "points": self._points,
             "displacement": displacement, "counts": self._counts, "near": self._near,
         }  # fmt: skip
 

@@ -137,7 +137,7 @@ class SheetSurface(BuiltContact):
         entities, both = points + sides, {"a": a, "c": c}
         if self._law.intact is not None:
             stage.launch(
-                OWNER, face_damage(context.layout), faces, family=self._law.struct, intact=self._law.intact,
+                OWNER, face_damage(context.layout), faces, family=self._law.struct,
                 triangles=a.triangles, intact_faces=a.intact,
             )  # fmt: skip
             stage.launch(OWNER, kernels.watch, faces, a=a, status=self.status)

@@ -485,14 +485,12 @@ class DamageField(Damaged):
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
-        given = self.arguments()
-        given.pop("horizon")
         stage.launch(
             self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, near_damage=self._near, softening=self._softening,
-            others=OtherFamilies(),
-            completing={"others": self.law.other_families} if self._beside else None, **given, **self._shared(),
+            others=OtherFamilies(), completing={"others": self.law.other_families} if self._beside else None,
+            **self.arguments(), **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
 
@@ -518,7 +516,7 @@ class DamageField(Damaged):
             self.owner, k.wake, threads, start=own.start, stop=own.stop, blocks=blocks, screen=self._screen,
             awake=self._awake, found=self._found, driving=None if self._ghosts is None else self._driving, span=span,
             side_stream=self._beside, **listing,
-            **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
+            **{name: given[name] for name in ("family", "displacement", "spared_mask")},
         )  # fmt: skip
         if self._found is not None:
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
@@ -533,7 +531,7 @@ class DamageField(Damaged):
             scale=self._scale, fastest=self._fastest, ahead=self._ahead, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before, side_stream=self._beside,
             **{**self._shared(), "stride": families},
-            **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
+            **{name: given[name] for name in ("family", "displacement", "constants")},
         )  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
