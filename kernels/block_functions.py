@@ -123,7 +123,6 @@ class BlockFunctions:
         by_missing: Whether the shape tensor of a damaged intersection is computed by subtracting its missing members,
             which are few.
         compact: Whether shape tensors are also summed instead of read from tables, as on a compact cloud.
-        intact_members: As for `FamilyMechanics`.
         arrive: Data of a bond before its thread reads the results of other threads.
         missing_shape: Part of the shape tensor of an intersection that broken bonds have removed.
         answer: A_ik of a bond and the initial guess for the next stress, from the sums over D_ik.
@@ -140,7 +139,6 @@ class BlockFunctions:
 
     by_missing: bool
     compact: bool
-    intact_members: wp.Function
     arrive: wp.Function
     missing_shape: wp.Function
     answer: wp.Function
@@ -161,7 +159,6 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
     f = family_functions(layout)
     Family = f.struct
     law = family_mechanics(layout, "variational")
-    intact_members = law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     inverse_shape = kinematics(bits).inverse_shape
@@ -243,7 +240,7 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
         """Sum of c_m X_m (x) X_m over the missing members of D_ik."""
         shape = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(wp.static(words)):
-            missing = f.initial(family, i, word) & ~intact_members(family, i, word)
+            missing = f.initial(family, i, word) & ~f.intact_members(family, i, word)
             missing = missing & f.common(family, i, wp.min(k, wp.static(n - 1)), word)
             while missing != wp.uint32(0):
                 at = lowest_bit(missing)
@@ -320,6 +317,6 @@ def block_functions(layout: Layout, near: FunctionFactory, members: int, bonds: 
         ...
 
     return BlockFunctions(
-        by_missing, compact, intact_members, arrive, missing_shape, answer, Words, Masks, Arm, Sums, Parts,
+        by_missing, compact, arrive, missing_shape, answer, Words, Masks, Arm, Sums, Parts,
         add_products, add_parts,
     )  # fmt: skip

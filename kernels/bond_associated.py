@@ -32,7 +32,6 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
@@ -44,9 +43,6 @@ class FamilyMechanics:
     """Warp functions of one configuration; i is a point, j and k are members of its family.
 
     Attributes:
-        intact_members: (family, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, i) -> whether no bond of i is broken.
-        is_intact: (family, i, k) -> whether the bond is intact.
         gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> the displacement gradient times
             the horizon over D_ij (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over D_ij.
         visit: (family, field, i, j, undamaged) -> whether the bond is intact and its
@@ -68,9 +64,6 @@ class FamilyMechanics:
             times c_k, and rotates it from the frame of i to global axes.
     """
 
-    intact_members: wp.Function
-    is_undamaged: wp.Function
-    is_intact: wp.Function
     gradient_over: wp.Function
     visit: wp.Function
     visit_earlier: wp.Function
@@ -93,8 +86,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     Family = f.struct
     published = form == "published"
     word_size = WORD
-    bonds = bond_state(layout)
-    intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     motion = kinematics(bits)
     inverse_shape, remaining_inverse = motion.inverse_shape, motion.remaining_inverse
     tilt_of, level, flat_green, flat_stress = motion.tilt_of, motion.level, motion.green, motion.stress_on_members
@@ -179,7 +170,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             size = real(0.0)
             moment = vec2(real(0.0), real(0.0))
             for word in range(family.words):
-                members = f.common(family, i, j, word) & intact_members(family, i, word)
+                members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                 while members != wp.uint32(0):
                     k = word * word_size + lowest_bit(members)
                     members = without_lowest_bit(members)
@@ -234,7 +225,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     ):
         """Adds (A1, A2) X_k to the entries of the members k of D_ij."""
         for word in range(family.words):
-            members = f.common(family, i, j, word) & intact_members(family, i, word)
+            members = f.common(family, i, j, word) & f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -244,7 +235,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     @wp.func
     def finish_forces(family: Family, i: int, scale: real, bond_force: wp.array2d(dtype=vec3)):
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
@@ -267,7 +258,7 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             inverse = vec3(real(0.0), real(0.0), real(0.0))
             weight = real(0.0)
             tilt = vec2(real(0.0), real(0.0))
-            if is_intact(family, i, j):
+            if f.is_intact(family, i, j):
                 G1, G2, found, size, slope = intersection(family, displacement, velocity, back, i, j, undamaged)
                 if found[0] > real(0.0):
                     there = True
@@ -293,9 +284,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
         return visit_now(family, field, field, real(0.0), i, j, undamaged)
 
     return FamilyMechanics(
-        intact_members,
-        is_undamaged,
-        is_intact,
         gradient_over,
         visit,
         visit_earlier,
@@ -335,7 +323,7 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         lanes: int,
     ):
         """Sum of W_ij w_ij over the members j = lane, lane + lanes, ...; members are read once for all threads."""
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         last = family.members - 1
         stored = real(0.0)
         for block in range(0, family.members, lanes):
@@ -347,14 +335,14 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
             moment = vec2(real(0.0), real(0.0))
             for begin in range(0, family.members, lanes):
                 k = wp.min(begin + lane, last)
-                m = wp.where(law.is_intact(family, i, k), f.neighbour(family, i, k), i)
+                m = wp.where(f.is_intact(family, i, k), f.neighbour(family, i, k), i)
                 xi = f.bond(family, i, k)
                 a = f.area(family, m)
                 c = f.influence(family, i, k) * a
                 stretch = displacement[m] - displacement[i]
                 rise = f.rise(family, i, k)
                 word = begin // word_size
-                members = f.common(family, i, j, word) & law.intact_members(family, i, word)
+                members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                 for n in range(wp.min(lanes, family.members - begin)):
                     # All threads of the family take part, whatever their own intersection.
                     U = vec3(
@@ -374,7 +362,7 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
                         size += area
                         if wp.static(layout.curved):
                             moment += height * cX
-            if block + lane < family.members and law.is_intact(family, i, j):
+            if block + lane < family.members and f.is_intact(family, i, j):
                 G1, G2, inverse, size, tilt = law.gradient_over(
                     family, i, j, undamaged, first, second, shape, size, moment
                 )
@@ -394,7 +382,7 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         stored = real(0.0)
         total = real(0.0)
         for j in range(family.members):

@@ -128,7 +128,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     f = family_functions(layout)
     Family = f.struct
     law = family_mechanics(layout, "variational")
-    intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
+    visit = law.visit
     green, add_to_members = law.green, law.add_to_members
     motion, gradient_of, curved = kinematics(bits), law.gradient, layout.curved
     level, times, columns = motion.level, motion.times, motion.columns
@@ -165,7 +165,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         moduli: wp.array2d(dtype=vec6),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
@@ -197,7 +197,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         i = wp.tid() + first
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             there, H1, H2, inverse, _weight, tilt = visit(family, direction, i, j, undamaged)
             if there:
@@ -218,7 +218,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 A1, A2 = columns(P1, P2, inverse)
                 add_to_members(family, i, j, A1, A2, bond_force)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
 
@@ -232,7 +232,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     ):
         i = wp.tid() + first
         shortest = far
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             there, H1, H2, _inverse, _weight, _tilt = visit(family, direction, i, j, undamaged)
             if there:
@@ -258,7 +258,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         """K_ij^-1, zero where the bond is broken or the intersection degenerate; tilt."""
         result = vec3(real(0.0), real(0.0), real(0.0))
         tilt = vec2(real(0.0), real(0.0))
-        if is_intact(family, i, j):
+        if f.is_intact(family, i, j):
             if undamaged:
                 result = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
@@ -290,13 +290,13 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     ):
         i = wp.tid() + first
         block = mat33()
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             inverse, tilt = shape_of(family, displacement, i, j, undamaged)
             if inverse[0] > real(0.0):
                 sum_of = vec2(real(0.0), real(0.0))
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, i, word)
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -305,14 +305,14 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 g = levelled(times(inverse, sum_of), tilt)
                 block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 back = f.reverse(family, i, k)
                 c = f.influence(family, m, back) * f.area(family, i)
                 xi = f.bond(family, m, back)
                 word = back // word_size
                 bit = wp.uint32(1) << wp.uint32(back - word * word_size)
-                undamaged_there = is_undamaged(family, m)
+                undamaged_there = f.is_undamaged(family, m)
                 for j in range(family.members):
                     if (f.common(family, m, j, word) & bit) != wp.uint32(0):
                         inverse, tilt = shape_of(family, displacement, m, j, undamaged_there)
@@ -363,14 +363,14 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             word = 0
             bit = wp.uint32(0)
             if s < family.members:
-                belongs = is_intact(family, i, s)
+                belongs = f.is_intact(family, i, s)
                 if belongs:
                     q = f.neighbour(family, i, s)
                     mine = f.reverse(family, i, s)
                     word = mine // word_size
                     bit = wp.uint32(1) << wp.uint32(mine - word * word_size)
             if belongs:
-                undamaged = is_undamaged(family, q)
+                undamaged = f.is_undamaged(family, q)
                 own = entry_of(columns, begin, end, q)
                 for j in range(family.members):
                     inverse = vec3(real(0.0), real(0.0), real(0.0))
@@ -381,7 +381,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                         # First the sum over the members; its negative is the coefficient of the centre.
                         centre = vec2(real(0.0), real(0.0))
                         for w in range(family.words):
-                            members = f.common(family, q, j, w) & intact_members(family, q, w)
+                            members = f.common(family, q, j, w) & f.intact_members(family, q, w)
                             while members != wp.uint32(0):
                                 k = w * word_size + lowest_bit(members)
                                 members = without_lowest_bit(members)
@@ -420,7 +420,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                         Q2 = r[0] * R1 + r[1] * R2
                         matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
                         for w in range(family.words):
-                            members = f.common(family, q, j, w) & intact_members(family, q, w)
+                            members = f.common(family, q, j, w) & f.intact_members(family, q, w)
                             while members != wp.uint32(0):
                                 k = w * word_size + lowest_bit(members)
                                 members = without_lowest_bit(members)

@@ -21,10 +21,10 @@ from typing import Any
 
 import warp as wp
 
-from .bond_state import bond_state, sums_of_bonds
 from .effects import Kernel, kernel
 from .factories import PairwiseFactory
 from .families import Layout, family_functions
+from .family_sums import sums_of_bonds
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
@@ -70,14 +70,12 @@ class BondFunctions:
     """Warp functions of one bond.
 
     Attributes:
-        is_intact: (family, i, k) -> whether it is intact.
         strain: (xi, U) -> |Y|/|X| - 1.
         image: (xi, U) -> Y divided by the horizon.
         growth: (xi, U) -> |Y|^2 - |X|^2, divided by the square of the horizon.
         chord: Type of xi: vec2, on a curved sheet vec3.
     """
 
-    is_intact: wp.Function
     strain: wp.Function
     image: wp.Function
     growth: wp.Function
@@ -91,7 +89,6 @@ def bond_functions(layout: Layout) -> BondFunctions:
     real, vec3 = types.real, types.vec3
     curved = layout.curved
     Chord = vec3 if curved else types.vec2
-    is_intact = bond_state(layout).is_intact
 
     @wp.func
     def image(xi: Chord, U: vec3):
@@ -115,7 +112,7 @@ def bond_functions(layout: Layout) -> BondFunctions:
         length = wp.length(xi)
         return growth(xi, U) / (length * (length + wp.length(image(xi, U))))
 
-    return BondFunctions(is_intact, strain, image, growth, Chord)
+    return BondFunctions(strain, image, growth, Chord)
 
 
 @functools.cache
@@ -149,7 +146,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     f = family_functions(layout)
     Family = f.struct
     bond = bond_functions(layout)
-    is_intact, strain, image, Chord = bond.is_intact, bond.strain, bond.image, bond.chord
+    strain, image, Chord = bond.strain, bond.image, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
 
     pull = pull_of_bond(layout, pairwise)
@@ -178,7 +175,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         stored = real(0.0)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
                 s = strain(f.chord(family, i, k), family.inverse_horizon * U)
@@ -199,7 +196,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         sxy = real(0.0)
         syy = real(0.0)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.chord(family, i, k)
                 U = family.inverse_horizon * (displacement[m] - displacement[i])
@@ -228,7 +225,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         compressed = wp.float32(0.0)
         bonds = wp.float32(0.0)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 bonds += wp.float32(1.0)
                 if strain(f.chord(family, i, k), U) < real(0.0):
@@ -249,7 +246,7 @@ def bond_based_tangent(
     f = family_functions(layout)
     Family = f.struct
     bond = bond_functions(layout)
-    is_intact, strain, image = bond.is_intact, bond.strain, bond.image
+    strain, image = bond.strain, bond.image
     tension_of, slope_of, _energy_of = pairwise(bits)
 
     @kernel(gathers=("displacement",))
@@ -266,7 +263,7 @@ def bond_based_tangent(
         i = wp.tid() + first
         for k in range(family.members):
             block = vec6()
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.chord(family, i, k)
                 U = family.inverse_horizon * (displacement[m] - displacement[i])
@@ -306,7 +303,7 @@ def bond_based_tangent(
         i = wp.tid() + first
         total = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
         change[i] = total
 

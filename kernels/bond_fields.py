@@ -4,9 +4,8 @@ import functools
 
 import warp as wp
 
-from .bits import without_lowest_bit
+from .bits import number_of_bits
 from .bond_associated import family_mechanics
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
@@ -38,8 +37,8 @@ def bond_fields(
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    Family = family_functions(layout).struct
-    from_frame, of_bond = family_functions(layout).from_frame, family_functions(layout).of_bond
+    f = family_functions(layout)
+    Family = f.struct
     law = family_mechanics(layout, form)
     stress, _ = material(bits)
     Constants = constants_of(stress)
@@ -61,7 +60,7 @@ def bond_fields(
         first: int,
     ):
         i = wp.tid() + first
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         total = real(0.0)
         mean = mat22()
         biot = mat22()
@@ -83,11 +82,11 @@ def bond_fields(
                         # A step of zero leaves the state as it is.
                         S, _work = advance(G, constants, i, j, family.members, real(0.0), terms, state)
                     else:
-                        S = stress(G, of_bond(family, i, j, constants))
+                        S = stress(G, f.of_bond(family, i, j, constants))
                     U = stretch_of(G)
                     biot += weight * (U * S)
                     if wp.static(wanted.cauchy):
-                        J = wp.sqrt(real(1.0) + volume_change(G, of_bond(family, i, j, constants)))
+                        J = wp.sqrt(real(1.0) + volume_change(G, f.of_bond(family, i, j, constants)))
                         cauchy += (weight / J) * (U * S * U)
         scale = real(0.0)
         if total > real(0.0):
@@ -97,7 +96,7 @@ def bond_fields(
             stiffness = scale * factors[i]
         angle = show(i, total > real(0.0), scale * mean, stiffness * biot, stiffness * cauchy, constants, fields)
         if wp.static(wanted.direction):
-            fields.stretch_direction[i] = from_frame(family, i, image(F1, F2, angle))
+            fields.stretch_direction[i] = f.from_frame(family, i, image(F1, F2, angle))
 
     return bond_fields
 
@@ -107,16 +106,6 @@ def bond_counts(layout: Layout) -> Kernel:
     """Kernel that counts the intact and the broken bonds of each point."""
     f = family_functions(layout)
     Family = f.struct
-    bonds = bond_state(layout)
-
-    @wp.func
-    def count(bits_set: wp.uint32):
-        members = bits_set
-        found = wp.int32(0)
-        while members != wp.uint32(0):
-            members = without_lowest_bit(members)
-            found += 1
-        return found
 
     @kernel()
     def bond_counts(
@@ -129,8 +118,8 @@ def bond_counts(layout: Layout) -> Kernel:
         left = wp.int32(0)
         begun = wp.int32(0)
         for word in range(family.words):
-            left += count(bonds.intact_members(family, i, word))
-            begun += count(f.initial(family, i, word))
+            left += number_of_bits(f.intact_members(family, i, word))
+            begun += number_of_bits(f.initial(family, i, word))
         intact_count[i] = left
         broken_count[i] = begun - left
 

@@ -12,7 +12,6 @@ import functools
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .follower_pressure import surface_vector
@@ -30,7 +29,6 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
     f = family_functions(layout)
     Family = f.struct
     surface = surface_vector(layout)
-    bonds = bond_state(layout)
     printed = form == "printed"
     word_size = WORD
 
@@ -46,7 +44,7 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
         i = wp.tid() + first
         carries = bool(True)
         if wp.static(layout.breakable):
-            carries = marked[i] != wp.uint8(0) or not bonds.is_undamaged(family, i)
+            carries = marked[i] != wp.uint8(0) or not f.is_undamaged(family, i)
         else:
             i = points[i]
         normal = vec3(real(0.0), real(0.0), real(0.0))
@@ -71,7 +69,7 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
         own = normals[i]
         total = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
-            members = bonds.intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)

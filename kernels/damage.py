@@ -5,7 +5,6 @@ import functools
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 
@@ -40,14 +39,13 @@ def face_damage(layout: Layout) -> Kernel:
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    intact_members = bond_state(layout).intact_members
 
     @wp.func
     def lost(family: Family, i: int, j: int):
         """Whether the family of i has lost its bond to j."""
         found = bool(False)
         for word in range(family.words):
-            members = f.initial(family, i, word) & ~intact_members(family, i, word)
+            members = f.initial(family, i, word) & ~f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)

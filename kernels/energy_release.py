@@ -12,7 +12,6 @@ import functools
 
 import warp as wp
 
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import Layout, family_functions
 
@@ -24,7 +23,6 @@ def energy_release(layout: Layout) -> Kernel:
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    is_intact = bond_state(layout).is_intact
 
     @kernel(gathers=("velocity", "bond_force"))
     def add_release(
@@ -38,7 +36,7 @@ def energy_release(layout: Layout) -> Kernel:
     ):
         i = wp.tid() + first
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 pull = bond_force[k, i] - bond_force[f.reverse(family, i, k), m]
                 work = real(0.5) * step[0] * wp.dot(pull, velocity[m] - velocity[i])

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from .bits import lowest_bit, without_lowest_bit
+from .bits import bit_of, lowest_bit, without_lowest_bit
 from .entries import entry_of
 from .kinematics import kinematics
 from .numeric import Numeric, numeric
@@ -91,6 +91,9 @@ class FamilyFunctions:
             kernels/kinematics.py; zero if flat.
         to_frame: (family, i, v) -> components in the frame of i of a vector v in space; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
+        intact_members: (family, i, word) -> bits of the members whose bonds are intact.
+        is_undamaged: (family, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then valid.
+        is_intact: (family, i, k) -> whether the bond is intact.
         of_bond: (family, i, k, constants of a material) -> the same, whose last one is the index of the bond's material
             (kernels/by_region.py), the value of point i or that of the intersection; or the constants themselves.
     """
@@ -112,6 +115,9 @@ class FamilyFunctions:
     tilt: wp.Function
     to_frame: wp.Function
     from_frame: wp.Function
+    intact_members: wp.Function
+    is_undamaged: wp.Function
+    is_intact: wp.Function
     of_bond: wp.Function
 
 
@@ -124,6 +130,34 @@ def same_constants(Family: Any) -> wp.Function:
         return constants
 
     return of_bond
+
+
+def bond_functions(layout: Layout, Family: Any, initial: wp.Function) -> dict[str, wp.Function]:
+    """Functions `intact_members`, `is_undamaged` and `is_intact`; they read `intact` only if bonds can break."""
+    breakable, word_size = layout.breakable, WORD
+
+    @wp.func
+    def intact_members(family: Family, i: int, word: int):
+        if wp.static(breakable):
+            return family.intact[word, i]
+        else:
+            return initial(family, i, word)
+
+    @wp.func
+    def is_undamaged(family: Family, i: int):
+        answer = bool(True)
+        if wp.static(breakable):
+            for word in range(family.words):
+                if family.intact[word, i] != initial(family, i, word):
+                    answer = False
+        return answer
+
+    @wp.func
+    def is_intact(family: Family, i: int, k: int):
+        word = k // word_size
+        return bit_of(intact_members(family, i, word), k - word * word_size)
+
+    return {"intact_members": intact_members, "is_undamaged": is_undamaged, "is_intact": is_intact}
 
 
 def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
@@ -216,7 +250,8 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
 
     return FamilyFunctions(
         LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
-        chord=bond, **flat_functions(layout, LatticeFamily), of_bond=same_constants(LatticeFamily),
+        chord=bond, **flat_functions(layout, LatticeFamily), **bond_functions(layout, LatticeFamily, initial),
+        of_bond=same_constants(LatticeFamily),
     )  # fmt: skip
 
 
@@ -364,6 +399,7 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     return FamilyFunctions(
         Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
         chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
+        **bond_functions(layout, Family, initial),
         of_bond=of_bond if layout.regions or by_point or remembers else same_constants(Family),
     )  # fmt: skip
 
@@ -476,16 +512,16 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
     return FamilyFunctions(
         CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
-        chord=bond, **flat_functions(layout, CompactFamily), of_bond=same_constants(CompactFamily),
+        chord=bond, **flat_functions(layout, CompactFamily), **bond_functions(layout, CompactFamily, initial),
+        of_bond=same_constants(CompactFamily),
     )  # fmt: skip
 
 
 @functools.cache
 def family_functions(layout: Layout) -> FamilyFunctions:
-    """Functions of a layout, the same whether or not its bonds can break or soften."""
-    tables = replace(layout, breakable=False, softened=False)
-    if tables != layout:
-        return family_functions(tables)
+    """Functions of a layout, the same whether or not its bonds soften."""
+    if layout.softened:
+        return family_functions(replace(layout, softened=False))
     if layout.compact:
         return compact_functions(layout)
     return lattice_functions(layout) if layout.kind == "lattice" else table_functions(layout)

@@ -93,7 +93,7 @@ def block_force(
     functions = block_functions(layout, near, n, bonds)
     Constants = constants_of(near(layout.bits))
     by_missing, compact, missing_shape = functions.by_missing, functions.compact, functions.missing_shape
-    intact_members, arrive, answer = functions.intact_members, functions.arrive, functions.answer
+    arrive, answer = functions.arrive, functions.answer
     Words, Masks, Arm, Sums, Parts = functions.Words, functions.Masks, functions.Arm, functions.Sums, functions.Parts
     add_products, add_parts = functions.add_products, functions.add_parts
     Inverses = wp.types.matrix(shape=(bonds, 3), dtype=real)
@@ -141,7 +141,7 @@ def block_force(
             undamaged = bool(True)
             present = Words()
             for word in range(wp.static(words)):
-                intact_here = intact_members(family, i, wp.static(word))
+                intact_here = f.intact_members(family, i, wp.static(word))
                 if wp.static(breakable):
                     undamaged = undamaged and intact_here == f.initial(family, i, word)
                 present[word] = wp.where(here, intact_here, wp.uint32(0))

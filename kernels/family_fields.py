@@ -5,7 +5,6 @@ import functools
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
@@ -29,7 +28,7 @@ def point_fields(
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)
     Family = f.struct
-    bonds, motion = bond_state(layout), kinematics(bits)
+    motion = kinematics(bits)
     stress = material(bits)[0] if material is not None else None
     Constants = types.parameters if stress is None else constants_of(stress)
     stretch_of, _ = tensors(bits)
@@ -53,7 +52,7 @@ def point_fields(
         H2 = vec3()
         size = real(0.0)
         for word in range(family.words):
-            members = bonds.intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)

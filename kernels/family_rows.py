@@ -60,7 +60,6 @@ def family_rows(
     f = family_functions(layout)
     Family = f.struct
     law = family_mechanics(layout, "variational")
-    is_undamaged, intact_members = law.is_undamaged, law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
     area_weight, stress_on_members = law.area_weight, law.stress_on_members
     motion = kinematics(bits)
@@ -115,11 +114,11 @@ def family_rows(
         state: wp.array2d(dtype=parameters),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         here = Words()
         members = wp.int32(0)
         for word in range(wp.static(words)):
-            here[word] = intact_members(family, i, word)
+            here[word] = f.intact_members(family, i, word)
             members += number_of_bits(here[word])
         if wp.static(not energetic):
             for k in range(family.members):

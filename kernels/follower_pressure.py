@@ -5,7 +5,6 @@ import functools
 import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
@@ -24,7 +23,6 @@ def surface_vector(layout: Layout) -> wp.Function:
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout).intact_members
     word_size, curved = WORD, layout.curved
     determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
     curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
@@ -41,7 +39,7 @@ def surface_vector(layout: Layout) -> wp.Function:
         shape = vec3(real(0.0), real(0.0), real(0.0))
         rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
-            members = intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             first = word * word_size
             for k in range(first, wp.min(first + word_size, family.members)):
                 there = bit_of(members, k - first)
@@ -120,7 +118,6 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout).intact_members
     word_size, curved, motion = WORD, layout.curved, kinematics(bits)
     determines_gradient, level, tilt_of = motion.determines_gradient, motion.level, motion.tilt_of
     curved_gradient = motion.curved_gradient
@@ -145,7 +142,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
         shape = zero
         rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
-            members = intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)

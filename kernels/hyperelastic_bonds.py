@@ -23,9 +23,9 @@ from typing import Any
 import warp as wp
 
 from .bond_based import bond_functions
-from .bond_state import sums_of_bonds
 from .effects import Kernel
 from .families import Layout, family_functions
+from .family_sums import sums_of_bonds
 
 
 @dataclass(frozen=True)

@@ -327,7 +327,7 @@ def branched_energy(layout: Layout, network: ElasticNetwork, drives: bool) -> wp
         constants: Branched,
         i: int,
     ):
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         stored = real(0.0)
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = law.visit_earlier(

@@ -30,7 +30,7 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
         largest: wp.array2d(dtype=real),
     ):
         i = wp.tid() + first
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             there, H1, H2, _inverse, _weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:

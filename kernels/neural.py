@@ -81,7 +81,7 @@ def neural(
     real, vec2, vec3, mat32, parameters = types.real, types.vec2, types.vec3, types.mat32, types.parameters
     f = family_functions(layout)
     law = neural_functions(layout, membrane, corrected)
-    Family = law.struct
+    Family = f.struct
     exact, fused = closed_form(bits, membrane), layers is not None
     network = network_function(bits, layers) if layers is not None else None
 
@@ -99,7 +99,7 @@ def neural(
         scale = law.family_scale(family, V, unit_force, i)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if law.is_intact(family, i, k) and scale > real(0.0):
+            if f.is_intact(family, i, k) and scale > real(0.0):
                 if wp.static(fused):
                     x, u, weight, direction, row = law.bond_seen(family, displacement, H, D, V, area, z, i, k)
                     o = network(law.logarithms(row))
@@ -126,7 +126,7 @@ def neural(
         frame[i] = R
         for k in range(family.members):
             row = parameters(real(1.0), real(0.0), real(1.0), real(1.0))
-            if law.is_intact(family, i, k) and V[0, 0] != real(0.0):
+            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
                 _x, _u, _weight, _direction, row = law.bond_seen(family, displacement, H, D, V, area, z, i, k)
             features[k * points + i] = row
 
@@ -151,7 +151,7 @@ def neural(
             scale = real(0.0)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if law.is_intact(family, i, k) and scale > real(0.0):
+            if f.is_intact(family, i, k) and scale > real(0.0):
                 x, u, weight = law.bond_vectors(family, displacement, i, k)
                 direction = wp.transpose(R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
                 force = scale * weight * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
@@ -173,7 +173,7 @@ def neural(
         det = real(1.0) + area
         found = wp.int32(0)
         for k in range(family.members):
-            if law.is_intact(family, i, k) and V[0, 0] != real(0.0):
+            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
                 x, u, _weight = law.bond_vectors(family, displacement, i, k)
                 excess, sine, versine, _direction = law.bond_motion(x, u, H, D, V)
                 a = (real(1.0) + excess) * (real(1.0) - versine)

@@ -5,13 +5,13 @@ The equations are in kernels/neural.py.
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
 from .factories import PairFactory
 from .families import Layout, family_functions
-from .nodal import point_family
+from .kinematics import kinematics
+from .nodal import point_gradient
 from .numeric import numeric
 
 # Smallest cosine of the angle by which a bond has rotated, see kernels/neural.py.
@@ -25,8 +25,6 @@ class NeuralFunctions:
     """Warp functions that every way to evaluate the neural law uses; i is a point, k a member of its family.
 
     Attributes:
-        struct: Warp struct of the families.
-        is_intact: (family, i, k) -> whether the bond is intact.
         family_frame: (family, displacement, constants, i) -> deformation of the family of i:
             displacement gradient H, rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact
             bonds determine no gradient.
@@ -42,8 +40,6 @@ class NeuralFunctions:
         pull: (x, u, direction, R, T) -> T, which is along and across the bond, as a vector in space.
     """
 
-    struct: Any
-    is_intact: wp.Function
     family_frame: wp.Function
     bond_motion: wp.Function
     bond_vectors: wp.Function
@@ -62,7 +58,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
     )  # fmt: skip
     f = family_functions(layout)
     Family = f.struct
-    point = point_family(layout)
+    gradient, green = point_gradient(layout), kinematics(bits).green
     volume_change, _ = membrane(bits)
 
     @wp.func
@@ -72,7 +68,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         constants: parameters,
         i: int,
     ):
-        G1, G2, inverse, _size = point.gradient(family, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, _size = gradient(family, displacement, displacement, real(0.0), i)
         H = mat32()
         R = mat32()
         D = mat22()
@@ -82,7 +78,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         if inverse[0] > real(0.0):
             H1 = family.inverse_horizon * G1
             H2 = family.inverse_horizon * G2
-            G = point.green(H1, H2)
+            G = green(H1, H2)
             # det C - 1; the root of det C is det U = det F, and tr U^2 = tr C + 2 det U.
             change = G[0, 0] + G[1, 1] + wp.determinant(G)
             d = wp.sqrt(real(1.0) + change)
@@ -220,7 +216,4 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         else:
             return unit_force * f.area(family, i) * f.weight(family, i, 0)
 
-    is_intact = point_family(layout).is_intact
-    return NeuralFunctions(
-        Family, is_intact, family_frame, bond_motion, bond_vectors, bond_seen, family_scale, logarithms, pull
-    )
+    return NeuralFunctions(family_frame, bond_motion, bond_vectors, bond_seen, family_scale, logarithms, pull)

@@ -14,43 +14,28 @@ A family whose points are (nearly) collinear determines no gradient and carries 
 """
 
 import functools
-from dataclasses import dataclass
 
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 
 
-@dataclass(frozen=True)
-class PointFamily:
-    """Warp functions of the family of a point; i is a point, k a member of its family.
-
-    Attributes:
-        is_intact: (family, i, k) -> whether the bond is intact.
-        gradient: (family, displacement, velocity, back, i) -> displacement gradient times horizon (two columns)
-            for the displacement at a time `back` before now, K^-1 (zero if degenerate), intact area.
-        green: (H1, H2) -> C - I.
-    """
-
-    is_intact: wp.Function
-    gradient: wp.Function
-    green: wp.Function
-
-
 @functools.cache
-def point_family(layout: Layout) -> PointFamily:
-    """Functions of the family of a point."""
+def point_gradient(layout: Layout) -> wp.Function:
+    """Function (family, displacement, velocity, back, i) of the displacement at a time `back` before now.
+
+    Returns the displacement gradient times horizon (two columns), K^-1 (zero if degenerate), and the intact area over
+    the reference area.
+    """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    bonds = bond_state(layout)
     motion = kinematics(bits)
 
     @wp.func
@@ -61,14 +46,13 @@ def point_family(layout: Layout) -> PointFamily:
         back: real,
         i: int,
     ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), intact area divided by the reference area."""
         ui = displacement[i]
         first = vec3(real(0.0), real(0.0), real(0.0))
         second = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
         size = real(0.0)
         for word in range(family.words):
-            members = bonds.intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -83,14 +67,14 @@ def point_family(layout: Layout) -> PointFamily:
                     shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                     size += a
         inverse = f.shape(family, i, 0)
-        if bonds.is_undamaged(family, i):
+        if f.is_undamaged(family, i):
             size = f.family_area(family, i)
         else:
             inverse = motion.inverse_shape(shape)
         G1, G2 = motion.columns(first, second, inverse)
         return G1, G2, inverse, size
 
-    return PointFamily(bonds.is_intact, gradient, motion.green)
+    return gradient
 
 
 @functools.cache
@@ -103,8 +87,7 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    point = point_family(layout)
-    stress_on_members = kinematics(bits).stress_on_members
+    gradient, motion = point_gradient(layout), kinematics(bits)
     stress, energy = material(bits)
     Constants = constants_of(energy)
 
@@ -118,14 +101,14 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
         i: int,
     ):
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
-        G1, G2, inverse, size = point.gradient(family, displacement, velocity, back, i)
+        G1, G2, inverse, size = gradient(family, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):
             intact_fraction = size / f.family_area(family, i)
             stored = (
                 f.area(family, i)
                 * intact_fraction
-                * energy(point.green(family.inverse_horizon * G1, family.inverse_horizon * G2), constants)
+                * energy(motion.green(family.inverse_horizon * G1, family.inverse_horizon * G2), constants)
             )
         return stored
 
@@ -139,18 +122,18 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        G1, G2, inverse, size = point.gradient(family, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, size = gradient(family, displacement, displacement, real(0.0), i)
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         if inverse[0] > real(0.0):
             H1 = family.inverse_horizon * G1
             H2 = family.inverse_horizon * G2
-            S = stress(point.green(H1, H2), constants)
+            S = stress(motion.green(H1, H2), constants)
             scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
-            A1, A2 = stress_on_members(H1, H2, S, scale, inverse)
+            A1, A2 = motion.stress_on_members(H1, H2, S, scale, inverse)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if point.is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 xi = f.bond(family, i, k)
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 force = c * (xi[0] * A1 + xi[1] * A2)

@@ -56,7 +56,7 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
         i = wp.tid() + first
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = law.is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         work = wp.float64(0.0)
         for j in range(family.members):
             there, H1, H2, inverse, weight, tilt = law.visit(family, displacement, i, j, undamaged)
@@ -92,16 +92,15 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
     stress, _ = material(bits)
     Constants = constants_of(stress)
     law = family_mechanics(layout, "published")
-    is_undamaged, is_intact = law.is_undamaged, law.is_intact
 
     @wp.func
     def present_area(family: Family, i: int):
         """|H_i| of the intact bonds, divided by the reference area."""
-        if is_undamaged(family, i):
+        if f.is_undamaged(family, i):
             return f.family_area(family, i)
         size = real(0.0)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 size += f.area(family, f.neighbour(family, i, k))
         return size
 
@@ -115,7 +114,7 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         own_area = present_area(family, i)
         for j in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))

@@ -33,7 +33,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
     f = family_functions(layout)
     Family = f.struct
     law = family_mechanics(layout, form)
-    intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
+    visit = law.visit
     green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
     Constants = constants_of(response_of)
@@ -60,7 +60,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         i = wp.tid() + first
         for k in range(family.members):
             row[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         total = real(0.0)
         centre_row = real(0.0)
         for j in range(family.members):
@@ -76,7 +76,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
                 c1 = real(0.0)
                 c2 = real(0.0)
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, i, word)
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -89,7 +89,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
                 contribution = weight * bound * sizes
                 centre_row += contribution * centre
                 for word in range(family.words):
-                    members = f.common(family, i, j, word) & intact_members(family, i, word)
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
@@ -116,7 +116,7 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 total += row[f.reverse(family, i, k), f.neighbour(family, i, k)][0]
         density[i] = wp.max(total, least)
 

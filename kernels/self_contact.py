@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .integrate import RIGID, StepOptions, half_step
@@ -51,7 +50,6 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout).intact_members
     pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
@@ -73,7 +71,7 @@ def repulsion(layout: Layout, options: StepOptions, pieces: bool, rubbing: bool)
 
     @wp.func
     def broken_members(family: Family, i: int, word: int):
-        return f.initial(family, i, word) & (~intact_members(family, i, word))
+        return f.initial(family, i, word) & (~f.intact_members(family, i, word))
 
     @wp.func
     def pressed(

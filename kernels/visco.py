@@ -154,7 +154,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = family_mechanics(layout, "variational")
-    is_undamaged, visit, green = law.is_undamaged, law.visit, law.green
+    visit, green = law.visit, law.green
     term_constants, tensor = conversions(bits)
     conjugate, energies = prony_energy(), material(64)[1]
     Constants, Wide = constants_of(material(bits)[1]), constants_of(energies)
@@ -173,7 +173,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
         dissipated: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        undamaged = is_undamaged(family, i)
+        undamaged = f.is_undamaged(family, i)
         elastic = wp.float64(0.0)
         viscous = wp.float64(0.0)
         for j in range(family.members):

@@ -52,7 +52,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     f = family_functions(layout)
     Family = f.struct
     bond = bond_functions(layout)
-    is_intact, strain_of, image = bond.is_intact, bond.strain, bond.image
+    strain_of, image = bond.strain, bond.image
     retained = relaxation_factors(bits)
 
     @wp.func
@@ -66,7 +66,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         """I1 - 2 at a time `back` before now; |Y|^2 - |X|^2 = |X|^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.bond(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
@@ -91,7 +91,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         modulus = constants[0] + real(2.0) * constants[1] * J
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 xi = f.bond(family, i, k)
                 U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 Y = image(xi, U)
@@ -118,7 +118,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         i = wp.tid() + first
         dt = step[0]
         for k in range(family.members):
-            if is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 xi = f.bond(family, i, k)
                 s = strain_of(xi, family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
                 change = s - strain[k, i]

@@ -18,9 +18,9 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.bond_state import energy_of_families, gather_pairs
 from ..kernels.damage_field import soften
 from ..kernels.effects import Kernel
+from ..kernels.family_sums import energy_of_families, gather_pairs
 from ..materials import Material, capabilities, padded_constants
 from .family_struct import family_struct
 from .point_fields import ShownFields, grouped, offered, refuse_other

@@ -22,13 +22,13 @@ from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
 from ..families.partition import ALIGNED
 from ..interfaces.context import Context
-from ..kernels.bond_state import energy_of_families
 from ..kernels.damage_field import OtherFamilies
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import FamilyBlock, block_force
 from ..kernels.family_rows import family_rows
+from ..kernels.family_sums import energy_of_families
 from ..kernels.reference_force import published_force, reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil

@@ -1,67 +1,16 @@
-"""State of the bonds, intact or broken, and the kernels that sum the contributions of families.
-
-In a layout whose bonds cannot break, no kernel reads the bits `family.intact` [words, points].
-"""
+"""Kernels that sum the contributions of families, common to several laws."""
 
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
-from .bits import bit_of, lowest_bit, without_lowest_bit
+from .bits import lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
-
-
-@dataclass(frozen=True)
-class BondState:
-    """Warp functions; i is a point, k a member of its family.
-
-    Attributes:
-        intact_members: (family, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then
-            valid.
-        is_intact: (family, i, k) -> whether the bond is intact.
-    """
-
-    intact_members: wp.Function
-    is_undamaged: wp.Function
-    is_intact: wp.Function
-
-
-@functools.cache
-def bond_state(layout: Layout) -> BondState:
-    """Functions of the state of the bonds."""
-    f = family_functions(layout)
-    Family = f.struct
-    word_size = WORD
-
-    @wp.func
-    def intact_members(family: Family, i: int, word: int):
-        if wp.static(layout.breakable):
-            return family.intact[word, i]
-        else:
-            return f.initial(family, i, word)
-
-    @wp.func
-    def is_undamaged(family: Family, i: int):
-        answer = bool(True)
-        if wp.static(layout.breakable):
-            for word in range(family.words):
-                if family.intact[word, i] != f.initial(family, i, word):
-                    answer = False
-        return answer
-
-    @wp.func
-    def is_intact(family: Family, i: int, k: int):
-        word = k // word_size
-        return bit_of(intact_members(family, i, word), k - word * word_size)
-
-    return BondState(intact_members, is_undamaged, is_intact)
 
 
 @functools.cache
@@ -74,7 +23,6 @@ def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)
     Family = f.struct
-    is_intact = bond_state(layout).is_intact
     left = stiffness_left(layout.bits)
 
     @wp.struct
@@ -89,7 +37,7 @@ def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
         for i in range(begin, end):
             pull = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(a.family.members):
-                if is_intact(a.family, i, k):
+                if f.is_intact(a.family, i, k):
                     m = f.neighbour(a.family, i, k)
                     own = a.bond_force[k, i]
                     others = a.bond_force[f.reverse(a.family, i, k), m]
@@ -153,7 +101,6 @@ def sums_of_bonds(
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    bonds = bond_state(layout)
     word_size = WORD
 
     @kernel(gathers=("displacement", "constants.factors"))
@@ -169,7 +116,7 @@ def sums_of_bonds(
         ui = displacement[i]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
-            members = bonds.intact_members(family, i, word)
+            members = f.intact_members(family, i, word)
             while members != wp.uint32(0):
                 k = word * word_size + lowest_bit(members)
                 members = without_lowest_bit(members)
@@ -191,7 +138,7 @@ def sums_of_bonds(
         i = wp.tid() + first
         total = real(0.0)
         for k in range(family.members):
-            if bonds.is_intact(family, i, k):
+            if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 U = family.inverse_horizon * (displacement[m] - displacement[i])
                 total += stiffness_of(family, constants, i, k, m, f.chord(family, i, k), U)
