@@ -36,25 +36,6 @@ NORMAL, COUPLES, PULLS, ROWS = 0, 3, 9, 15
 
 
 @dataclass(frozen=True)
-class Components:
-    """Warp functions for arrays (rows, N) with a row for each component of a vector or a 3 x 2 matrix.
-
-    A component of all points lies together: a row of threads then reads whole lines of memory.
-
-    Attributes:
-        matrix_at: (values, i) -> matrix i, whose components are rows 0 to 5.
-        put_matrix: (values, i, matrix) stores it.
-        vector_at: (values, row, i) -> vector i, whose components begin at a row.
-        put_vector: (values, row, i, vector) stores it.
-    """
-
-    matrix_at: wp.Function
-    put_matrix: wp.Function
-    vector_at: wp.Function
-    put_vector: wp.Function
-
-
-@dataclass(frozen=True)
 class TriangleFunctions:
     """Warp functions of a triangle t.
 
@@ -145,8 +126,15 @@ def plate_tables(bits: int) -> Any:
 
 
 @functools.cache
-def components(bits: int) -> Components:
-    """Functions of a precision."""
+def components(bits: int) -> tuple[wp.Function, ...]:
+    """Functions for arrays (rows, N) with a row for each component of a vector or a 3 x 2 matrix.
+
+    A component of all points lies together: a row of threads then reads whole lines of memory.
+
+    Returns:
+        (values, i) -> matrix i, whose components are rows 0 to 5; (values, i, matrix), which stores it;
+        (values, row, i) -> vector i, whose components begin at a row; (values, row, i, vector), which stores it.
+    """
     types = numeric(bits)
     real, vec3, mat32 = types.real, types.vec3, types.mat32
     real_of, put_real = entry_of(real, 2), put_entry(real, 2)
@@ -177,7 +165,7 @@ def components(bits: int) -> Components:
         for c in range(3):
             put_real(values, (row + c) * values.shape[1] + i, value[c])
 
-    return Components(matrix_at, put_matrix, vector_at, put_vector)
+    return matrix_at, put_matrix, vector_at, put_vector
 
 
 @functools.cache
@@ -188,7 +176,7 @@ def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunc
     mat63 = wp.types.matrix((6, 3), real)
     half, two = wp.constant(real(0.5)), wp.constant(real(2.0))
     stiffening = wp.constant(real(STIFFENING))
-    Plate, matrix_at = plate_tables(bits), components(bits).matrix_at
+    Plate, matrix_at = plate_tables(bits), components(bits)[0]
     point_of, sides_of = entry_of(vec3, 1), entry_of(mat22, 2)
 
     @wp.struct
@@ -321,10 +309,9 @@ def bending(
     types = numeric(bits)
     real, vec3, vec2, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat32, types.vec6
     half = wp.constant(real(0.5))
-    Plate, of, at_rows = plate_tables(bits), triangle_functions(bits, curved, breakable), components(bits)
+    Plate, of = plate_tables(bits), triangle_functions(bits, curved, breakable)
     plane, moments_of, changed, bent = of.plane, of.moments_of, of.changed, of.bent
-    matrix_at, put_matrix = at_rows.matrix_at, at_rows.put_matrix
-    vector_at, put_vector = at_rows.vector_at, at_rows.put_vector
+    matrix_at, put_matrix, vector_at, put_vector = components(bits)
     point_of, vec2_of, step_of = entry_of(vec3, 1), entry_of(vec2, 2), entry_of(wp.int32, 2)
     real_of, put_real = entry_of(real, 2), put_entry(real, 2)
 

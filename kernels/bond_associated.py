@@ -43,22 +43,15 @@ class FamilyMechanics:
     """Warp functions of one configuration; i is a point, j and k are members of its family.
 
     Attributes:
-        gradient_over: (family, i, j, undamaged, first, second, shape, size, moment) -> the displacement gradient times
-            the horizon over D_ij (two columns, in the frame of i), K^-1, |D_ij| and the tilt, from sums over D_ij.
-        visit: (family, field, i, j, undamaged) -> whether the bond is intact and its
-            intersection determines a gradient; the gradient of the field over D_ij (two columns, in the frame of i);
-            K^-1; W_ij divided by the reference area and without the factor `family_scale`; the tilt of D_ij, zero on a
-            flat sheet.
+        gradient_over: (family, i, j, undamaged, first, second, shape, moment) -> the displacement gradient times the
+            horizon over D_ij (two columns, in the frame of i), K^-1 (zero if degenerate) and the tilt, from sums over
+            D_ij.
+        visit: (family, field, i, j, undamaged) -> whether the bond is intact and its intersection determines a
+            gradient; the gradient of the field over D_ij (two columns, in the frame of i); K^-1; W_ij divided by the
+            reference area and without the factor `family_scale`; the tilt of D_ij, zero on a flat sheet.
         visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
             displacement, velocity, back, i, j, undamaged).
-        green: (H1, H2, tilt) -> C - I.
-        gradient: (H1, H2, tilt) -> columns of F.
-        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, or of W P R^-1 K^-1 on a
-            curved sheet.
-        area_weight: (family, i, j, undamaged, size) -> W_ij as returned by `visit`; `size` is |D_ij|.
         family_scale: (family, i, total) -> factor on its weights, whose sum is `total`; 1 in the variational form.
-        damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
-            determines no gradient; and `size`, as for `area_weight`.
         add_to_members: (family, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
         finish_forces: (family, i, scale, bond_force) multiplies each sum of `add_to_members` by `scale`
             times c_k, and rotates it from the frame of i to global axes.
@@ -67,12 +60,7 @@ class FamilyMechanics:
     gradient_over: wp.Function
     visit: wp.Function
     visit_earlier: wp.Function
-    green: wp.Function
-    gradient: wp.Function
-    stress_on_members: wp.Function
-    area_weight: wp.Function
     family_scale: wp.Function
-    damaged_inverse: wp.Function
     add_to_members: wp.Function
     finish_forces: wp.Function
 
@@ -81,127 +69,30 @@ class FamilyMechanics:
 def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     """Warp functions of the law for any material; `form` is "variational" or "published"."""
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
     published = form == "published"
     word_size = WORD
-    motion = kinematics(bits)
-    inverse_shape, remaining_inverse = motion.inverse_shape, motion.remaining_inverse
-    tilt_of, level, flat_green, flat_stress = motion.tilt_of, motion.level, motion.green, motion.stress_on_members
-    curved_green, curved_gradient, curved_stress = (
-        motion.curved_green,
-        motion.curved_gradient,
-        motion.curved_stress_on_members,
-    )
+    motion = kinematics(bits, layout.curved)
     curved = layout.curved
 
     @wp.func
-    def green(H1: vec3, H2: vec3, tilt: vec2):
-        if wp.static(curved):
-            return curved_green(H1, H2, tilt)
-        else:
-            return flat_green(H1, H2)
-
-    @wp.func
-    def gradient(H1: vec3, H2: vec3, tilt: vec2):
-        if wp.static(curved):
-            return curved_gradient(H1, H2, tilt)
-        else:
-            return H1 + vec3(real(1.0), real(0.0), real(0.0)), H2 + vec3(real(0.0), real(1.0), real(0.0))
-
-    @wp.func
-    def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
-        if wp.static(curved):
-            return curved_stress(H1, H2, S, weight, inverse, tilt)
-        else:
-            return flat_stress(H1, H2, S, weight, inverse)
-
-    @wp.func
-    def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
-        if wp.static(published):
-            return inverse_shape(shape), size
-        else:
-            return remaining_inverse(shape, undamaged_inverse), size
-
-    @wp.func
     def gradient_over(
-        family: Family,
-        i: int,
-        j: int,
-        undamaged: bool,
-        first: vec3,
-        second: vec3,
-        shape: vec3,
-        size: real,
-        moment: vec2,
+        family: Family, i: int, j: int, undamaged: bool, first: vec3, second: vec3, shape: vec3, moment: vec2
     ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij| and tilt from sums over D_ij."""
         inverse = f.shape(family, i, j)
         tilt = f.tilt(family, i, j)
         if not undamaged:
-            inverse, size = damaged_inverse(shape, inverse, size)
-            if wp.static(curved):
-                tilt = tilt_of(motion.times(inverse, moment))
-        G1, G2 = motion.columns(first, second, inverse)
-        if wp.static(curved):
-            G1, G2 = level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
-        return G1, G2, inverse, size, tilt
-
-    def declare_intersection(name, earlier):
-        @wp.func(name=name)
-        def intersection(
-            family: Family,
-            displacement: wp.array(dtype=vec3),
-            velocity: wp.array(dtype=vec3),
-            back: real,
-            i: int,
-            j: int,
-            undamaged: bool,
-        ):
-            """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|, tilt.
-
-            With `earlier`, these are for the displacement at a time `back` before now.
-            """
-            ui = displacement[i]
-            first = vec3(real(0.0), real(0.0), real(0.0))
-            second = vec3(real(0.0), real(0.0), real(0.0))
-            shape = vec3(real(0.0), real(0.0), real(0.0))
-            size = real(0.0)
-            moment = vec2(real(0.0), real(0.0))
-            for word in range(family.words):
-                members = f.common(family, i, j, word) & f.intact_members(family, i, word)
-                while members != wp.uint32(0):
-                    k = word * word_size + lowest_bit(members)
-                    members = without_lowest_bit(members)
-                    m = f.neighbour(family, i, k)
-                    a = f.area(family, m)
-                    xi = f.bond(family, i, k)
-                    cxi = f.influence(family, i, k) * a * xi
-                    stretch = displacement[m] - ui
-                    if wp.static(earlier):
-                        stretch -= back * (velocity[m] - velocity[i])
-                    first += cxi[0] * stretch
-                    second += cxi[1] * stretch
-                    if not undamaged:
-                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                        size += a
-                        if wp.static(curved):
-                            moment += f.rise(family, i, k) * cxi
-            return gradient_over(family, i, j, undamaged, first, second, shape, size, moment)
-
-        return intersection
-
-    @wp.func
-    def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
-        """W_ij divided by the reference area; in the published form without the factor `family_scale`."""
-        if wp.static(published):
-            if undamaged:
-                return f.weight(family, i, j)
+            if wp.static(published):
+                inverse = motion.inverse_shape(shape)
             else:
-                return size
-        else:
-            return f.weight(family, i, j)
+                inverse = motion.remaining_inverse(shape, inverse)
+            if wp.static(curved):
+                tilt = motion.tilt_of(motion.times(inverse, moment))
+        G1, G2 = motion.columns(first, second, inverse)
+        H1, H2 = motion.level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
+        return H1, H2, inverse, tilt
 
     @wp.func
     def family_scale(family: Family, i: int, total: real):
@@ -240,8 +131,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
                 bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
     def declare_visit(name, earlier):
-        intersection = declare_intersection(f"intersection_{name}", earlier)
-
         @wp.func(name=name)
         def visit(
             family: Family,
@@ -259,14 +148,40 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             weight = real(0.0)
             tilt = vec2(real(0.0), real(0.0))
             if f.is_intact(family, i, j):
-                G1, G2, found, size, slope = intersection(family, displacement, velocity, back, i, j, undamaged)
-                if found[0] > real(0.0):
+                ui = displacement[i]
+                first = vec3(real(0.0), real(0.0), real(0.0))
+                second = vec3(real(0.0), real(0.0), real(0.0))
+                shape = vec3(real(0.0), real(0.0), real(0.0))
+                size = real(0.0)
+                moment = vec2(real(0.0), real(0.0))
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        m = f.neighbour(family, i, k)
+                        a = f.area(family, m)
+                        xi = f.bond(family, i, k)
+                        cxi = f.influence(family, i, k) * a * xi
+                        stretch = displacement[m] - ui
+                        if wp.static(earlier):
+                            stretch -= back * (velocity[m] - velocity[i])
+                        first += cxi[0] * stretch
+                        second += cxi[1] * stretch
+                        if not undamaged:
+                            shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                            size += a
+                            if wp.static(curved):
+                                moment += f.rise(family, i, k) * cxi
+                G1, G2, inverse, tilt = gradient_over(family, i, j, undamaged, first, second, shape, moment)
+                if inverse[0] > real(0.0):
                     there = True
                     H1 = family.inverse_horizon * G1
                     H2 = family.inverse_horizon * G2
-                    inverse = found
-                    weight = area_weight(family, i, j, undamaged, size)
-                    tilt = slope
+                    weight = f.weight(family, i, j)
+                    if wp.static(published):
+                        if not undamaged:
+                            weight = size
             return there, H1, H2, inverse, weight, tilt
 
         return visit
@@ -283,19 +198,44 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     ):
         return visit_now(family, field, field, real(0.0), i, j, undamaged)
 
-    return FamilyMechanics(
-        gradient_over,
-        visit,
-        visit_earlier,
-        green,
-        gradient,
-        stress_on_members,
-        area_weight,
-        family_scale,
-        damaged_inverse,
-        add_to_members,
-        finish_forces,
-    )
+    return FamilyMechanics(gradient_over, visit, visit_earlier, family_scale, add_to_members, finish_forces)
+
+
+@functools.cache
+def energy_of_intersections(layout: Layout, form: str, density: wp.Function) -> wp.Function:
+    """Warp function of the energy of a family, as for `energy_of_families`.
+
+    `density` is a Warp function (family, constants, i, j, C - I) -> energy density of an intersection [J/m^3].
+    """
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    f, law = family_functions(layout), family_mechanics(layout, form)
+    green = kinematics(layout.bits, layout.curved).green
+    Family, Constants = f.struct, constants_of(density)
+
+    @wp.func
+    def earlier_energy(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: Constants,
+        i: int,
+    ):
+        """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
+        undamaged = f.is_undamaged(family, i)
+        stored = real(0.0)
+        total = real(0.0)
+        for j in range(family.members):
+            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
+                family, displacement, velocity, back, i, j, undamaged
+            )
+            if there:
+                stored += weight * density(family, constants, i, j, green(H1, H2, tilt))
+                total += weight
+        return stored * law.family_scale(family, i, total)
+
+    return earlier_energy
 
 
 @functools.cache
@@ -308,7 +248,8 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
     types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f, law = family_functions(layout), family_mechanics(layout, form)
-    Family, word_size = f.struct, WORD
+    green = kinematics(layout.bits, layout.curved).green
+    Family, mat22, word_size = f.struct, types.mat22, WORD
     of_lane = value_of_lane(layout.bits)
     _, energy = material(layout.bits)
     Constants = constants_of(energy)
@@ -331,14 +272,12 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
             first = vec3(real(0.0), real(0.0), real(0.0))
             second = vec3(real(0.0), real(0.0), real(0.0))
             shape = vec3(real(0.0), real(0.0), real(0.0))
-            size = real(0.0)
             moment = vec2(real(0.0), real(0.0))
             for begin in range(0, family.members, lanes):
                 k = wp.min(begin + lane, last)
                 m = wp.where(f.is_intact(family, i, k), f.neighbour(family, i, k), i)
                 xi = f.bond(family, i, k)
-                a = f.area(family, m)
-                c = f.influence(family, i, k) * a
+                c = f.influence(family, i, k) * f.area(family, m)
                 stretch = displacement[m] - displacement[i]
                 rise = f.rise(family, i, k)
                 word = begin // word_size
@@ -350,7 +289,6 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
                     )
                     X = vec2(of_lane(xi[0], n, lanes), of_lane(xi[1], n, lanes))
                     weight = of_lane(c, n, lanes)
-                    area = of_lane(a, n, lanes)
                     height = rise
                     if wp.static(layout.curved):
                         height = of_lane(rise, n, lanes)
@@ -359,39 +297,18 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
                         first += cX[0] * U
                         second += cX[1] * U
                         shape += vec3(cX[0] * X[0], cX[0] * X[1], cX[1] * X[1])
-                        size += area
                         if wp.static(layout.curved):
                             moment += height * cX
             if block + lane < family.members and f.is_intact(family, i, j):
-                G1, G2, inverse, size, tilt = law.gradient_over(
-                    family, i, j, undamaged, first, second, shape, size, moment
-                )
+                G1, G2, inverse, tilt = law.gradient_over(family, i, j, undamaged, first, second, shape, moment)
                 if inverse[0] > real(0.0):
-                    strain = law.green(family.inverse_horizon * G1, family.inverse_horizon * G2, tilt)
-                    weight = law.area_weight(family, i, j, undamaged, size)
+                    strain = green(family.inverse_horizon * G1, family.inverse_horizon * G2, tilt)
+                    weight = f.weight(family, i, j)
                     stored += weight * energy(strain, f.of_bond(family, i, j, constants))
         return stored
 
     @wp.func
-    def earlier_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        constants: Constants,
-        i: int,
-    ):
-        """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
-        undamaged = f.is_undamaged(family, i)
-        stored = real(0.0)
-        total = real(0.0)
-        for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
-                family, displacement, velocity, back, i, j, undamaged
-            )
-            if there:
-                stored += weight * energy(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
-                total += weight
-        return stored * law.family_scale(family, i, total)
+    def density(family: Family, constants: Constants, i: int, j: int, G: mat22):
+        return energy(G, f.of_bond(family, i, j, constants))
 
-    return earlier_energy, partial_energy
+    return energy_of_intersections(layout, form, density), partial_energy

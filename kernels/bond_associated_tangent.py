@@ -129,8 +129,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
     Family = f.struct
     law = family_mechanics(layout, "variational")
     visit = law.visit
-    green, add_to_members = law.green, law.add_to_members
-    motion, gradient_of, curved = kinematics(bits), law.gradient, layout.curved
+    motion, curved = kinematics(bits, layout.curved), layout.curved
     level, times, columns = motion.level, motion.times, motion.columns
     response_of = response(bits)
     Constants = constants_of(response_of)
@@ -171,8 +170,8 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             moduli[j, i] = vec6()
             there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
-                S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
-                A1, A2 = gradient_of(H1, H2, tilt)
+                S, T = response_of(motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                A1, A2 = motion.gradient(H1, H2, tilt)
                 F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
                 gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
                 stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
@@ -213,10 +212,9 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
                 s12 = real(0.5) * (T[2] * c11 + T[4] * c22 + T[5] * c12)
                 P1 = S[0] * D1 + S[1] * D2 + s11 * F1 + s12 * F2
                 P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
-                if wp.static(curved):
-                    P1, P2 = level(P1, P2, tilt)
-                A1, A2 = columns(P1, P2, inverse)
-                add_to_members(family, i, j, A1, A2, bond_force)
+                R1, R2 = level(P1, P2, tilt)
+                A1, A2 = columns(R1, R2, inverse)
+                law.add_to_members(family, i, j, A1, A2, bond_force)
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))

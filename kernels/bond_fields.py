@@ -9,6 +9,7 @@ from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
+from .kinematics import kinematics
 from .principal_fields import WRITTEN, Wanted, field_arrays, image_of, showing, tensors
 
 
@@ -39,7 +40,7 @@ def bond_fields(
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     f = family_functions(layout)
     Family = f.struct
-    law = family_mechanics(layout, form)
+    law, motion = family_mechanics(layout, form), kinematics(bits, layout.curved)
     stress, _ = material(bits)
     Constants = constants_of(stress)
     advance = response(bits) if response is not None else None
@@ -70,11 +71,11 @@ def bond_fields(
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there and weight > real(0.0):
-                G = law.green(H1, H2, tilt)
+                G = motion.green(H1, H2, tilt)
                 total += weight
                 mean += weight * G
                 if wp.static(wanted.direction):
-                    A1, A2 = law.gradient(H1, H2, tilt)
+                    A1, A2 = motion.gradient(H1, H2, tilt)
                     F1 += weight * A1
                     F2 += weight * A2
                 if wp.static(with_stress):

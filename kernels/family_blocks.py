@@ -17,20 +17,118 @@ branch even more.
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
-from .bits import bit_of
-from .block_functions import block_functions, opaque, putting, synchronize
+from .bits import bit_of, lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
-from .entries import put_entry
+from .entries import entry_of, put_entry
 from .factories import FunctionFactory, constants_of
 from .families import WORD, Layout, family_functions
+from .grid_barrier import synchronize
+from .kinematics import kinematics
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision and bonds per thread.
 MAX_THREADS, WARP = 128, 32
 RESIDENT_THREADS = {(32, 2): 896, (32, 4): 672, (64, 2): 448, (64, 4): 448}
+
+
+# Code that adds one member to the sums of each bond of a thread if it is in the intersection of that bond.
+_ADD_PRODUCTS = """
+    constexpr int bonds = sizeof(sums.data) / sizeof(sums.data[0]);
+    for (int b = 0; b < bonds; ++b) {
+        auto& sum = sums.data[b];
+        if (common.data[b][word] & bit) {
+            for (int a = 0; a < 3; ++a) {
+                sum[a] += w[3] * w[a];
+                sum[3 + a] += y[0] * w[a];
+            }
+        }
+    }
+    return sums;
+"""
+
+_ADD_PARTS = """
+    constexpr int bonds = sizeof(parts.data) / sizeof(parts.data[0]);
+    for (int b = 0; b < bonds; ++b) {
+        auto& sum = parts.data[b];
+        if (common.data[b][word] & bit) {
+            for (int a = 0; a < 4; ++a) sum[a] += part[a];
+            for (int a = 0; a < 2; ++a) sum[4 + a] += rest[a];
+        }
+    }
+    return parts;
+"""
+
+_ADD_PRODUCTS_AND_SHAPES = """
+        if (common.data[b][word] & bit) {
+            for (int a = 0; a < 3; ++a) {
+                sum[a] += w[3] * w[a];
+                sum[3 + a] += y[0] * w[a];
+            }
+            sum[6] += w[3] * y[1];
+            sum[7] += w[3] * y[2];
+            sum[8] += y[0] * y[2];
+        }
+"""
+
+_OPAQUE = """
+#if defined(__CUDA_ARCH__)
+    asm("" : "+r"(mask));
+#endif
+    return mask;
+"""
+
+
+@functools.cache
+def putting(kind: Any) -> wp.Function:
+    """Function (tile, index, value) that writes an element of type `kind` to a shared tile without a barrier.
+
+    `wp.tile` takes two barriers per tile; with this function one barrier serves all tiles.
+    """
+
+    @wp.func_native("tile.data(wp::tile_coord(index)) = value;")
+    def put(tile: Any, index: int, value: kind): ...
+
+    return put
+
+
+@wp.func_native(_OPAQUE)
+def opaque(mask: wp.uint32) -> wp.uint32:
+    """Return the mask unchanged, but opaque to the compiler, which would otherwise recompute it for each bit."""
+    ...
+
+
+def _products_and_shapes(bits: int) -> str:
+    """C++ code that adds nine products to `sums`.
+
+    In float32 on a GPU it is PTX with predicates, which is faster than the branch around the sums that the compiler
+    would emit. Operands: %0 to %8 are the sums, %9 is the condition, %10 to %16 are U, w[3] and y.
+    """
+    first, second = "%13", "%14"
+    factors = [*((first, f"%{10 + a}") for a in range(3)), *((second, f"%{10 + a}") for a in range(3))]
+    factors += [(first, "%15"), (first, "%16"), (second, "%16")]
+    lines = [f"@p fma.rn.f32 %{at}, {one}, {other}, %{at};" for at, (one, other) in enumerate(factors)]
+    text = " ".join(["{ .reg .pred p; setp.ne.u32 p, %9, 0;", *lines, "}"])
+    results = ", ".join(f'"+f"(sum[{at}])' for at in range(9))
+    read = ", ".join(f'"f"({value})' for value in ("w[0]", "w[1]", "w[2]", "w[3]", "y[0]", "y[1]", "y[2]"))
+    predicated = f"""
+#if defined(__CUDA_ARCH__)
+        asm("{text}" : {results} : "r"(common.data[b][word] & bit), {read});
+#else
+{_ADD_PRODUCTS_AND_SHAPES}
+#endif
+"""
+    return f"""
+    constexpr int bonds = sizeof(sums.data) / sizeof(sums.data[0]);
+    for (int b = 0; b < bonds; ++b) {{
+        auto& sum = sums.data[b];
+{predicated if bits == 32 else _ADD_PRODUCTS_AND_SHAPES}
+    }}
+    return sums;
+"""
 
 
 @dataclass(frozen=True)
@@ -84,22 +182,164 @@ def block_force(
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    breakable, curved = layout.breakable, layout.curved
+    breakable, curved, compact = layout.breakable, layout.curved, layout.compact != ""
+    # Whether the shape tensor of a damaged intersection is the undamaged one less its missing members, which are few.
+    by_missing = not (curved or compact)
+    motion, stress_near = kinematics(bits, curved), near(bits)
+    Constants = constants_of(stress_near)
     n, bonds, lanes = family_block.members, family_block.bonds, family_block.lanes
     together, threads = family_block.together, family_block.threads
     word_size, words = WORD, -(-n // WORD)
     resident = RESIDENT_THREADS[bits, bonds] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, near, n, bonds)
-    Constants = constants_of(near(layout.bits))
-    by_missing, compact, missing_shape = functions.by_missing, functions.compact, functions.missing_shape
-    arrive, answer = functions.arrive, functions.answer
-    Words, Masks, Arm, Sums, Parts = functions.Words, functions.Masks, functions.Arm, functions.Sums, functions.Parts
-    add_products, add_parts = functions.add_products, functions.add_parts
+    # Bits of members, and of D_ik of each bond of a thread (first index).
+    Words = wp.types.vector(length=words, dtype=wp.uint32)
+    Masks = wp.types.matrix(shape=(bonds, words), dtype=wp.uint32)
+    # What threads exchange of a member: (U_k, c_k X_k1), then (c_k X_k2, 1 / c_k), or X_k where shape tensors are sums.
+    Arm = vec4 if compact else vec2
+    # Sums over the intersection of each bond of a thread: c_k X_k1 U_k, c_k X_k2 U_k, on a compact cloud also K_ij;
+    # then the two columns of A.
+    Sums = wp.types.matrix(shape=(bonds, 9 if compact else 6), dtype=real)
+    Parts = wp.types.matrix(shape=(bonds, 6), dtype=real)
     Inverses = wp.types.matrix(shape=(bonds, 3), dtype=real)
     Weights = wp.types.vector(length=bonds, dtype=real)
     put_vec2, put_vec3, put_vec4, put_arm = (putting(kind) for kind in (vec2, vec3, vec4, Arm))
     put_pair = put_entry(vec3, 2, wp.int64)
+    vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2, wp.uint32)
+
+    @wp.func
+    def arrive(
+        family: Family,
+        present: Words,
+        moments: wp.array2d(dtype=vec3),
+        displacement: wp.array(dtype=vec3),
+        i: int,
+        k: int,
+    ):
+        """Data of a bond: (U_k, c_k X_k) in two parts, bits of D_ik, undamaged K_ik^-1, W_ik.
+
+        `present` has the bits of the intact members. On a curved sheet U_k is in the frame of the point. There are no
+        branches, so loads do not wait for each other; values read for nonexistent members are discarded.
+        """
+        member = wp.min(k, wp.static(n - 1))
+        m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
+        X = vec2(real(0.0), real(0.0))
+        if wp.static(compact):
+            X = f.bond(family, i, member)
+            c = f.influence(family, i, member) * f.area(family, m)
+            moment = vec3(c * X[0], c * X[1], real(0.0))
+        else:
+            moment = moment_of(moments, f.entry(family, i, member))
+        stretch = f.to_frame(
+            family, i, family.inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i))
+        )
+        inverse = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(not compact):
+            inverse = f.shape(family, i, member)
+        weight = f.weight(family, i, member)
+        mask = present[0]
+        for word in range(1, wp.static(words)):
+            mask = wp.where(member // word_size == word, present[word], mask)
+        intact_here = wp.where(k < wp.static(n), bit_of(mask, member & wp.static(word_size - 1)), bool(False))
+        none = vec3(real(0.0), real(0.0), real(0.0))
+        moment = wp.where(intact_here, moment, none)
+        common = Words()
+        for word in range(wp.static(words)):
+            together = f.common(family, i, member, wp.static(word)) & present[word]
+            common[word] = wp.where(intact_here, together, wp.uint32(0))
+        exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
+        arm = Arm()
+        arm[0] = moment[1]
+        if wp.static(compact):
+            arm[1] = X[0]
+            arm[2] = X[1]
+        elif wp.static(breakable):
+            arm[1] = moment[2]
+        return exchanged, arm, common, inverse, weight
+
+    @wp.func
+    def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
+        """c_k X_k (x) X_k (11, 12, 22)."""
+        m = moment_of(moments, f.entry(family, i, k))
+        return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
+
+    @wp.func
+    def missing_shape(
+        family: Family,
+        moments: wp.array2d(dtype=vec3),
+        i: int,
+        k: int,
+    ):
+        """Sum of c_m X_m (x) X_m over the missing members of D_ik."""
+        shape = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(wp.static(words)):
+            missing = f.initial(family, i, word) & ~f.intact_members(family, i, word)
+            missing = missing & f.common(family, i, wp.min(k, wp.static(n - 1)), word)
+            while missing != wp.uint32(0):
+                at = lowest_bit(missing)
+                missing = without_lowest_bit(missing)
+                shape += shape_of(family, moments, i, wp.static(word * word_size) + at)
+        return shape
+
+    @wp.func
+    def without_missing(missing: vec3, undamaged_inverse: vec3):
+        """Inverse of a shape tensor minus `missing`, or zero where `remaining_inverse` would be zero."""
+        inverse = undamaged_inverse
+        if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
+            det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
+            whole = vec3(inverse[2] / det, -inverse[1] / det, inverse[0] / det)
+            inverse = motion.remaining_inverse(whole - missing, undamaged_inverse)
+        return inverse
+
+    @wp.func
+    def answer(
+        family: Family,
+        constants: Constants,
+        i: int,
+        k: int,
+        undamaged: bool,
+        inverse: vec3,
+        table_weight: real,
+        shape: vec3,
+        rises: vec2,
+        G1: vec3,
+        G2: vec3,
+        guess: real,
+    ):
+        """A_ik of a bond and the initial guess for the next stress, from the sums over D_ik.
+
+        `shape` and `rises` are used for damaged families only; if `by_missing`, `shape` is the sum over the lost
+        members. There is no branch for broken and nonexistent bonds, whose A no thread reads, nor for intersections
+        that determine no gradient: with K^-1 = 0 their A vanishes.
+        """
+        member = wp.min(k, wp.static(n - 1))
+        tilt = f.tilt(family, i, member)
+        undamaged_inverse = inverse
+        if wp.static(compact):
+            inverse = motion.inverse_shape(shape)
+        if wp.static(breakable):
+            if not undamaged:
+                if wp.static(by_missing):
+                    inverse = without_missing(shape, undamaged_inverse)
+                else:
+                    inverse = motion.remaining_inverse(shape, undamaged_inverse)
+                if wp.static(curved):
+                    tilt = motion.tilt_of(motion.times(inverse, rises))
+        C1, C2 = motion.columns(G1, G2, inverse)
+        H1, H2 = motion.level(C1, C2, tilt)
+        S, next_guess = stress_near(motion.green(H1, H2, tilt), f.of_bond(family, i, member, constants), guess)
+        A1, A2 = motion.stress_on_members(H1, H2, S, table_weight, inverse, tilt)
+        return A1, A2, next_guess
+
+    @wp.func_native(_products_and_shapes(bits) if compact else _ADD_PRODUCTS)
+    def add_products(sums: Sums, common: Masks, word: int, bit: wp.uint32, w: vec4, y: Arm) -> Sums:
+        """Add a member, given by its `word` and `bit`, to c_k X_k1 U_k and c_k X_k2 U_k of intersections it is in."""
+        ...
+
+    @wp.func_native(_ADD_PARTS)
+    def add_parts(parts: Parts, common: Masks, word: int, bit: wp.uint32, part: vec4, rest: vec2) -> Parts:
+        """Add the columns of A of a bond, given by its `word` and `bit`, to the sums of intersections it is in."""
+        ...
 
     @kernel(per="list", gathers=("displacement",), launch_bounds=(threads, resident), fast_math=bits == 32)
     def family_block_force(

@@ -28,12 +28,12 @@ def point_fields(
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)
     Family = f.struct
-    motion = kinematics(bits)
+    motion = kinematics(bits, layout.curved)
     stress = material(bits)[0] if material is not None else None
     Constants = types.parameters if stress is None else constants_of(stress)
     stretch_of, _ = tensors(bits)
     show, image, Fields = showing(bits, wanted, width), image_of(bits), field_arrays(bits)
-    curved, word_size, with_stress = layout.curved, WORD, material is not None
+    word_size, with_stress = WORD, material is not None
     with_cauchy = wanted.cauchy and material is not None
     volume_change = volume(bits) if with_cauchy and volume is not None else None
 
@@ -67,17 +67,11 @@ def point_fields(
                 H2 += cxi[1] * U
         inverse = motion.inverse_shape(shape)
         known = inverse[0] > real(0.0)
-        A1, A2 = motion.columns(H1, H2, inverse)
-        G = mat22()
-        F1 = A1 + vec3(real(1.0), real(0.0), real(0.0))
-        F2 = A2 + vec3(real(0.0), real(1.0), real(0.0))
-        if wp.static(curved):
-            tilt = motion.tilt_of(motion.times(inverse, moment))
-            A1, A2 = motion.level(A1, A2, tilt)
-            G = motion.curved_green(A1, A2, tilt)
-            F1, F2 = motion.curved_gradient(A1, A2, tilt)
-        else:
-            G = motion.green(A1, A2)
+        tilt = motion.tilt_of(motion.times(inverse, moment))
+        C1, C2 = motion.columns(H1, H2, inverse)
+        A1, A2 = motion.level(C1, C2, tilt)
+        G = motion.green(A1, A2, tilt)
+        F1, F2 = motion.gradient(A1, A2, tilt)
         biot = mat22()
         cauchy = mat22()
         if wp.static(with_stress):

@@ -21,7 +21,6 @@ from dataclasses import replace
 import warp as wp
 
 from .bits import lowest_bit, number_of_bits, without_lowest_bit
-from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
@@ -34,7 +33,7 @@ ROW = 8
 
 @functools.cache
 def family_rows(
-    layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str,
+    layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, energetic: bool,
     response: FunctionFactory | None = None,
 ) -> Kernel:  # fmt: skip
     """Kernel that fills bond_force [members, points] with the forces of each family [N], in the variational form.
@@ -47,30 +46,27 @@ def family_rows(
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`, or None.
         words: Number of words of a family's masks.
-        what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
-            "viscous", which also advances the viscous state by one step (none if `step` is 0) and adds to
-            viscous_work [points], J: the dissipated energy of Maxwell elements, the work of Prony stresses.
-        response: That of the viscous law, as for `kernels.reference_force.reference_force`; otherwise None.
+        energetic: Whether it fills energies [points] with the energy of each family [J] instead.
+        response: That of a viscous law, as for `kernels.reference_force.reference_force`. The kernel then also advances
+            the state by one step (none if `step` is 0) and adds to viscous_work [points], J: the dissipated energy of
+            Maxwell elements, the work of Prony stresses.
     """
-    if what != "viscous":
+    viscous = response is not None
+    if not viscous:
         # The damage of a point then changes nothing here: sheets with and without a damage field share a kernel.
         layout = replace(layout, softened=False)
     types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
-    law = family_mechanics(layout, "variational")
-    green, damaged_inverse = law.green, law.damaged_inverse
-    area_weight, stress_on_members = law.area_weight, law.stress_on_members
-    motion = kinematics(bits)
+    motion = kinematics(bits, layout.curved)
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
     Constants = constants_of(stress)
     damaged, curved, word_size = layout.breakable, layout.curved, WORD
-    energetic, viscous = what == "energy", what == "viscous"
     advance = response(bits) if response is not None else None
     left_of = stiffness_left(bits)
-    # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
+    # K (11, 12, 22) of a member; on a curved sheet, what it adds to the slope besides. Filled up, as rows are.
     shape_row = ROW if curved else 4
     Row = wp.types.vector(length=ROW, dtype=real)
     Rows = wp.types.matrix(shape=(WORD * words, ROW), dtype=real)
@@ -94,9 +90,10 @@ def family_rows(
 
     @wp.func
     def moment(family: Family, i: int, k: int):
-        """Return c_k X_k and the area of the member."""
-        area = f.area(family, f.neighbour(family, i, k))
-        return f.influence(family, i, k) * area * f.bond(family, i, k), area
+        """Return c_k X_k."""
+        return f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k)) * f.bond(family, i, k)
+
+    what = "energy" if energetic else "viscous" if viscous else "force"
 
     @kernel(gathers=("displacement",), name=f"family_rows_{what}")
     def family_rows(
@@ -134,7 +131,7 @@ def family_rows(
             while left != wp.uint32(0):
                 k = word * word_size + lowest_bit(left)
                 left = without_lowest_bit(left)
-                arm, area = moment(family, i, k)
+                arm = moment(family, i, k)
                 u = displacement[f.neighbour(family, i, k)] - displacement[i]
                 if wp.static(curved):
                     u = f.to_frame(family, i, u)
@@ -151,7 +148,6 @@ def family_rows(
                         shape[0] = arm[0] * bond[0]
                         shape[1] = arm[0] * bond[1]
                         shape[2] = arm[1] * bond[1]
-                        shape[3] = area
                         if wp.static(curved):
                             rise = f.rise(family, i, k)
                             shape[4] = rise * arm[0]
@@ -181,7 +177,6 @@ def family_rows(
                     G = all_rows - G
                 inverse = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
-                size = real(0.0)
                 if wp.static(damaged):
                     if not undamaged:
                         shape = Shape()
@@ -192,17 +187,16 @@ def family_rows(
                                 left = without_lowest_bit(left)
                         if most:
                             shape = all_shapes - shape
-                        inverse, size = damaged_inverse(vec3(shape[0], shape[1], shape[2]), inverse, shape[3])
+                        inverse = motion.remaining_inverse(vec3(shape[0], shape[1], shape[2]), inverse)
                         if wp.static(curved):
                             tilt = motion.tilt_of(motion.times(inverse, vec2(shape[4], shape[5])))
                 if inverse[0] > real(0.0):
                     G1 = family.inverse_horizon * vec3(G[0], G[1], G[2])
                     G2 = family.inverse_horizon * vec3(G[3], G[4], G[5])
-                    H1, H2 = motion.columns(G1, G2, inverse)
-                    if wp.static(curved):
-                        H1, H2 = motion.level(H1, H2, tilt)
-                    strain_now = green(H1, H2, tilt)
-                    weight = area_weight(family, i, j, undamaged, size)
+                    C1, C2 = motion.columns(G1, G2, inverse)
+                    H1, H2 = motion.level(C1, C2, tilt)
+                    strain_now = motion.green(H1, H2, tilt)
+                    weight = f.weight(family, i, j)
                     if wp.static(energetic):
                         stored += weight * energy(strain_now, f.of_bond(family, i, j, constants))
                     else:
@@ -213,7 +207,7 @@ def family_rows(
                             S, guess = stress_near(strain_now, f.of_bond(family, i, j, constants), guess)
                         else:
                             S = stress(strain_now, f.of_bond(family, i, j, constants))
-                        A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
+                        A1, A2 = motion.stress_on_members(H1, H2, S, weight, inverse, tilt)
                         answer = Row()
                         for c in range(3):
                             answer[c] = A1[c]
@@ -243,7 +237,7 @@ def family_rows(
                             left = without_lowest_bit(left)
                     if most:
                         A = all_answers - A
-                    arm, area = moment(family, i, k)
+                    arm = moment(family, i, k)
                     pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
                     bond_force[k, i] = f.from_frame(family, i, unit * pull)
 

@@ -23,9 +23,7 @@ def surface_vector(layout: Layout) -> wp.Function:
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    word_size, curved = WORD, layout.curved
-    determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
-    curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
+    word_size, curved, motion = WORD, layout.curved, kinematics(bits, layout.curved)
 
     @wp.func
     def surface(
@@ -54,22 +52,19 @@ def surface_vector(layout: Layout) -> wp.Function:
                     rises += (c * f.rise(family, i, k)) * xi
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         answer = vec3(real(0.0), real(0.0), real(0.0))
-        if determines_gradient(shape):
+        if motion.determines_gradient(shape):
             scale = family.inverse_horizon / determinant
+            tilt = vec2(real(0.0), real(0.0))
             if wp.static(curved):
                 slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
-                tilt = tilt_of(slope / determinant)
-                H1, H2 = level(
-                    f.to_frame(family, i, scale * (shape[2] * G1 - shape[1] * G2)),
-                    f.to_frame(family, i, scale * (shape[0] * G2 - shape[1] * G1)),
-                    tilt,
-                )
-                T1, T2 = curved_gradient(H1, H2, tilt)
-                answer = f.from_frame(family, i, wp.cross(T1, T2))
-            else:
-                F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
-                F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
-                answer = wp.cross(F1, F2)
+                tilt = motion.tilt_of(slope / determinant)
+            H1, H2 = motion.level(
+                f.to_frame(family, i, scale * (shape[2] * G1 - shape[1] * G2)),
+                f.to_frame(family, i, scale * (shape[0] * G2 - shape[1] * G1)),
+                tilt,
+            )
+            F1, F2 = motion.gradient(H1, H2, tilt)
+            answer = f.from_frame(family, i, wp.cross(F1, F2))
         return answer
 
     return surface
@@ -118,9 +113,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    word_size, curved, motion = WORD, layout.curved, kinematics(bits)
-    determines_gradient, level, tilt_of = motion.determines_gradient, motion.level, motion.tilt_of
-    curved_gradient = motion.curved_gradient
+    word_size, curved, motion = WORD, layout.curved, kinematics(bits, layout.curved)
 
     @kernel(gathers=("displacement", "direction"))
     def add_follower_tangent(
@@ -161,18 +154,19 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
                 D2 += cxi[1] * turn
                 shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
-        if determines_gradient(shape):
+        if motion.determines_gradient(shape):
             scale = family.inverse_horizon / determinant
-            F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
-            F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
-            dF1 = scale * (shape[2] * D1 - shape[1] * D2)
-            dF2 = scale * (shape[0] * D2 - shape[1] * D1)
+            tilt = vec2(real(0.0), real(0.0))
             if wp.static(curved):
                 slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
-                tilt = tilt_of(slope / determinant)
-                H1, H2 = level(scale * (shape[2] * G1 - shape[1] * G2), scale * (shape[0] * G2 - shape[1] * G1), tilt)
-                F1, F2 = curved_gradient(H1, H2, tilt)
-                dF1, dF2 = level(dF1, dF2, tilt)
+                tilt = motion.tilt_of(slope / determinant)
+            H1, H2 = motion.level(
+                scale * (shape[2] * G1 - shape[1] * G2), scale * (shape[0] * G2 - shape[1] * G1), tilt
+            )
+            F1, F2 = motion.gradient(H1, H2, tilt)
+            dF1, dF2 = motion.level(
+                scale * (shape[2] * D1 - shape[1] * D2), scale * (shape[0] * D2 - shape[1] * D1), tilt
+            )
             p = unit_pressure * f.area(family, i)
             if wp.static(scheduled):
                 p = p * factors[schedule][0]

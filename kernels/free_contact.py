@@ -18,11 +18,11 @@ from typing import Any
 
 import warp as wp
 
-from .block_functions import synchronize
 from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench
 from .effects import Kernel, kernel
+from .grid_barrier import synchronize
 from .integrate import StepOptions
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)

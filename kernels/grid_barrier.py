@@ -1,4 +1,4 @@
-"""A barrier for the blocks of a launch on a GPU, where threads need what others wrote earlier in the same launch.
+"""Barriers of a launch, where threads need what others wrote earlier in it: of a block, and of all blocks on a GPU.
 
 The blocks that wait must all run at the same time: a launch that uses it may have one block for each multiprocessor.
 """
@@ -22,6 +22,12 @@ _WAIT = """
     __syncthreads();
 #endif
 """
+
+
+@wp.func_native("WP_TILE_SYNC();")
+def synchronize():
+    """Barrier for all threads of the block; their writes to shared tiles are then visible."""
+    ...
 
 
 @wp.func_native(_WAIT)

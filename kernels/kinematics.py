@@ -26,25 +26,25 @@ SAMPLE = 0.5
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Warp functions of one precision.
+    """Warp functions of one precision, on a flat or a curved sheet; a flat one ignores the tilt.
 
     Attributes:
-        green: (H1, H2) -> C - I.
+        green: (H1, H2, tilt) -> C - I, without adding and subtracting one.
+        gradient: (H1, H2, tilt) -> columns of F.
         determines_gradient: K (11, 12, 22) -> whether K can be inverted; the only test for degenerate shape tensors.
         inverse_shape: K -> its inverse, or zero where degenerate.
         remaining_inverse: (K, undamaged K^-1) -> inverse of the shape tensor of a damaged intersection, or zero if too
             few members remain to sample the deformation.
-        stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
+        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1 with P = F S, on a curved sheet of
+            W P R^-1 K^-1; times c_k X_k they give the force on member k.
         times: (K, v) -> K v of a symmetric tensor K (11, 12, 22) and a vector, vec2.
         columns: (A1, A2, K) -> columns of A K, where A has the columns A1 and A2.
         tilt_of: Slope -> tilt.
-        level: (H1, H2, tilt) -> columns of H R^-1.
-        curved_green: (H1, H2, tilt) -> C - I on a curved sheet.
-        curved_gradient: (H1, H2, tilt) -> columns of F = O + H.
-        curved_stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P R^-1 K^-1.
+        level: (H1, H2, tilt) -> columns of H R^-1; on a flat sheet H itself.
     """
 
     green: wp.Function
+    gradient: wp.Function
     determines_gradient: wp.Function
     inverse_shape: wp.Function
     remaining_inverse: wp.Function
@@ -53,23 +53,14 @@ class Kinematics:
     columns: wp.Function
     tilt_of: wp.Function
     level: wp.Function
-    curved_green: wp.Function
-    curved_gradient: wp.Function
-    curved_stress_on_members: wp.Function
 
 
 @functools.cache
-def kinematics(bits: int) -> Kinematics:
+def kinematics(bits: int, curved: bool = False) -> Kinematics:
     """The functions in one precision."""
     types = numeric(bits)
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     degenerate, sample = DEGENERATE, SAMPLE
-
-    @wp.func
-    def green(H1: vec3, H2: vec3):
-        """C - I of the displacement gradient with columns H1, H2, without adding and subtracting one."""
-        shear = H1[1] + H2[0] + wp.dot(H1, H2)
-        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
 
     @wp.func
     def determines_gradient(shape: vec3):
@@ -104,71 +95,64 @@ def kinematics(bits: int) -> Kinematics:
         return A1 * K[0] + A2 * K[1], A1 * K[1] + A2 * K[2]
 
     @wp.func
-    def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
-        """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on member k."""
-        F1 = vec3(real(1.0) + H1[0], H1[1], H1[2])
-        F2 = vec3(H2[0], real(1.0) + H2[1], H2[2])
-        P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-        P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
-        return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
-
-    @wp.func
     def tilt_of(slope: vec2):
         """Tilt of a slope g = tan(phi): g / sqrt(s (1 + s)) with s = 1 / cos(phi)."""
         s = wp.sqrt(real(1.0) + wp.dot(slope, slope))
         return slope / wp.sqrt(s * (real(1.0) + s))
 
-    @wp.func
-    def level(H1: vec3, H2: vec3, tilt: vec2):
-        """Columns of H R^-1."""
-        along = tilt[0] * H1 + tilt[1] * H2
-        return H1 - tilt[0] * along, H2 - tilt[1] * along
+    if curved:
+
+        @wp.func
+        def level(H1: vec3, H2: vec3, tilt: vec2):
+            along = tilt[0] * H1 + tilt[1] * H2
+            return H1 - tilt[0] * along, H2 - tilt[1] * along
+
+        @wp.func
+        def rest(tilt: vec2):
+            """Columns of O."""
+            rise = wp.sqrt(real(2.0) - wp.dot(tilt, tilt))
+            shear = -tilt[0] * tilt[1]
+            return (
+                vec3(real(1.0) - tilt[0] * tilt[0], shear, rise * tilt[0]),
+                vec3(shear, real(1.0) - tilt[1] * tilt[1], rise * tilt[1]),
+            )
+
+        @wp.func
+        def green(H1: vec3, H2: vec3, tilt: vec2):
+            O1, O2 = rest(tilt)
+            shear = wp.dot(O1, H2) + wp.dot(O2, H1) + wp.dot(H1, H2)
+            return mat22(
+                real(2.0) * wp.dot(O1, H1) + wp.dot(H1, H1), shear, shear, real(2.0) * wp.dot(O2, H2) + wp.dot(H2, H2)
+            )
+
+        @wp.func
+        def gradient(H1: vec3, H2: vec3, tilt: vec2):
+            O1, O2 = rest(tilt)
+            return O1 + H1, O2 + H2
+
+    else:
+
+        @wp.func
+        def level(H1: vec3, H2: vec3, tilt: vec2):
+            return H1, H2
+
+        @wp.func
+        def green(H1: vec3, H2: vec3, tilt: vec2):
+            shear = H1[1] + H2[0] + wp.dot(H1, H2)
+            return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
+
+        @wp.func
+        def gradient(H1: vec3, H2: vec3, tilt: vec2):
+            return vec3(real(1.0) + H1[0], H1[1], H1[2]), vec3(H2[0], real(1.0) + H2[1], H2[2])
 
     @wp.func
-    def rest(tilt: vec2):
-        """Columns of O."""
-        rise = wp.sqrt(real(2.0) - wp.dot(tilt, tilt))
-        shear = -tilt[0] * tilt[1]
-        return (
-            vec3(real(1.0) - tilt[0] * tilt[0], shear, rise * tilt[0]),
-            vec3(shear, real(1.0) - tilt[1] * tilt[1], rise * tilt[1]),
-        )
-
-    @wp.func
-    def curved_green(H1: vec3, H2: vec3, tilt: vec2):
-        """C - I without adding and subtracting one."""
-        O1, O2 = rest(tilt)
-        shear = wp.dot(O1, H2) + wp.dot(O2, H1) + wp.dot(H1, H2)
-        return mat22(
-            real(2.0) * wp.dot(O1, H1) + wp.dot(H1, H1), shear, shear, real(2.0) * wp.dot(O2, H2) + wp.dot(H2, H2)
-        )
-
-    @wp.func
-    def curved_gradient(H1: vec3, H2: vec3, tilt: vec2):
-        """Columns of F."""
-        O1, O2 = rest(tilt)
-        return O1 + H1, O2 + H2
-
-    @wp.func
-    def curved_stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
-        """Columns of W P R^-1 K^-1, with P = F S; multiplied by c_k xi_k they give the force on member k."""
-        F1, F2 = curved_gradient(H1, H2, tilt)
-        P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-        P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
+    def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
+        F1, F2 = gradient(H1, H2, tilt)
+        P1, P2 = weight * (S[0, 0] * F1 + S[1, 0] * F2), weight * (S[0, 1] * F1 + S[1, 1] * F2)
         R1, R2 = level(P1, P2, tilt)
-        return R1 * inverse[0] + R2 * inverse[1], R1 * inverse[1] + R2 * inverse[2]
+        return columns(R1, R2, inverse)
 
     return Kinematics(
-        green,
-        determines_gradient,
-        inverse_shape,
-        remaining_inverse,
-        stress_on_members,
-        times,
-        columns,
-        tilt_of,
-        level,
-        curved_green,
-        curved_gradient,
-        curved_stress_on_members,
-    )
+        green, gradient, determines_gradient, inverse_shape, remaining_inverse, stress_on_members, times, columns,
+        tilt_of, level,
+    )  # fmt: skip

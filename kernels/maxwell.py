@@ -39,7 +39,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .bond_associated import family_mechanics
+from .bond_associated import energy_of_intersections
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
 from .incompressible import named
@@ -310,41 +310,23 @@ def branched_energy(layout: Layout, network: ElasticNetwork, drives: bool) -> wp
             Lopez-Pamies, Extreme Mech. Lett. 58, 2023).
     """
     types, bits = layout.types, layout.bits
-    real, vec3 = types.real, types.vec3
-    f = family_functions(layout)
-    Family, Branched = f.struct, branched_constants(network, bits)
-    law = family_mechanics(layout, "variational")
+    real, mat22 = types.real, types.mat22
+    Family, Branched = family_functions(layout).struct, branched_constants(network, bits)
     _, energy = network.functions(bits)
     functions = maxwell(network, bits)
     respond, stored_in = functions.respond, functions.stored
 
-    @wp.func
-    def earlier_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        constants: Branched,
-        i: int,
-    ):
-        undamaged = f.is_undamaged(family, i)
-        stored = real(0.0)
-        for j in range(family.members):
-            there, H1, H2, _inverse, weight, tilt = law.visit_earlier(
-                family, displacement, velocity, back, i, j, undamaged
-            )
-            if there:
-                _S, strain = respond(
-                    law.green(H1, H2, tilt), constants.elastic, i, j, family.members, real(0.0), constants.branches,
-                    constants.state,
-                )  # fmt: skip
-                density = energy(strain, constants.elastic)
-                if wp.static(not drives):
-                    density += stored_in(strain, i, j, family.members, constants.branches, constants.state)
-                stored += weight * density
+    @wp.func(name="driving_density" if drives else "branched_density")
+    def density(family: Family, constants: Branched, i: int, j: int, G: mat22):
+        _S, strain = respond(
+            G, constants.elastic, i, j, family.members, real(0.0), constants.branches, constants.state
+        )  # fmt: skip
+        stored = energy(strain, constants.elastic)
+        if wp.static(not drives):
+            stored += stored_in(strain, i, j, family.members, constants.branches, constants.state)
         return stored
 
-    return earlier_energy
+    return energy_of_intersections(layout, "variational", density)
 
 
 @functools.cache

@@ -8,6 +8,7 @@ from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
+from .kinematics import kinematics
 
 
 @functools.cache
@@ -19,6 +20,7 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
     types = layout.types
     real, vec3 = types.real, types.vec3
     f, law = family_functions(layout), family_mechanics(layout, "variational")
+    green = kinematics(layout.bits, layout.curved).green
     Family, Constants, value = f.struct, constants_of(material(layout.bits)[0]), value_of(layout.bits)
 
     @kernel(gathers=("displacement",))
@@ -34,7 +36,7 @@ def remembered(layout: Layout, material: PairFactory, value_of: FunctionFactory)
         for j in range(family.members):
             there, H1, H2, _inverse, _weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
-                now = value(law.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                now = value(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 largest[j, i] = wp.max(largest[j, i], now)
 
     return remember

@@ -84,7 +84,7 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
     `material` is a factory of (stress, energy).
     """
     types, bits = layout.types, layout.bits
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
     gradient, motion = point_gradient(layout), kinematics(bits)
@@ -108,7 +108,7 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
             stored = (
                 f.area(family, i)
                 * intact_fraction
-                * energy(motion.green(family.inverse_horizon * G1, family.inverse_horizon * G2), constants)
+                * energy(motion.green(family.inverse_horizon * G1, family.inverse_horizon * G2, vec2()), constants)
             )
         return stored
 
@@ -128,9 +128,9 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
         if inverse[0] > real(0.0):
             H1 = family.inverse_horizon * G1
             H2 = family.inverse_horizon * G2
-            S = stress(motion.green(H1, H2), constants)
+            S = stress(motion.green(H1, H2, vec2()), constants)
             scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
-            A1, A2 = motion.stress_on_members(H1, H2, S, scale, inverse)
+            A1, A2 = motion.stress_on_members(H1, H2, S, scale, inverse, vec2())
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if f.is_intact(family, i, k):

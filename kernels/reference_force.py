@@ -9,6 +9,7 @@ from .bond_associated import family_mechanics
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
+from .kinematics import kinematics
 from .stiffness_left import stiffness_left
 
 
@@ -35,7 +36,7 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
     Family = f.struct
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    law = family_mechanics(layout, "variational")
+    law, motion = family_mechanics(layout, "variational"), kinematics(bits, layout.curved)
     viscous = response is not None
     advance, left = response(bits) if response is not None else None, stiffness_left(bits)
 
@@ -61,13 +62,13 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
         for j in range(family.members):
             there, H1, H2, inverse, weight, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
-                G = law.green(H1, H2, tilt)
+                G = motion.green(H1, H2, tilt)
                 if wp.static(viscous):
                     S, more = advance(G, constants, i, j, family.members, step[0], terms, state)
                     work += wp.float64(weight * more)
                 else:
                     S = stress(G, f.of_bond(family, i, j, constants))
-                A1, A2 = law.stress_on_members(H1, H2, S, weight, inverse, tilt)
+                A1, A2 = motion.stress_on_members(H1, H2, S, weight, inverse, tilt)
                 law.add_to_members(family, i, j, A1, A2, bond_force)
         law.finish_forces(family, i, unit, bond_force)
         if wp.static(viscous):
@@ -91,7 +92,7 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
     Family = f.struct
     stress, _ = material(bits)
     Constants = constants_of(stress)
-    law = family_mechanics(layout, "published")
+    law, motion = family_mechanics(layout, "published"), kinematics(bits, layout.curved)
 
     @wp.func
     def present_area(family: Family, i: int):
@@ -120,8 +121,8 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
             force = vec3(real(0.0), real(0.0), real(0.0))
             there, H1, H2, inverse, size, tilt = law.visit(family, displacement, i, j, undamaged)
             if there:
-                S = stress(law.green(H1, H2, tilt), constants)
-                A1, A2 = law.stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
+                S = stress(motion.green(H1, H2, tilt), constants)
+                A1, A2 = motion.stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
                 xi = f.bond(family, i, j)
                 m = f.neighbour(family, i, j)
                 intact_fraction = size / own_area

@@ -34,17 +34,17 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
     Family = f.struct
     law = family_mechanics(layout, form)
     visit = law.visit
-    green, gradient, family_scale = law.green, law.gradient, law.family_scale
+    motion, family_scale = kinematics(bits, layout.curved), law.family_scale
     response_of = response(bits)
     Constants = constants_of(response_of)
     word_size = WORD
-    left, times = stiffness_left(bits), kinematics(bits).times
+    left = stiffness_left(bits)
 
     @wp.func
     def arm(family: Family, i: int, k: int, inverse: vec3):
         """g_k."""
         c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-        return c * times(inverse, f.bond(family, i, k))
+        return c * motion.times(inverse, f.bond(family, i, k))
 
     @kernel(gathers=("displacement",))
     def family_rows(
@@ -66,9 +66,9 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         for j in range(family.members):
             there, H1, H2, inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
-                S, T = response_of(green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                S, T = response_of(motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
                 total += weight
-                F1, F2 = gradient(H1, H2, tilt)
+                F1, F2 = motion.gradient(H1, H2, tilt)
                 stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
                 bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
                 bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))

@@ -149,21 +149,18 @@ def tension_field(
 ) -> MaterialFunctions:  # fmt: skip
     """Functions of the relaxed energy from those of the original material, see above."""
 
-    def relaxed_functions(bits):
-        mat22 = numeric(bits).mat22
-        stress, energy = functions(bits)
-        Constants = constants_of(stress)
+    def at_taut_strain(bits, function):
+        mat22, Constants = numeric(bits).mat22, constants_of(function)
         _, taut = taut_strain(width, bits)
 
-        @wp.func
-        def relaxed_stress(G: mat22, constants: Constants):
-            return stress(taut(G, constants), constants)
+        @wp.func(name=f"relaxed_{function.func.__name__}")
+        def relaxed(G: mat22, constants: Constants):
+            return function(taut(G, constants), constants)
 
-        @wp.func
-        def relaxed_energy(G: mat22, constants: Constants):
-            return energy(taut(G, constants), constants)
+        return relaxed
 
-        return relaxed_stress, relaxed_energy
+    def relaxed_functions(bits):
+        return tuple(at_taut_strain(bits, function) for function in functions(bits))
 
     def relaxed_near(bits):
         types = numeric(bits)
@@ -220,15 +217,7 @@ def tension_field(
         return relaxed_stress_and_moduli
 
     def relaxed_volume(bits):
-        mat22 = numeric(bits).mat22
-        volume_change = volume(bits)
-        _, taut = taut_strain(width, bits)
-
-        @wp.func
-        def relaxed_volume_change(G: mat22, constants: Any):
-            return volume_change(taut(G, constants), constants)
-
-        return relaxed_volume_change
+        return at_taut_strain(bits, volume(bits))
 
     what = f"relaxed_by_{width.__name__}"
     return MaterialFunctions(

@@ -52,7 +52,7 @@ def undamaged_lattice_force(
             any order: they are left to another kernel.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     stress_near = near(bits)
     Constants = constants_of(stress_near)
     green = kinematics(bits).green
@@ -188,7 +188,7 @@ def undamaged_lattice_force(
                 if wp.static(not in_registers):
                     G1 = seen(G1, inverse_horizon * real(cosine), inverse_horizon * real(sine), inverse_horizon)
                     G2 = seen(G2, inverse_horizon * real(cosine), inverse_horizon * real(sine), inverse_horizon)
-                S, guess = stress_near(green(G1, G2), constants, guess)
+                S, guess = stress_near(green(G1, G2, vec2()), constants, guess)
                 F1 = vec3(real(1.0) + G1[0], G1[1], G1[2])
                 F2 = vec3(G2[0], real(1.0) + G2[1], G2[2])
                 W = wp.static(weights[j])

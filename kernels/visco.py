@@ -26,6 +26,7 @@ from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
 from .incompressible import incompressible, named, yeoh
+from .kinematics import kinematics
 from .materials import invariants
 from .numeric import numeric
 
@@ -54,20 +55,16 @@ def relaxation_factors(bits: int) -> wp.Function:
 
 
 @functools.cache
-def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
-    """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> symmetric tensor."""
+def symmetric(bits: int) -> wp.Function:
+    """Function (11, 22, 12) -> symmetric tensor."""
     types = numeric(bits)
-    real, vec4, mat22, parameters = types.real, types.parameters, types.mat22, types.parameters
-
-    @wp.func
-    def term_constants(term: parameters):
-        return parameters(term[0], term[1], real(0.0), real(0.0))
+    vec4, mat22 = types.parameters, types.mat22
 
     @wp.func
     def tensor(v: vec4):
         return mat22(v[0], v[2], v[2], v[1])
 
-    return term_constants, tensor
+    return tensor
 
 
 @functools.cache
@@ -84,8 +81,7 @@ def prony_response(material: PairFactory) -> FunctionFactory:
         stress, _ = material(bits)
         Constants = constants_of(stress)
         area_change, _, plane_stress = invariants(bits)
-        retained = relaxation_factors(bits)
-        _, tensor = conversions(bits)
+        retained, tensor = relaxation_factors(bits), symmetric(bits)
 
         @wp.func
         def unit_stress(G: mat22, slope: real, d: real):
@@ -154,8 +150,8 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = family_mechanics(layout, "variational")
-    visit, green = law.visit, law.green
-    term_constants, tensor = conversions(bits)
+    visit, green = law.visit, kinematics(bits, layout.curved).green
+    tensor = symmetric(bits)
     conjugate, energies = prony_energy(), material(64)[1]
     Constants, Wide = constants_of(material(bits)[1]), constants_of(energies)
 
@@ -188,7 +184,7 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
                 for p in range(prony.shape[0]):
                     term = prony[p]
                     # H belongs to the strain of the last step; add the same difference as the force does.
-                    now = term_constants(term)
+                    now = parameters(term[0], term[1], real(0.0), real(0.0))
                     H = state[p * family.members + j, i]
                     old = tensor(state[prony.shape[0] * family.members + j, i])
                     ahead = prony_stress(G, now) - prony_stress(old, now)

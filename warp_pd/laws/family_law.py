@@ -148,6 +148,14 @@ class FamilyLaw(BuiltLaw):
         """What its `earlier_energy` takes as constants."""
         return self.constants
 
+    @functools.cached_property
+    def pairs(self) -> Array:
+        """Force of each family on its pairs [N], (members, N) vec3, allocated on first use."""
+        shape = (self.families.members, self.points)
+        return self.context.array(
+            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond", intermediate=True
+        )
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes of the material on its constants."""
         return list(self._notes)

@@ -70,15 +70,24 @@ def family_struct(
         s.class_family_area = put("class_family_area", family_areas, types.real)
         return s
     assert families.neighbours is not None
-    if context.layout.compact:
-        _put_compact(s, families, context, put, weights)
-        return s
-    s.rows = len(families.exists)
-    if s.rows * s.members >= MAX_ENTRIES:
+    rows, compact = len(families.exists), context.layout.compact
+    if not compact and rows * s.members >= MAX_ENTRIES:
         raise InputError(
-            f"{s.rows} families of up to {s.members} members: expected fewer than 2^32 entries in each table; "
+            f"{rows} families of up to {s.members} members: expected fewer than 2^32 entries in each table; "
             "choose a shorter horizon or fewer points"
         )
+    if families.common.size:
+        s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
+    s.initials = put("initials", pack(families.exists).T, wp.uint32)
+    s.weights = put("weights", _by_member(weights, real), types.real)
+    s.areas = put("areas", families.areas, types.real)
+    s.family_areas = put("family_areas", family_areas, types.real)
+    if compact not in EVALUATED:
+        s.influences = put("influences", _by_member(families.influence, real), types.real)
+    if compact:
+        _put_compact(s, families, context, put)
+        return s
+    s.rows = rows
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
         steps[: len(families.steps)] = families.steps
@@ -89,15 +98,8 @@ def family_struct(
     s.neighbours = put("neighbours", _by_member(families.neighbours, np.int32), wp.int32)
     s.reverses = put("reverses", _by_member(families.reverses, np.int32), wp.int32)
     s.bonds = put("bonds", _by_member(families.bonds, real, (1, 0, 2)), types.vec2)
-    s.influences = put("influences", _by_member(families.influence, real), types.real)
-    if families.common.size:
-        s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
-    s.initials = put("initials", pack(families.exists).T, wp.uint32)
     if inverse is not None:
         s.shapes = put("shapes", _by_member(inverse, real, (1, 0, 2)), types.vec3)
-    s.weights = put("weights", _by_member(weights, real), types.real)
-    s.areas = put("areas", families.areas, types.real)
-    s.family_areas = put("family_areas", family_areas, types.real)
     if families.materials is not None:
         s.materials = put("bond_materials", _by_member(families.materials, np.uint8), wp.uint8)
     if families.frames is not None and families.chords is not None:
@@ -108,10 +110,8 @@ def family_struct(
     return s
 
 
-def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any], weights: np.ndarray) -> None:
-    """Copy the tables of a compact cloud to the device; arguments as for `family_struct`."""
-    types = context.types
-    real = wp.dtype_to_numpy(types.real)
+def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any]) -> None:
+    """Copy the tables of a compact cloud alone to the device; arguments as for `family_struct`."""
     assert families.neighbours is not None
     index = np.arange(families.points, dtype=np.int32)[:, None]
     apart = np.where(families.exists, families.neighbours - index, 0)
@@ -127,13 +127,6 @@ def _put_compact(s: Any, families: Families, context: Context, put: Callable[...
         s.reverses_high = put(
             "reverses_high", _by_member((families.reverses >> 8).astype(np.uint8), np.uint8), wp.uint8
         )
-    if context.layout.compact not in EVALUATED:
-        s.influences = put("influences", _by_member(families.influence, real), types.real)
-    s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
-    s.initials = put("initials", pack(families.exists).T, wp.uint32)
-    s.weights = put("weights", _by_member(weights, real), types.real)
-    s.areas = put("areas", families.areas, types.real)
-    s.family_areas = put("family_areas", families.member_areas.sum(axis=1), types.real)
 
 
 def moments_of(families: Families) -> np.ndarray:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -76,39 +76,8 @@ class Tuning:
 TUNING = Tuning()
 
 
-class ForcePath(Protocol):
-    """A way to compute the force of a law on a sheet and device (interface).
-
-    Attributes:
-        name: Name of the path in the plan.
-        other_families: As `BuiltLaw.other_families`.
-    """
-
-    name: ClassVar[str]
-    other_families: Any | None
-
-    @classmethod
-    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """The path of a law on its sheet and device, or None if it does not apply.
-
-        Args:
-            law: The law.
-            inverse: K^-1 by row, shape (R, n, 3).
-            weights: W divided by the reference area by row, shape (R, n).
-        """
-        ...
-
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
-        ...
-
-    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
-        ...
-
-
-def force_path(law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath:
-    """The first of the law's paths that applies (the reference always does); arguments as for `ForcePath.of`."""
+def force_path(law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference:
+    """The first of the law's paths that applies (the reference always does); arguments as for `Reference.of`."""
     kinds = law.paths if law.fast and law.weights != "published" else (Reference,)
     return next(path for kind in kinds if (path := kind.of(law, inverse, weights)) is not None)
 
@@ -123,9 +92,11 @@ NOT_VISCOUS: dict[str, Any] = dict.fromkeys(("step", "terms", "viscous_work", "d
 
 
 class Reference:
-    """The reference path: the sums exactly as written, for any law, sheet and device.
+    """The reference path: the sums exactly as written, for any law, sheet and device; base class of all paths.
 
     Attributes:
+        name: Name of the path in the plan.
+        other_families: As `BuiltLaw.other_families`.
         response: Response of a viscous law (kernels/reference_force.py), or None.
     """
 
@@ -136,12 +107,18 @@ class Reference:
         self.law, self.response = law, response
 
     @classmethod
-    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """The path, which always applies."""
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:
+        """The path of a law on its sheet and device, or None if it does not apply; this one always does.
+
+        Args:
+            law: The law.
+            inverse: K^-1 by row, shape (R, n, 3).
+            weights: W divided by the reference area by row, shape (R, n).
+        """
         return cls(law)
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches that fill the pairs and sum them."""
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
         self.add_pairs(stage, displacement, NOT_VISCOUS)
         self.law.add_gather(stage, self.law.pairs, force)
 
@@ -155,7 +132,7 @@ class Reference:
         law.add_launch(stage, kernel, displacement, unit=law.unit_force, bond_force=law.pairs, **given)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the energy of each family."""
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
         law = self.law
         assert law.earlier_energy is not None
         kernel = energy_of_families(law.layout, law.earlier_energy)
@@ -167,11 +144,11 @@ class RowSums(Reference):
 
     name: ClassVar[str] = "rows"
 
-    def _kernel(self, what: str) -> Kernel:
+    def _kernel(self, energetic: bool) -> Kernel:
         """Kernel of family_rows."""
         layout, material, _ = self.law.key
         near, words = capabilities(self.law.material).near, -(-self.law.families.members // WORD)
-        return family_rows(layout, material, near, words, what, self.response)
+        return family_rows(layout, material, near, words, energetic, None if energetic else self.response)
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
@@ -179,20 +156,20 @@ class RowSums(Reference):
         return not has_shared_memory(law.context.device) and law.families.members <= TUNING.rows_members
 
     @classmethod
-    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """The path on a CPU unless families are too large; see `ForcePath.of`."""
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:
+        """The path on a CPU unless families are too large; see `Reference.of`."""
         return cls(law) if cls.applies(law) else None
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
-        law, kernel = self.law, self._kernel("force" if self.response is None else "viscous")
+        law, kernel = self.law, self._kernel(False)
         law.add_launch(stage, kernel, displacement, unit=law.unit_force, bond_force=law.pairs, energies=None, **viscous)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family."""
         law = self.law
         law.add_launch(
-            stage, self._kernel("energy"), displacement, unit=law.unit_volume, bond_force=None, energies=energies,
+            stage, self._kernel(True), displacement, unit=law.unit_volume, bond_force=None, energies=energies,
             **NOT_VISCOUS,
         )  # fmt: skip
 
@@ -246,7 +223,7 @@ class BondForces:
         here, points = whole_families(law), law.points
         self.entries = reverse_entries(law)
         self.strips = [Strip(here.start, here.stop, 0, points)]
-        if ring is not None and points > 2 * ring:
+        if ring is not None:
             self.strips = strips_of(here, points, law.families.index_reach(), ring)
         if len(self.strips) == 1:
             self.array = law.pairs
@@ -356,8 +333,8 @@ class FamilyBlocks(Reference):
         return able and cloud and pays and features.dynamic and not features.breakable
 
     @classmethod
-    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """The path on a GPU if families are not too large and the material has stress_near; see `ForcePath.of`."""
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:
+        """The path on a GPU if families are not too large and the material has stress_near; see `Reference.of`."""
         near = cls.near_stress(law)
         if near is None:
             return None
@@ -426,7 +403,7 @@ class UndamagedLattice(Reference):
             self.other_families = with_values(OtherFamilies(), values)
 
     @classmethod
-    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:
         """The path on a large, uniform lattice or grid with an isotropic material if FamilyBlocks applies, too."""
         near = FamilyBlocks.near_stress(law)
         # By the whole sheet: several processes take the same path as one.
@@ -469,4 +446,4 @@ class UndamagedLattice(Reference):
 
 
 # In the order in which they are tried.
-PATHS: Sequence[type[ForcePath]] = (RowSums, UndamagedLattice, FamilyBlocks, Reference)
+PATHS: Sequence[type[Reference]] = (RowSums, UndamagedLattice, FamilyBlocks, Reference)

@@ -56,9 +56,6 @@ class PointLaw(FamilyLaw):
 
     The families have no intersections. Their tables have K_i^-1 and 2 / tr K_i of the undamaged sheet instead of
     K_ij^-1 and W_ij, or, with corrected weights, one weight W_ij per bond.
-
-    Attributes:
-        pairs: Force of each family on its pairs [N], (members, N).
     """
 
     def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, weights: str) -> None:
@@ -67,10 +64,6 @@ class PointLaw(FamilyLaw):
         families, inverse, found, self.correction = point_tables(sheet, law.horizon, influence, weights == "corrected")
         self.weights = weights
         super().__init__(law, context, families, inverse, found)
-        shape = (families.members, context.sheet.size)
-        self.pairs = context.array(
-            "bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True, intermediate=True
-        )
 
 
 class NodalForce(PointLaw):

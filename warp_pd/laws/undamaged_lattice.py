@@ -52,7 +52,7 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     """Stencil of the undamaged inner families of a lattice or grid, and their table row; None if there are none.
 
     The result is None on clouds, for more than 32 members, and on sheets so small that no family is complete and has
-    symmetric weights. Tables are those of `ForcePath.of`.
+    symmetric weights. Tables are those of `Reference.of`.
     """
     if families.family_class is None or families.steps is None or len(families.steps) > WORD:
         return None

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from ..device.fields import Array
 from ..kernels.factories import PairFactory
 from ..kernels.families import Layout
 from ..materials import Material
@@ -35,11 +33,3 @@ class BondAssociatedLaw(FamilyLaw):
     fast: bool
     lattice_columns: int
     paths: ClassVar[Sequence[Any]]
-
-    @functools.cached_property
-    def pairs(self) -> Array:
-        """Force of each family on its pairs [N], (members, N) vec3, allocated on first use."""
-        shape = (self.families.members, self.points)
-        return self.context.array(
-            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond", intermediate=True
-        )

@@ -21,7 +21,7 @@ from ..kernels.visco import prony_response, visco_energy
 from ..materials import Maxwell, Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
-from .force_paths import ForcePath, Reference, RowSums
+from .force_paths import Reference, RowSums
 from .prony import at_once, prony_array, store_terms
 
 
@@ -83,7 +83,7 @@ class Visco(BondAssociated):
 class ElasticVisco(BondAssociatedForce):
     """Visco without Prony terms, with only those force paths that store the force of every pair in `pairs`."""
 
-    paths: ClassVar[Sequence[type[ForcePath]]] = (RowSums, Reference)
+    paths: ClassVar[Sequence[type[Reference]]] = (RowSums, Reference)
 
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3."""

@@ -64,7 +64,6 @@ class ViscoBondBasedForce(FamilyLaw):
 
     Attributes:
         internal: Internal variables by name.
-        pairs: Force of each family on its bonds [N], (members, N) vec3.
     """
 
     weights = "pairwise"
@@ -76,10 +75,6 @@ class ViscoBondBasedForce(FamilyLaw):
         super().__init__(law, context, families, None, _bond_weights(families))
         self.kernels = visco_bonds(context.layout, bool(law.prony))
         self.earlier_energy = self.kernels.earlier_energy
-        shape = (families.members, self.points)
-        self.pairs = context.array(
-            "bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True, intermediate=True
-        )
         self.prony: Array | None = None
         self.internal: dict[str, Any] = {}
         if law.prony:
