@@ -78,9 +78,9 @@ class FamilyFunctions:
         reverse: (family, i, k) -> member index of the reverse bond, i.e. of i in the family of k; invalid likewise.
         bond: (family, i, k) -> xi_ik, vec2.
         influence: (family, i, k) -> w_ik.
+        shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
         common: (family, i, k, word) -> bits of the members that are also within the horizon of k.
         initial: (family, i, word) -> bits of the members that exist in the undamaged sheet.
-        shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
         weight: (family, i, k) -> W_ik divided by the reference area.
         area: (family, i) -> a_i divided by the reference area.
         entry: (family, i, k) -> index, of 32 bits, of the entry of a contiguous table [members, rows].
@@ -103,9 +103,9 @@ class FamilyFunctions:
     reverse: wp.Function
     bond: wp.Function
     influence: wp.Function
+    shape: wp.Function
     common: wp.Function
     initial: wp.Function
-    shape: wp.Function
     weight: wp.Function
     area: wp.Function
     entry: wp.Function
@@ -249,20 +249,83 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
         return family.class_family_area[family.family_class[i]]
 
     return FamilyFunctions(
-        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
+        LatticeFamily, neighbour, reverse, bond, influence, shape, common, initial, weight, area, entry, family_area,
         chord=bond, **flat_functions(layout, LatticeFamily), **bond_functions(layout, LatticeFamily, initial),
         of_bond=same_constants(LatticeFamily),
     )  # fmt: skip
 
 
+def curved_functions(layout: Layout, Family: Any) -> dict[str, Any]:
+    """Functions `chord`, `rise`, `tilt`, `to_frame` and `from_frame` of a curved cloud."""
+    vec3 = layout.types.vec3
+
+    @wp.func
+    def chord(family: Family, i: int, k: int):
+        return family.chords[k, i]
+
+    @wp.func
+    def rise(family: Family, i: int, k: int):
+        Q = family.frames[i]
+        X = family.chords[k, i]
+        return Q[0, 2] * X[0] + Q[1, 2] * X[1] + Q[2, 2] * X[2]
+
+    @wp.func
+    def tilt(family: Family, i: int, k: int):
+        return family.tilts[k, i]
+
+    @wp.func
+    def to_frame(family: Family, i: int, v: vec3):
+        return wp.transpose(family.frames[i]) * v
+
+    @wp.func
+    def from_frame(family: Family, i: int, v: vec3):
+        return family.frames[i] * v
+
+    return {"chord": chord, "rise": rise, "tilt": tilt, "to_frame": to_frame, "from_frame": from_frame}
+
+
+def row_functions(layout: Layout, Family: Any, row_of: wp.Function) -> dict[str, wp.Function]:
+    """Functions of a cloud or a grid that read tables [member, row]: entry, common, initial, weight, areas."""
+    number_of, mask_of = entry_of(layout.types.real, 2, wp.uint32), entry_of(wp.uint32, 3, wp.int64)
+
+    @wp.func
+    def entry(family: Family, i: int, k: int):
+        return wp.uint32(k) * wp.uint32(family.rows) + wp.uint32(row_of(family, i))
+
+    @wp.func
+    def common(family: Family, i: int, k: int, word: int):
+        return mask_of(
+            family.commons, wp.int64(k * family.words + word) * wp.int64(family.rows) + wp.int64(row_of(family, i))
+        )
+
+    @wp.func
+    def initial(family: Family, i: int, word: int):
+        return family.initials[word, row_of(family, i)]
+
+    @wp.func
+    def weight(family: Family, i: int, k: int):
+        return number_of(family.weights, entry(family, i, k))
+
+    @wp.func
+    def area(family: Family, i: int):
+        return family.areas[row_of(family, i)]
+
+    @wp.func
+    def family_area(family: Family, i: int):
+        return family.family_areas[row_of(family, i)]
+
+    return {
+        "entry": entry, "common": common, "initial": initial, "weight": weight, "area": area, "family_area": family_area
+    }  # fmt: skip
+
+
 def table_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a cloud or a grid: tables [member, row]."""
     types = layout.types
-    gridded, curved, by_point, remembers = layout.kind == "grid", layout.curved, layout.by_point, layout.remembers
+    gridded, by_point, remembers = layout.kind == "grid", layout.by_point, layout.remembers
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    index_of, number_of, triple_of = (entry_of(kind, 2, wp.uint32) for kind in (wp.int32, real, vec3))
-    mask_of = entry_of(wp.uint32, 3, wp.int64)
+    index_of, triple_of = entry_of(wp.int32, 2, wp.uint32), entry_of(vec3, 2, wp.uint32)
 
     # Members that a layout does not need have no array.
     @wp.struct
@@ -301,9 +364,8 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         else:
             return i
 
-    @wp.func
-    def entry(family: Family, i: int, k: int):
-        return wp.uint32(k) * wp.uint32(family.rows) + wp.uint32(row_of(family, i))
+    of_rows = row_functions(layout, Family, row_of)
+    entry = of_rows["entry"]
 
     @wp.func
     def neighbour(family: Family, i: int, k: int):
@@ -326,64 +388,8 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         return family.influences[k, row_of(family, i)]
 
     @wp.func
-    def common(family: Family, i: int, k: int, word: int):
-        return mask_of(
-            family.commons, wp.int64(k * family.words + word) * wp.int64(family.rows) + wp.int64(row_of(family, i))
-        )
-
-    @wp.func
-    def initial(family: Family, i: int, word: int):
-        return family.initials[word, row_of(family, i)]
-
-    @wp.func
     def shape(family: Family, i: int, k: int):
         return triple_of(family.shapes, entry(family, i, k))
-
-    @wp.func
-    def weight(family: Family, i: int, k: int):
-        return number_of(family.weights, entry(family, i, k))
-
-    @wp.func
-    def area(family: Family, i: int):
-        return family.areas[row_of(family, i)]
-
-    @wp.func
-    def family_area(family: Family, i: int):
-        return family.family_areas[row_of(family, i)]
-
-    @wp.func
-    def chord(family: Family, i: int, k: int):
-        return family.chords[k, i]
-
-    @wp.func
-    def rise(family: Family, i: int, k: int):
-        if wp.static(curved):
-            Q = family.frames[i]
-            X = family.chords[k, i]
-            return Q[0, 2] * X[0] + Q[1, 2] * X[1] + Q[2, 2] * X[2]
-        else:
-            return real(0.0)
-
-    @wp.func
-    def tilt(family: Family, i: int, k: int):
-        if wp.static(curved):
-            return family.tilts[k, i]
-        else:
-            return vec2(real(0.0), real(0.0))
-
-    @wp.func
-    def to_frame(family: Family, i: int, v: vec3):
-        if wp.static(curved):
-            return wp.transpose(family.frames[i]) * v
-        else:
-            return v
-
-    @wp.func
-    def from_frame(family: Family, i: int, v: vec3):
-        if wp.static(curved):
-            return family.frames[i] * v
-        else:
-            return v
 
     @wp.func
     def of_bond(family: Family, i: int, k: int, constants: Any):
@@ -396,10 +402,10 @@ def table_functions(layout: Layout) -> FamilyFunctions:
             own[-1] = real(family.materials[k, i])
         return own
 
+    in_space = curved_functions(layout, Family) if layout.curved else {"chord": bond, **flat_functions(layout, Family)}
     return FamilyFunctions(
-        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
-        chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
-        **bond_functions(layout, Family, initial),
+        Family, neighbour, reverse, bond, influence, shape, **of_rows, **in_space,
+        **bond_functions(layout, Family, of_rows["initial"]),
         of_bond=of_bond if layout.regions or by_point or remembers else same_constants(Family),
     )  # fmt: skip
 
@@ -412,8 +418,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
     evaluated = layout.compact in EVALUATED
     linear, inverse = layout.compact == "linear", layout.compact == "inverse"
     word_size = WORD
-    short, byte, word_of, number = (entry_of(kind, 2) for kind in (wp.int16, wp.uint8, wp.uint32, real))
-    mask_of, place = entry_of(wp.uint32, 3), entry_of(wp.vec2d, 1)
+    short, byte, number, place = entry_of(wp.int16, 2), entry_of(wp.uint8, 2), entry_of(real, 2), entry_of(wp.vec2d, 1)
 
     # Members that a sheet does not need have no array. With `far`, indices have a second half, and so have members of
     # reverse bonds with `large`.
@@ -424,7 +429,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
         horizon: real
         inverse_horizon: real
         intact: wp.array2d(dtype=wp.uint32)
-        points: wp.int32
+        rows: wp.int32
         far: wp.int32
         large: wp.int32
         inverse_horizon_64: wp.float64
@@ -442,16 +447,16 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
     @wp.func
     def neighbour(family: CompactFamily, i: int, k: int):
-        difference = wp.int32(short(family.neighbours, k * family.points + i))
+        difference = wp.int32(short(family.neighbours, k * family.rows + i))
         if family.far != 0:
-            difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.points + i)) << 16)
+            difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.rows + i)) << 16)
         return i + difference
 
     @wp.func
     def reverse(family: CompactFamily, i: int, k: int):
-        member = wp.int32(byte(family.reverses, k * family.points + i))
+        member = wp.int32(byte(family.reverses, k * family.rows + i))
         if family.large != 0:
-            member = member + (wp.int32(byte(family.reverses_high, k * family.points + i)) << 8)
+            member = member + (wp.int32(byte(family.reverses_high, k * family.rows + i)) << 8)
         return member
 
     @wp.func
@@ -471,23 +476,14 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
             else:
                 return real(1.0) / (r * r)
         else:
-            return number(family.influences, k * family.points + i)
+            return number(family.influences, k * family.rows + i)
 
     @wp.func
-    def common(family: CompactFamily, i: int, k: int, word: int):
-        return mask_of(family.commons, (k * family.words + word) * family.points + i)
+    def row_of(family: CompactFamily, i: int):
+        return i
 
-    @wp.func
-    def initial(family: CompactFamily, i: int, word: int):
-        return word_of(family.initials, word * family.points + i)
-
-    @wp.func
-    def area(family: CompactFamily, i: int):
-        return family.areas[i]
-
-    @wp.func
-    def entry(family: CompactFamily, i: int, k: int):
-        return wp.uint32(k * family.points + i)
+    of_rows = row_functions(layout, CompactFamily, row_of)
+    common, area = of_rows["common"], of_rows["area"]
 
     @wp.func
     def shape(family: CompactFamily, i: int, k: int):
@@ -502,18 +498,10 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
                 K += c * vec3(X[0] * X[0], X[0] * X[1], X[1] * X[1])
         return inverse_shape(K)
 
-    @wp.func
-    def weight(family: CompactFamily, i: int, k: int):
-        return number(family.weights, k * family.points + i)
-
-    @wp.func
-    def family_area(family: CompactFamily, i: int):
-        return family.family_areas[i]
-
     return FamilyFunctions(
-        CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, entry, family_area,
-        chord=bond, **flat_functions(layout, CompactFamily), **bond_functions(layout, CompactFamily, initial),
-        of_bond=same_constants(CompactFamily),
+        CompactFamily, neighbour, reverse, bond, influence, shape, **of_rows,
+        chord=bond, **flat_functions(layout, CompactFamily),
+        **bond_functions(layout, CompactFamily, of_rows["initial"]), of_bond=same_constants(CompactFamily),
     )  # fmt: skip
 
 

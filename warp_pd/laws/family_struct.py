@@ -84,10 +84,10 @@ def family_struct(
     s.family_areas = put("family_areas", family_areas, types.real)
     if compact not in EVALUATED:
         s.influences = put("influences", _by_member(families.influence, real), types.real)
+    s.rows = rows
     if compact:
         _put_compact(s, families, context, put)
         return s
-    s.rows = rows
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
         steps[: len(families.steps)] = families.steps
@@ -115,7 +115,6 @@ def _put_compact(s: Any, families: Families, context: Context, put: Callable[...
     assert families.neighbours is not None
     index = np.arange(families.points, dtype=np.int32)[:, None]
     apart = np.where(families.exists, families.neighbours - index, 0)
-    s.points = families.points
     s.far, s.large = int(np.abs(apart).max() >= NEAR), int(families.members > 2**8)
     s.inverse_horizon_64 = 1.0 / families.horizon
     s.positions = put("positions", context.sheet.points, wp.vec2d)
