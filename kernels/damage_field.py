@@ -42,6 +42,7 @@ from typing import Any
 import warp as wp
 
 from .bits import bit_of, number_of_bits
+from .damage_list import field_tables
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import WORD, Layout, family_functions
@@ -83,7 +84,7 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
     f = family_functions(layout)
-    Family = f.struct
+    Family, Tables = f.struct, field_tables(layout.bits)
     sum_lanes = sum_of_lanes(layout.bits)
 
     @wp.func
@@ -102,9 +103,7 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
         family: Family,
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        scale: wp.array(dtype=real),
-        fastest: real,
-        ahead: wp.array(dtype=wp.uint8),
+        tables: Tables,
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -126,11 +125,11 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
             else:
                 stored = driving_energy(family, displacement, displacement, real(0.0), constants, i)
             if lane == 0:
-                y = scale[i] * stored
-                driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
+                y = tables.scale[i] * stored
+                driving[i] = wp.where(y * tables.fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
                 before[i] = damage[i]
                 if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
-                    enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
+                    enough = wp.where(tables.ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
                     if fraction_broken(family, i) >= enough:
                         severed_at[i] = damage[i]
 
@@ -140,17 +139,17 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
 @functools.cache
 def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
     """Function `sweep_points` of a thread: what `sweep` does; arguments as for `damage_field`."""
-    real = layout.types.real
+    real, Tables = layout.types.real, field_tables(layout.bits)
     _, fall, curvature = degradation(layout.bits, weak)
     Indices = wp.types.vector(length=near, dtype=wp.int32)
     Couplings = wp.types.vector(length=near, dtype=real)
 
     @wp.func
-    def couplings_of(neighbours: wp.array2d(dtype=wp.int32), couplings: wp.array2d(dtype=real), i: int):
+    def couplings_of(tables: Tables, i: int):
         m, c = Indices(), Couplings()
         for k in range(wp.static(near)):
-            m[k] = neighbours[k, i]
-            c[k] = couplings[k, i]
+            m[k] = tables.neighbours[k, i]
+            c[k] = tables.couplings[k, i]
         return m, c
 
     @wp.func
@@ -178,11 +177,9 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
 
     @wp.func
     def sweep_once(
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
+        tables: Tables,
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
-        fastest: real,
         relaxation: real,
         listed: wp.array(dtype=wp.int32),
         thread: int,
@@ -202,25 +199,22 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
 
         What belongs to its first point, i, is given. The result is the damage there.
         """
-        new = swept(source, m, c, y, now, earlier, least, fastest, relaxation)
+        new = swept(source, m, c, y, now, earlier, least, tables.fastest, relaxation)
         if thread < end:
             target[i] = new
         for n in range(thread + stride, end, stride):
             j = listed[n]
-            near_j, couplings_j = couplings_of(neighbours, couplings, j)
+            near_j, couplings_j = couplings_of(tables, j)
             target[j] = swept(
-                source, near_j, couplings_j, driving[j], source[j], target[j], before[j], fastest, relaxation
+                source, near_j, couplings_j, driving[j], source[j], target[j], before[j], tables.fastest, relaxation
             )
         return new
 
     @wp.func
     def sweep_points(
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
+        tables: Tables,
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
-        fastest: real,
-        relaxations: wp.array(dtype=real),
         sweep_begin: int,
         sweep_end: int,
         listed: wp.array(dtype=wp.int32),
@@ -235,7 +229,7 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
         """All threads of the first `blocks` blocks call it, which wait for each other between sweeps."""
         # What a thread needs of its first point stays in its registers.
         i = listed[wp.min(thread, end - 1)]
-        m, c = couplings_of(neighbours, couplings, i)
+        m, c = couplings_of(tables, i)
         y, least = driving[i], before[i]
         even = sweep_begin % 2 == 0
         now = wp.where(even, damage[i], other[i])
@@ -243,16 +237,16 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
         for number in range(sweep_begin, sweep_end):
             if number > sweep_begin:
                 wait_for_blocks(arrived, blocks)
-            relaxation = relaxations[number]
+            relaxation = tables.relaxations[number]
             new = now
             if number % 2 == 0:
                 new = sweep_once(
-                    neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                    tables, driving, before, relaxation, listed, thread, end, stride,
                     damage, other, i, m, c, y, now, earlier, least,
                 )  # fmt: skip
             else:
                 new = sweep_once(
-                    neighbours, couplings, driving, before, fastest, relaxation, listed, thread, end, stride,
+                    tables, driving, before, relaxation, listed, thread, end, stride,
                     other, damage, i, m, c, y, now, earlier, least,
                 )  # fmt: skip
             earlier = now
@@ -267,7 +261,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
-    Family, word_size = f.struct, WORD
+    Family, Tables, word_size = f.struct, field_tables(layout.bits), WORD
     left = degradation(layout.bits, weak)[0]
     energy_of_step = energy_over_step(layout, earlier_energy)
 
@@ -334,11 +328,8 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         step: wp.array(dtype=real),
         constants: Constants,
         unit_volume: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        squared_reach: wp.array(dtype=real),
+        tables: Tables,
         severed_at: wp.array(dtype=real),
-        fastest: real,
-        neighbours: wp.array2d(dtype=wp.int32),
         damage: wp.array(dtype=real),
         before: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -355,19 +346,19 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
             i = listed[n]
             if damage[i] > real(0.0) and before[i] == real(0.0):
                 awake[i] = wp.uint8(1)
-                for k in range(neighbours.shape[0]):
-                    awake[neighbours[k, i]] = wp.uint8(1)
+                for k in range(tables.neighbours.shape[0]):
+                    awake[tables.neighbours[k, i]] = wp.uint8(1)
                 near_damage[i] = wp.uint8(1)
                 for k in range(family.members):
                     if bit_of(f.initial(family, i, k // word_size), k % word_size):
                         near_damage[f.neighbour(family, i, k)] = wp.uint8(1)
             if wp.static(weak):
-                softening[i] = real(1.0) - wp.sqrt(left(damage[i], fastest))
+                softening[i] = real(1.0) - wp.sqrt(left(damage[i], tables.fastest))
             grows = damage[i] > before[i]
             breaks = bool(False)
             if near_severed(family, damage, severed_at, i):
                 for word in range(family.words):
-                    kept = bonds_left(family, damage, severed_at, spared_mask, squared_reach, i, word)
+                    kept = bonds_left(family, damage, severed_at, tables.spared_mask, tables.squared_reach, i, word)
                     breaks = breaks or kept != family.intact[word, i]
             # One loop before and after bonds break, as the compiler spells out what stands twice.
             lost = real(0.0)
@@ -379,18 +370,18 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                             others.points[wp.atomic_add(others.count, 0, 1)] = i
                     for word in range(family.words):
                         family.intact[word, i] = bonds_left(
-                            family, damage, severed_at, spared_mask, squared_reach, i, word
+                            family, damage, severed_at, tables.spared_mask, tables.squared_reach, i, word
                         )
                 if wp.static(tracked):
                     if breaks or grows:
                         stored = energy_of_step(family, displacement, velocity, step[0], constants, i)
-                        now = left(damage[i], fastest)
+                        now = left(damage[i], tables.fastest)
                         if after == 1:
                             lost -= now * stored
                         elif breaks:
-                            lost = left(before[i], fastest) * stored
+                            lost = left(before[i], tables.fastest) * stored
                         else:
-                            lost = (left(before[i], fastest) - now) * stored
+                            lost = (left(before[i], tables.fastest) - now) * stored
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 

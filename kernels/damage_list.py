@@ -23,19 +23,27 @@ UNLISTED = -2.0
 
 
 @functools.cache
-def screen_struct(bits: int) -> Any:
-    """Struct that tells which bonds may be stretched so far that their points are damaged.
+def field_tables(bits: int) -> Any:
+    """Struct of what a damage field does not change.
 
-    members: Members to check.
-    shortest, longest: Range of the squared stretch in which the energy stays below the limit.
+    spared_mask: Points that are excluded from damage, if there are any.
+    members: Members whose bonds may be stretched so far that their points are damaged.
+    shortest, longest: Range of their squared stretch in which the energy stays below the limit.
     shifts, x, y, least, most: On a lattice, of up to four members: difference of indices, components [m], and range of
         the squared length [m^2], here with some margin for round-off.
+    scale: Factor that turns the energy of a family into y.
+    fastest: m of the g in use, see kernels/damage_field.py.
+    ahead: Points beyond the end of a cut.
+    neighbours, couplings: Neighbours of a point and c_ik, [neighbours, points].
+    relaxations: Factors of the sweeps.
+    squared_reach: Squared distance from a severed point at which bonds break, in units of horizon^2.
     """
     types = numeric(bits)
     real, four = types.real, types.parameters
 
     @wp.struct
-    class Screen:
+    class FieldTables:
+        spared_mask: wp.array(dtype=wp.uint8)
         members: wp.array(dtype=wp.int32)
         shortest: real
         longest: real
@@ -44,34 +52,41 @@ def screen_struct(bits: int) -> Any:
         y: four
         least: four
         most: four
+        scale: wp.array(dtype=real)
+        fastest: real
+        ahead: wp.array(dtype=wp.uint8)
+        neighbours: wp.array2d(dtype=wp.int32)
+        couplings: wp.array2d(dtype=real)
+        relaxations: wp.array(dtype=real)
+        squared_reach: wp.array(dtype=real)
 
-    return Screen
+    return FieldTables
 
 
 @functools.cache
 def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Function:
-    """Function (family, displacement, screen, spared_mask, awake, i) -> whether to list a point.
+    """Function (family, displacement, tables, awake, i) -> whether to list a point.
 
     Arguments as for `damage_field`.
     """
     vec3 = layout.types.vec3
     f = family_functions(layout)
-    Family, Screen, word_size = f.struct, screen_struct(layout.bits), WORD
+    Family, Tables, word_size = f.struct, field_tables(layout.bits), WORD
     bond_vectors = reference_and_deformed(layout)
 
     @wp.func
-    def outside(family: Family, displacement: wp.array(dtype=vec3), screen: Screen, i: int, k: int):
-        """Whether the squared stretch of a bond is outside the range of the screen."""
+    def outside(family: Family, displacement: wp.array(dtype=vec3), tables: Tables, i: int, k: int):
+        """Whether the squared stretch of a bond is outside the range of the tables."""
         X, Y = bond_vectors(family, displacement, i, k, f.neighbour(family, i, k))
         there = wp.dot(X, X)
         now = wp.dot(Y, Y)
-        return now > screen.longest * there or now < screen.shortest * there
+        return now > tables.longest * there or now < tables.shortest * there
 
     @wp.func
     def stretched(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        screen: Screen,
+        tables: Tables,
         i: int,
     ):
         """Whether a checked bond's squared stretch leaves the range in which the energy stays below the limit."""
@@ -80,36 +95,35 @@ def waking(layout: Layout, spared: bool, screened: bool, few: int) -> wp.Functio
             maybe = bool(False)
             own = displacement[i]
             for n in range(wp.static(few)):
-                m = wp.clamp(i + screen.shifts[n], 0, displacement.shape[0] - 1)
+                m = wp.clamp(i + tables.shifts[n], 0, displacement.shape[0] - 1)
                 U = displacement[m] - own
-                Y = vec3(screen.x[n] + U[0], screen.y[n] + U[1], U[2])
+                Y = vec3(tables.x[n] + U[0], tables.y[n] + U[1], U[2])
                 now = wp.dot(Y, Y)
-                maybe = now > screen.most[n] or now < screen.least[n] or maybe
+                maybe = now > tables.most[n] or now < tables.least[n] or maybe
             if not maybe:
                 return False
         found = bool(False)
-        for n in range(screen.members.shape[0]):
-            k = screen.members[n]
+        for n in range(tables.members.shape[0]):
+            k = tables.members[n]
             if bit_of(family.intact[k // word_size, i], k % word_size):
-                found = outside(family, displacement, screen, i, k) or found
+                found = outside(family, displacement, tables, i, k) or found
         return found
 
     @wp.func
     def wakes(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        screen: Screen,
-        spared_mask: wp.array(dtype=wp.uint8),
+        tables: Tables,
         awake: wp.array(dtype=wp.uint8),
         i: int,
     ):
         found = bool(True)
         can_wake = bool(True)
         if wp.static(spared):
-            can_wake = spared_mask[i] == wp.uint8(0)
+            can_wake = tables.spared_mask[i] == wp.uint8(0)
         if wp.static(screened):
             found = awake[i] != wp.uint8(0)
-            found = stretched(family, displacement, screen, i) or found
+            found = stretched(family, displacement, tables, i) or found
         return found and can_wake
 
     return wakes
@@ -123,7 +137,7 @@ def listing(
     types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
-    Family, Screen, word_size = f.struct, screen_struct(layout.bits), WORD
+    Family, Tables, word_size = f.struct, field_tables(layout.bits), WORD
     wakes = waking(layout, spared, screened, few)
     together = 1 if atomics else TOGETHER
 
@@ -166,8 +180,7 @@ def listing(
     def wake(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        screen: Screen,
-        spared_mask: wp.array(dtype=wp.uint8),
+        tables: Tables,
         awake: wp.array(dtype=wp.uint8),
         start: int,
         stop: int,
@@ -187,7 +200,7 @@ def listing(
         for i in range(begin, end, step):
             if wp.static(shared):
                 driving[i] = real(UNLISTED)
-            if wakes(family, displacement, screen, spared_mask, awake, i):
+            if wakes(family, displacement, tables, awake, i):
                 if wp.static(atomics):
                     listed[wp.atomic_add(count, 0, 1)] = i
                 else:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from .damage_field import OtherFamilies, driving, finishing, sweeping
-from .damage_list import listing, screen_struct, waking
+from .damage_list import field_tables, listing, waking
 from .effects import Kernel, kernel
 from .factories import constants_of
 from .families import Layout, family_functions
@@ -112,7 +112,7 @@ def damage_field(
     """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
-    Family, Screen = family_functions(layout).struct, screen_struct(layout.bits)
+    Family, Tables = family_functions(layout).struct, field_tables(layout.bits)
     wakes = waking(layout, spared, screened, few)
     drive_points = driving(layout, driving_energy, partial_energy, lanes)
     sweep_points = sweeping(layout, weak, near)
@@ -123,9 +123,7 @@ def damage_field(
         family: Family,
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        scale: wp.array(dtype=real),
-        fastest: real,
-        ahead: wp.array(dtype=wp.uint8),
+        tables: Tables,
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -137,18 +135,15 @@ def damage_field(
         before: wp.array(dtype=real),
     ):
         drive_points(
-            family, displacement, constants, scale, fastest, ahead, awake, damage, listed,
-            wp.tid() + first, count[0], stride, severed_at, driving, before,
+            family, displacement, constants, tables, awake, damage, listed, wp.tid() + first, count[0], stride,
+            severed_at, driving, before,
         )  # fmt: skip
 
     @kernel(per="list", gathers=("damage", "other"))
     def sweep(
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
+        tables: Tables,
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
-        fastest: real,
-        relaxations: wp.array(dtype=real),
         sweep_begin: int,
         sweep_end: int,
         listed: wp.array(dtype=wp.int32),
@@ -164,8 +159,8 @@ def damage_field(
         blocks = (wp.min(count[0], stride) + wp.block_dim() - 1) // wp.block_dim()
         if thread // wp.block_dim() < blocks:
             sweep_points(
-                neighbours, couplings, driving, before, fastest, relaxations, sweep_begin, sweep_end, listed, thread,
-                count[0], stride, blocks, damage, other, arrived,
+                tables, driving, before, sweep_begin, sweep_end, listed, thread, count[0], stride, blocks, damage,
+                other, arrived,
             )  # fmt: skip
 
     @kernel(
@@ -180,11 +175,8 @@ def damage_field(
         step: wp.array(dtype=real),
         constants: Constants,
         unit_volume: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        squared_reach: wp.array(dtype=real),
+        tables: Tables,
         severed_at: wp.array(dtype=real),
-        fastest: real,
-        neighbours: wp.array2d(dtype=wp.int32),
         damage: wp.array(dtype=real),
         before: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -198,9 +190,8 @@ def damage_field(
         released: wp.array(dtype=wp.float64),
     ):
         finish_points(
-            family, displacement, velocity, step, constants, unit_volume, spared_mask, squared_reach,
-            severed_at, fastest, neighbours, damage, before, listed, wp.tid() + first, count[0], stride, others,
-            awake, near_damage, softening, released,
+            family, displacement, velocity, step, constants, unit_volume, tables, severed_at, damage, before, listed,
+            wp.tid() + first, count[0], stride, others, awake, near_damage, softening, released,
         )  # fmt: skip
 
     @kernel(
@@ -216,15 +207,7 @@ def damage_field(
         step: wp.array(dtype=real),
         constants: Constants,
         unit_volume: real,
-        screen: Screen,
-        spared_mask: wp.array(dtype=wp.uint8),
-        squared_reach: wp.array(dtype=real),
-        scale: wp.array(dtype=real),
-        fastest: real,
-        ahead: wp.array(dtype=wp.uint8),
-        neighbours: wp.array2d(dtype=wp.int32),
-        couplings: wp.array2d(dtype=real),
-        relaxations: wp.array(dtype=real),
+        tables: Tables,
         sweeps: int,
         blocks: int,
         first: int,
@@ -247,7 +230,7 @@ def damage_field(
         block = thread // size
         if wp.static(looks):
             for i in range(thread, damage.shape[0], blocks * size):
-                if wakes(family, displacement, screen, spared_mask, awake, i):
+                if wakes(family, displacement, tables, awake, i):
                     listed[wp.atomic_add(count, 0, 1)] = i
             wait_for_blocks(arrived, blocks)
         end = count[0]
@@ -255,8 +238,8 @@ def damage_field(
         needed = wp.min(blocks, (end * wp.static(lanes) + size - 1) // size)
         if block < needed:
             drive_points(
-                family, displacement, constants, scale, fastest, ahead, awake, damage, listed,
-                thread, end, needed * size // wp.static(lanes), severed_at, driving, before,
+                family, displacement, constants, tables, awake, damage, listed, thread, end,
+                needed * size // wp.static(lanes), severed_at, driving, before,
             )  # fmt: skip
             wait_for_blocks(arrived, needed)
             if thread == 0:
@@ -264,14 +247,13 @@ def damage_field(
             needed = wp.min(needed, (end + size - 1) // size)
             if block < needed and sweeps > 0:
                 sweep_points(
-                    neighbours, couplings, driving, before, fastest, relaxations, 0, sweeps, listed, thread, end,
-                    needed * size, needed, damage, other, arrived,
+                    tables, driving, before, 0, sweeps, listed, thread, end, needed * size, needed, damage, other,
+                    arrived,
                 )  # fmt: skip
                 wait_for_blocks(arrived, needed)
                 finish_points(
-                    family, displacement, velocity, step, constants, unit_volume, spared_mask,
-                    squared_reach, severed_at, fastest, neighbours, damage, before, listed, thread, end, needed * size,
-                    OtherFamilies(), awake, near_damage, softening, released,
+                    family, displacement, velocity, step, constants, unit_volume, tables, severed_at, damage, before,
+                    listed, thread, end, needed * size, OtherFamilies(), awake, near_damage, softening, released,
                 )  # fmt: skip
 
     fracture_energy, shown = of_frames(layout.bits)

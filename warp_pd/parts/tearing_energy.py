@@ -20,7 +20,7 @@ from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, OtherFamilies
-from ..kernels.damage_list import TOGETHER, screen_struct
+from ..kernels.damage_list import TOGETHER, field_tables
 from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
 from .damage_ghosts import LAYERS, DamageGhosts
@@ -194,8 +194,12 @@ class DamageField(Damaged):
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
         self.sweeps *= 1 if context.features.dynamic else SWEEPS_AT_REST
         factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
-        self._relaxations = context.array("relaxations", self.owner, real, factors, per="table")
-        self._screen, few = self._screen_of(law)
+        screen, few = self._screen_of(law)
+        self._tables = with_values(field_tables(context.bits)(), {
+            **screen, "spared_mask": self.spared, "scale": self._scale, "fastest": self._fastest, "ahead": self._ahead,
+            "neighbours": self._neighbours, "couplings": self._couplings, "squared_reach": self._reach,
+            "relaxations": context.array("relaxations", self.owner, real, factors, per="table"),
+        })  # fmt: skip
         shared = context.device.is_cuda and law.partial_energy is not None
         self._lanes = lanes_of(law.families.members) if shared else 1
         self.kernels = damage_field(
@@ -308,8 +312,8 @@ class DamageField(Damaged):
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage, ahead
 
-    def _screen_of(self, law: BuiltLaw) -> tuple[Any, int]:
-        """The screen of `wake`, and the number of members that it checks without their tables, or 0."""
+    def _screen_of(self, law: BuiltLaw) -> tuple[dict[str, Any], int]:
+        """Tables by which `wake` looks at bonds, and the number of members that it checks without families, or 0."""
         members, shortest, longest = self._looked_at(law)
         checked = self.context.array("looked_at", self.owner, wp.int32, members, per="table")
         values: dict[str, Any] = {"members": checked, "shortest": shortest, "longest": longest}
@@ -322,7 +326,7 @@ class DamageField(Damaged):
             values["x"], values["y"] = vector(x.tolist()), vector(y.tolist())
             values["least"] = vector(((1.0 - ROUND_OFF) * shortest * squared).tolist())
             values["most"] = vector(((1.0 + ROUND_OFF) * longest * squared).tolist())
-        return with_values(screen_struct(self.context.bits)(), values), few
+        return values, few
 
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
         """Members to check for high energy, and the squared stretches between which the energy is low.
@@ -452,13 +456,10 @@ class DamageField(Damaged):
             n, together, threads = self.context.sheet.size, RESIDENT[self.context.bits], WAITING_BLOCK
             blocks = min(device.sm_count, -(-n // LOOKED_AT)) if self._looks else device.sm_count * together
         stage.launch(
-            self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks,
-            screen=self._screen, squared_reach=self._reach, scale=self._scale, fastest=self._fastest,
-            ahead=self._ahead, neighbours=self._neighbours, couplings=self._couplings,
-            relaxations=self._relaxations, sweeps=sweeps, listed=self._listed, count=self._count,
-            arrived=self._arrived, severed_at=self._severed_at, driving=self._driving, before=self._before,
-            damage=self.field, other=self._other, awake=self._awake, near_damage=self._near, softening=self._softening,
-            **self.arguments(),
+            self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks, sweeps=sweeps,
+            listed=self._listed, count=self._count, arrived=self._arrived, severed_at=self._severed_at,
+            driving=self._driving, before=self._before, damage=self.field, other=self._other, awake=self._awake,
+            near_damage=self._near, softening=self._softening, **self._arguments(),
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage) -> None:
@@ -476,23 +477,27 @@ class DamageField(Damaged):
             if self._ghosts is not None and begin and begin % LAYERS == 0:
                 self._ghosts.add_exchange(stage, self.field, self._other)
             stage.launch(
-                self.owner, self.kernels.sweep, self._sweepers, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, before=self._before, fastest=self._fastest, relaxations=self._relaxations,
-                sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field, other=self._other,
-                arrived=self._arrived, block_dim=WAITING_BLOCK, side_stream=self._beside,
+                self.owner, self.kernels.sweep, self._sweepers, tables=self._tables, driving=self._driving,
+                before=self._before, sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field,
+                other=self._other, arrived=self._arrived, block_dim=WAITING_BLOCK, side_stream=self._beside,
                 **{**self._shared(), "stride": self._sweepers},
             )  # fmt: skip
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
         stage.launch(
-            self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
-            fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
-            awake=self._awake, near_damage=self._near, softening=self._softening,
+            self.owner, self.kernels.finish, self._threads, severed_at=self._severed_at, damage=self.field,
+            before=self._before, awake=self._awake, near_damage=self._near, softening=self._softening,
             others=OtherFamilies(), completing={"others": self.law.other_families} if self._beside else None,
-            **self.arguments(), **self._shared(),
+            **self._arguments(), **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
+
+    def _arguments(self) -> dict[str, Any]:
+        """Arguments common to the kernels that break bonds; spared points are among the tables."""
+        given = {**self.arguments(), "tables": self._tables}
+        del given["spared_mask"]
+        return given
 
     def _shared(self) -> dict[str, Any]:
         """Arguments common to all launches on listed points."""
@@ -506,17 +511,16 @@ class DamageField(Damaged):
 
     def _add_looking(self, stage: Stage) -> None:
         """Add the launches that list points."""
-        k, given, own = self.kernels, self.arguments(), self._own
+        k, own = self.kernels, self._own
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         # Points of a GPU may be divided, so that those far from other processes do not wait for their displacements.
         span = Span(stage.block_dim, GPU_LOOKS) if self._found is None else None
         blocks = 1 if span is None else span.blocks(own.stop - own.start)
         threads = blocks * stage.block_dim if self._found is None else len(self._found)
         stage.launch(
-            self.owner, k.wake, threads, start=own.start, stop=own.stop, blocks=blocks, screen=self._screen,
-            awake=self._awake, found=self._found, driving=None if self._ghosts is None else self._driving, span=span,
-            side_stream=self._beside, **listing,
-            **{name: given[name] for name in ("family", "displacement", "spared_mask")},
+            self.owner, k.wake, threads, family=self.law.struct, displacement=self.context.state.displacement,
+            tables=self._tables, start=own.start, stop=own.stop, blocks=blocks, awake=self._awake, found=self._found,
+            driving=None if self._ghosts is None else self._driving, span=span, side_stream=self._beside, **listing,
         )  # fmt: skip
         if self._found is not None:
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
@@ -524,14 +528,12 @@ class DamageField(Damaged):
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points and compute their driving energy."""
         self._add_looking(stage)
-        given = self.arguments()
         families = min(self._threads, GPU_FAMILIES) if self._lanes > 1 else self._threads
         stage.launch(
-            self.owner, self.kernels.drive, families * self._lanes,
-            scale=self._scale, fastest=self._fastest, ahead=self._ahead, awake=self._awake, damage=self.field,
-            severed_at=self._severed_at, driving=self._driving, before=self._before, side_stream=self._beside,
-            **{**self._shared(), "stride": families},
-            **{name: given[name] for name in ("family", "displacement", "constants")},
+            self.owner, self.kernels.drive, families * self._lanes, family=self.law.struct,
+            displacement=self.context.state.displacement, constants=self.law.energy_constants, tables=self._tables,
+            awake=self._awake, damage=self.field, severed_at=self._severed_at, driving=self._driving,
+            before=self._before, side_stream=self._beside, **{**self._shared(), "stride": families},
         )  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
