@@ -132,7 +132,7 @@ def same_constants(Family: Any) -> wp.Function:
     return of_bond
 
 
-def bond_functions(layout: Layout, Family: Any, initial: wp.Function) -> dict[str, wp.Function]:
+def bond_functions(layout: Layout, Family: Any, initial: wp.Function) -> dict[str, Any]:
     """Functions `intact_members`, `is_undamaged` and `is_intact`; they read `intact` only if bonds can break."""
     breakable, word_size = layout.breakable, WORD
 
@@ -284,7 +284,7 @@ def curved_functions(layout: Layout, Family: Any) -> dict[str, Any]:
     return {"chord": chord, "rise": rise, "tilt": tilt, "to_frame": to_frame, "from_frame": from_frame}
 
 
-def row_functions(layout: Layout, Family: Any, row_of: wp.Function) -> dict[str, wp.Function]:
+def row_functions(layout: Layout, Family: Any, row_of: wp.Function) -> dict[str, Any]:
     """Functions of a cloud or a grid that read tables [member, row]: entry, common, initial, weight, areas."""
     number_of, mask_of = entry_of(layout.types.real, 2, wp.uint32), entry_of(wp.uint32, 3, wp.int64)
 
