@@ -66,8 +66,8 @@ WRONG = {
     "Newton": (lambda: Newton(tolerance=1.0), "tolerance = 1.0: expected a number greater than 0 and less than 1"),
     "Relaxation": (lambda: Relaxation(tolerance=2), "tolerance = 2: expected a number greater than 0 and less than 1"),
     "small ball": (
-        lambda: simulated(contact=RigidBall(0.01, (0.05, 0.05, 0.1))).build("cpu"),
-        "RigidBall.diameter = 0.01: expected at least 1.42 spacings, 0.0177 m; use more points",
+        lambda: simulated(contact=RigidBall(0.017, (0.05, 0.05, 0.1))).build("cpu"),
+        "RigidBall.diameter = 0.017: expected at least 1.42 spacings, 0.0177 m; use more points",
     ),
     "ball in the sheet": (
         lambda: simulated(contact=RigidBall(0.06, (0.05, 0.05, 0.01))).build("cpu"),

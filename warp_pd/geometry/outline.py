@@ -45,7 +45,7 @@ def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spaci
     which = which.ravel()
     require_apart(lines, which, at)
     edges = line_edges(lines, which)
-    drawn = shapely.MultiLineString(list(fixed[edges]))
+    drawn = shapely.multilinestrings(shapely.linestrings(fixed[edges]))
     shapely.prepare(drawn)
     filling = (
         fill_graded(sheet, fixed, drawn, at) if callable(spacing) else fill_evenly(sheet, fixed, drawn, least)

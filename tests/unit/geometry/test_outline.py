@@ -291,7 +291,7 @@ REFUSED = {
     "spacing function below zero": (lambda: outline(spacing=lambda x, y: x - 0.05), "spacing(x, y) = -0.0"),
     "spacing function raises": (lambda: outline(spacing=lambda x, y: 1 / 0), "spacing(x, y) raised ZeroDivisionError"),
     "spacing function of another shape": (lambda: outline(spacing=lambda x, y: np.ones(3)), "spacing(x, y) raised"),
-    "spacing function too fine": (lambda: outline(spacing=lambda x, y: 1e-6 + 0 * x), "expected larger spacings"),
+    "spacing function too fine": (lambda: outline(spacing=lambda x, y: 1e-5 + 0 * x), "expected larger spacings"),
 }
 
 

@@ -48,4 +48,6 @@ def test_the_plan_counts_bytes():
     bytes_of_arrays = sum(map(int, column(table, "bytes")))
     assert int(found[1]) == bytes_of_arrays > 0
     assert float(found[2]) == pytest.approx(bytes_of_arrays / 841, abs=0.05)
+    # Three numbers of four bytes.
+    assert dict(zip(column(table, "name"), column(table, "bytes"), strict=True))["displacement"] == str(12 * 841)
     assert "break_bonds" in column(launches, "kernel")
