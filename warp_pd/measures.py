@@ -11,7 +11,8 @@ import numpy as np
 from .device.checks import InputError, point_indices
 from .families import unpack
 from .geometry.sheet import Sheet
-from .geometry.topology import components, joined_points
+from .geometry.topology import components, directed_edges, joined_points, shared_sides, undirected
+from .geometry.triangulation import triangle_areas
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -44,13 +45,8 @@ class TearLine:
 
     def __init__(self, sheet: Sheet) -> None:
         self.sheet = sheet
-        corners = sheet.points[sheet.triangles]
-        self.centres = corners.mean(axis=1)
-        side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        if sheet.frames is None:
-            self.areas = 0.5 * np.abs(side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0])
-        else:
-            self.areas = 0.5 * np.linalg.norm(np.cross(side, other), axis=1)
+        self.centres = sheet.points[sheet.triangles].mean(axis=1)
+        self.areas = triangle_areas(sheet.points, sheet.triangles)
         self._edges, self._beside = _shared_edges(sheet.triangles)
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -158,12 +154,9 @@ class TearLine:
 
 def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges that two triangles share, shape (E, 2), and those triangles, shape (E, 2)."""
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    faces = np.tile(np.arange(len(triangles)), 3)
-    order = np.lexsort((sides[:, 1], sides[:, 0]))
-    sides, faces = sides[order], faces[order]
-    first = np.flatnonzero((sides[:-1] == sides[1:]).all(axis=1))
-    return sides[first], np.column_stack([faces[first], faces[first + 1]])
+    edges = directed_edges(triangles)
+    one, other = shared_sides(undirected(edges)).T
+    return np.sort(edges[one], axis=1), np.column_stack([one, other]) % len(triangles)
 
 
 def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:

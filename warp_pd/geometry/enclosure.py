@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.checks import InputError
-from .topology import boundary_edges, boundary_rings, edges_run_twice
+from .topology import boundary_edges, boundary_rings, require_one_side
 
 # How far four points may be from a rectangle, over its diagonal.
 SKEW = 1e-6
@@ -13,12 +13,7 @@ SKEW = 1e-6
 
 def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
     """Closed rings of boundary edges (edges of only one triangle), in the direction of the triangles."""
-    if len(twice := edges_run_twice(triangles)):
-        a, b = twice[0]
-        raise InputError(
-            f"triangles: two of them run along the edge from point {a} to point {b} in one direction: expected a "
-            "surface with one side outside, two triangles at an edge at most"
-        )
+    require_one_side(triangles)
     free = boundary_edges(triangles)
     begins, times = np.unique(free[:, 0], return_counts=True)
     if (times > 1).any():

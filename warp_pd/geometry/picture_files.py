@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..device.checks import OutputError
+from ..device.checks import InputError, OutputError, said
 
 FORMATS = ("png", "pdf", "svg")
 # Dots per inch of a PNG, and of the parts of a vector picture that are pixels.
@@ -92,6 +92,23 @@ def _figure_class() -> Any:
             return stream.getvalue()
 
     return Picture
+
+
+def target(path: Any) -> Path:
+    """Check the path of a picture. Raises InputError if it cannot be written."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path = {said(path)}: expected the path of a picture or None")
+    found = Path(path)
+    if found.suffix.lower()[1:] not in FORMATS:
+        raise InputError(
+            f"path = {str(path)!r}: expected a name that ends in {', '.join(f'.{name}' for name in FORMATS)}"
+        )
+    if not found.parent.is_dir() or not os.access(found.parent, os.W_OK):
+        raise InputError(
+            f"path = {str(path)!r}: expected a folder that can be written; {str(found.parent)!r} is missing or "
+            "read-only"
+        )
+    return found
 
 
 def save(figure: Any, path: Path, **options: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from ..device.checks import InputError, corners, count, counts, positions, positive
 from .enclosure import volume_of
 from .shape import Shape
-from .topology import boundary_edges, edges_run_twice
+from .topology import boundary_edges, require_one_side
 from .triangulation import cell_triangles, doubled_normals, refuse_coincident
 
 # Arc of an edge of the icosahedron [rad].
@@ -129,12 +129,7 @@ def _point_sums(corner_values: np.ndarray, triangles: np.ndarray, points: int) -
 
 def _rim(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Points on the open edges of the surface, int32, ascending."""
-    if len(twice := edges_run_twice(triangles)):
-        tail, head = twice[0]
-        raise InputError(
-            f"triangles: two of them run along the edge from point {tail} to {head}: expected all counter-clockwise "
-            "seen from outside, and two at most at every edge"
-        )
+    require_one_side(triangles)
     open_sides = boundary_edges(triangles)
     if len(open_sides) == 0 and volume_of(points - points.mean(axis=0), triangles) <= 0.0:
         raise InputError("triangles: expected triangles counter-clockwise seen from outside, got clockwise")

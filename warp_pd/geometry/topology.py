@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..device.checks import InputError
+
 
 def directed_edges(triangles: np.ndarray) -> np.ndarray:
     """The three edges of each triangle in its direction, shape (3 F, 2); edge e belongs to triangle e % F."""
@@ -33,6 +35,16 @@ def edges_run_twice(triangles: np.ndarray) -> np.ndarray:
     edges, size = directed_edges(triangles).astype(np.int64), int(triangles.max(initial=0)) + 1
     keys, uses = np.unique(edges @ np.array([size, 1]), return_counts=True)
     return np.column_stack(np.divmod(keys[uses > 1], size))
+
+
+def require_one_side(triangles: np.ndarray) -> None:
+    """Raise InputError if two triangles have an edge with the same direction."""
+    if len(twice := edges_run_twice(triangles)):
+        a, b = twice[0]
+        raise InputError(
+            f"triangles: two of them run along the edge from point {a} to point {b} in one direction: expected all "
+            "counter-clockwise seen from outside, and two triangles at an edge at most"
+        )
 
 
 def crowded_edges(triangles: np.ndarray) -> np.ndarray:

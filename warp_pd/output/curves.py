@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..device.checks import one_of
-from ..geometry.picture_files import new_figure, new_panels, save
-from ..geometry.shape_plot import target
+from ..geometry.picture_files import new_figure, new_panels, save, target
 from .plots import STYLES
 from .quantities import column_label
 

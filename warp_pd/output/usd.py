@@ -11,18 +11,20 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from ..device.checks import InputError, OutputError
+from ..interfaces.frame import Body
 from .point_fields import same_arrays
 from .shapes import bounding_box, camera_place, damage_colours, point_normals
-from .usd_bodies import bind_material, define_body, extent, place_body, vectors
 from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
 
 # Frames that a second shows, and that the memory holds.
 FRAMES_PER_SECOND, SAVE_EVERY = 24.0, 25
 _FOCAL_LENGTH = 50.0
 _APERTURE = (36.0, 20.25)
+# Colour of rigid bodies.
+_STEEL = (0.32, 0.37, 0.42)
 
 # Rubber stretches several times over, but a fragment that flies off must not take the camera with it.
 _LARGEST_VIEW = 4.0
@@ -67,7 +69,7 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
     mesh = _define_sheet(stage, info.metadata["title"], has_damage="damage" in info.fields)
     _define_lights(stage)
     for body, _ in bodies:
-        define_body(stage, body)
+        _define_body(stage, body)
     before, boxes, used = None, [], np.zeros(info.points, bool)
     for index, (time, positions, faces, fields) in enumerate(read_frames(frames, range(info.frames))):
         if index == 0:
@@ -82,16 +84,16 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
             before = faces
             used[:] = False
             used[faces] = True
-        mesh.GetPointsAttr().Set(vectors(positions), code)
-        mesh.GetExtentAttr().Set(extent(positions), code)
-        mesh.GetNormalsAttr().Set(vectors(point_normals(positions, faces, fallback=fallback)), code)
+        mesh.GetPointsAttr().Set(_vectors(positions), code)
+        mesh.GetExtentAttr().Set(_extent(positions), code)
+        mesh.GetNormalsAttr().Set(_vectors(point_normals(positions, faces, fallback=fallback)), code)
         mesh.GetPrim().GetAttribute("warp_pd:time").Set(time, code)
         if "damage" in fields:
             damage = Vt.FloatArray.FromNumpy(fields["damage"])
             UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage").Set(damage, code)
-            mesh.GetDisplayColorAttr().Set(vectors(damage_colours(fields["damage"])), code)
+            mesh.GetDisplayColorAttr().Set(_vectors(damage_colours(fields["damage"])), code)
         for body, poses in bodies:
-            place_body(stage, body, poses[index], code)
+            _place_body(stage, body, poses[index], code)
             # A half space has no end.
             if body.kind != "plane":
                 boxes.append(bounding_box(body.placed(poses[index])))
@@ -141,9 +143,73 @@ def _define_sheet(stage: Usd.Stage, title: str, *, has_damage: bool) -> UsdGeom.
         UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
     else:
         colour.SetInterpolation(UsdGeom.Tokens.constant)
-        colour.Set(vectors(damage_colours(np.zeros(1))))
-    bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
+        colour.Set(_vectors(damage_colours(np.zeros(1))))
+    _bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
     return mesh
+
+
+def _define_body(stage: Usd.Stage, body: Body) -> None:
+    """Define the shape of a body in the body frame; as a triangle mesh if USD lacks the shape."""
+    path, sizes = _path_of(body), body.sizes
+    if body.kind == "sphere":
+        shape = UsdGeom.Sphere.Define(stage, path)
+        shape.CreateRadiusAttr(sizes[0])
+    elif body.kind in ("capsule", "cylinder"):
+        shape = (UsdGeom.Capsule if body.kind == "capsule" else UsdGeom.Cylinder).Define(stage, path)
+        shape.CreateAxisAttr(UsdGeom.Tokens.z)
+        shape.CreateRadiusAttr(sizes[0])
+        shape.CreateHeightAttr(2.0 * sizes[1])
+    else:
+        shape = UsdGeom.Mesh.Define(stage, path)
+        shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        shape.CreatePointsAttr(_vectors(body.vertices))
+        shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(body.triangles), 3, np.int32)))
+        shape.CreateFaceVertexIndicesAttr(
+            Vt.IntArray.FromNumpy(np.ascontiguousarray(body.triangles, np.int32).ravel())
+        )  # fmt: skip
+    shape.CreateExtentAttr(_extent(body.vertices))
+    shape.AddTranslateOp()
+    shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_STEEL)]))
+    _bind_material(shape, "/World/Materials/Steel", roughness=0.25)
+
+
+def _path_of(body: Body) -> str:
+    return f"/World/Bodies/{body.name}"
+
+
+def _place_body(stage: Usd.Stage, body: Body, pose: NDArray[np.float64], code: Usd.TimeCode) -> None:
+    """Write the position [m] and quaternion of a body, shape (7,), at a frame."""
+    prim = stage.GetPrimAtPath(_path_of(body))
+    x, y, z, qx, qy, qz, qw = map(float, pose)
+    prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(x, y, z), code)
+    prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(qw, qx, qy, qz), code)
+
+
+def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:
+    """Bind a plain material that takes its colour from `primvars:displayColor`."""
+    material = UsdShade.Material.Define(shape.GetPrim().GetStage(), path)
+    reader = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Colour")
+    reader.CreateIdAttr("UsdPrimvarReader_float3")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    surface = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
+        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    )
+    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
+    UsdShade.MaterialBindingAPI.Apply(shape.GetPrim()).Bind(material)
+
+
+def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
+    """Vectors, shape (N, 3), in the precision of the file."""
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+
+def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
+    """Lowest and highest corner of points [m], shape (N, 3)."""
+    return _vectors(bounding_box(np.asarray(points, np.float32)))
 
 
 def _define_lights(stage: Usd.Stage) -> None:

@@ -12,6 +12,7 @@ from ..device.checks import InputError, not_negative, one_of, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
+from ..geometry.topology import boundary_edges
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
 from ..kernels.boundary_force import boundary_force
@@ -114,9 +115,7 @@ def near_edges(sheet: Sheet, distance: float) -> np.ndarray:
     """
     from scipy.spatial import cKDTree
 
-    sides = np.sort(sheet.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, uses = np.unique(sides, axis=0, return_counts=True)
-    tail, head = sheet.points[unique[uses == 1, 0]], sheet.points[unique[uses == 1, 1]]
+    tail, head = sheet.points[boundary_edges(sheet.triangles).T]
     along = head - tail
     length = np.linalg.norm(along, axis=1)
     close = cKDTree(sheet.points).query_ball_point(0.5 * (tail + head), distance + 0.5 * length)

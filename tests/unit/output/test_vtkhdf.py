@@ -21,7 +21,7 @@ pytest.importorskip("h5py")
 
 import h5py
 
-from warp_pd.output.body_frames import write_bodies
+from warp_pd.output.file_writers import write_bodies
 from warp_pd.output.point_fields import point_fields
 from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame, read_series
 
