@@ -85,6 +85,10 @@ def main() -> None:
     atexit.register(gc.freeze)
 
 
+DEVICE = click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+PRECISION = click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
+
+
 def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:
     """Arguments of a scene, from named options and from --set."""
     settings = {key: value for key, value in named.items() if value is not None}
@@ -112,7 +116,7 @@ def _of_a_sweep(command: Any) -> Any:
     assigned = "Comma-separated values of an argument of the scene; tuples in brackets. May be repeated."
     command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
     for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
-        command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
+        command = click.option(f"--{name}", metavar=values, help="As for `run`: {name}.")(command)
     return command
 
 
@@ -138,8 +142,8 @@ def _scene_options(command: Any) -> Any:
             metavar="NAME=VALUE",
             help="An argument of the scene; may be repeated.",
         ),
-        click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available."),
-        click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers."),
+        DEVICE,
+        PRECISION,
     ]
     for option in reversed(options):
         command = option(command)
@@ -202,12 +206,11 @@ def run(
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.
+    from .interfaces.solver import FINISHED, STOPPED, DivergedError
     from .output.beside import number_beside, processes_beside
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
     from .run.result import report
-    from .run.runner import DIVERGED as RUN_DIVERGED
-    from .run.runner import ENDED, NOT_CONVERGED, STOPPED, DivergedError
 
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
@@ -239,17 +242,17 @@ def run(
             click.echo(line)
     if result.summary["message"]:
         _say(result.summary["message"])
-    if result.status in (RUN_DIVERGED, NOT_CONVERGED, ENDED):
-        sys.exit(DIVERGED)
     if result.status == STOPPED:
         sys.exit(INTERRUPTED)
+    if result.status != FINISHED:
+        sys.exit(DIVERGED)
 
 
 @main.command("sweep", cls=SceneCommand)
 @click.argument("scene")
 @_of_a_sweep
-@click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
-@click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
+@DEVICE
+@PRECISION
 @click.option("--out", help="Folder for the runs, the table and the plot; by default runs/SCENE-sweep.")
 @click.option("--overwrite", is_flag=True, help="Run everything again.")
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
@@ -402,15 +405,9 @@ def bench(
 @click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a fitted constant; may be repeated.")
 @click.option("--loss", default="linear", help="linear, or soft_l1 for data with outliers.")
 @click.option("--points", type=int, help="Points along x.")
-@click.option(
-    "--set",
-    "assignments",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="An argument of the scene, or the initial value of a fitted constant; may be repeated.",
-)
-@click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
-@click.option("--precision", type=int, help="32 or 64; by default the solver's.")
+@click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="As for `run`, or an initial value.")
+@DEVICE
+@PRECISION
 @click.option("--out", help="Folder for the results; by default runs/SCENE-fit, or runs/SCENE-fit-2, ...")
 def fit(
     scene: str, data: tuple[Path, ...], vary: str, measure: str | None, bounds: tuple[str, ...], loss: str,

@@ -17,9 +17,6 @@ class Gravity(Load):
     def __post_init__(self):
         vector("Gravity.acceleration", self.acceleration, 3)
 
-    def on_partition(self, sheet, partition):
-        return self
-
     def build(self, context, law):
         return Weight(self, context.sheet)
 

@@ -47,6 +47,8 @@ class Part(Protocol):
         loads_at_rest: Whether static solvers take it as a load, which `build` then returns.
         does_work: Whether it does work on the sheet, for the energy balance.
         unbalanced: Whether it changes energies in ways that nothing counts, so that there is no balance.
+        divides: Whether it is the same for the points of one of several processes, because it refers to no points or
+            its constraints say which they are.
     """
 
     argument: ClassVar[str] = "loads"
@@ -54,6 +56,7 @@ class Part(Protocol):
     loads_at_rest: ClassVar[bool] = False
     does_work: ClassVar[bool] = False
     unbalanced: ClassVar[bool] = False
+    divides: ClassVar[bool] = False
 
     @property
     def only_one(self) -> str:
@@ -73,8 +76,10 @@ class Part(Protocol):
         """The part restricted to the points of one of several processes; `sheet` is the whole sheet.
 
         Raises:
-            InputError: by default, because parts need explicit support for several processes.
+            InputError: by default, unless the part `divides`: others need explicit support for several processes.
         """
+        if self.divides:
+            return self
         raise InputError(
             f"{self.argument}: {type(self).__name__}: not supported on several processes; expected a run in one process"
         )

@@ -19,6 +19,12 @@ from .law import BuiltLaw
 from .part import BuiltRupture, Constraint
 from .phases import Phase
 
+# How a run ends: at its end, with a state that is not sound, without an equilibrium, on a path before its last load
+# factor although Newton's method converges, by the user.
+FINISHED, DIVERGED, NOT_CONVERGED, ENDED, STOPPED = (
+    "finished", "diverged", "not converged", "ended early", "interrupted",
+)  # fmt: skip
+
 
 class DivergedError(RuntimeError):
     """The state became NaN or Inf, or moves impossibly fast; the message gives the place, time and likely cause."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -40,13 +40,11 @@ class Pressure(Load):
     follower: bool = True
     ramp: Ramp = None
 
+    divides: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         finite("Pressure.value", self.value)
         one_of("Pressure.follower", self.follower, (True, False))
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """The same part: it refers to no points of the sheet."""
-        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the pressure on a device."""
@@ -69,12 +67,10 @@ class BodyForce(Load):
     value: tuple[float, float, float]
     ramp: Ramp = None
 
+    divides: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """The same part: it refers to no points of the sheet."""
-        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the force on a device."""

@@ -16,8 +16,6 @@ import warp as wp
 from ..device.checks import InputError, finite, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families.partition import Partition
-from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
@@ -34,14 +32,12 @@ AT_REST = "whenever the sheet is in static equilibrium"
 class BondCriterion(Rupture):
     """A criterion evaluated for each bond separately (base class)."""
 
+    divides = True
+
     @property
     def squared_stretch(self) -> float | None:
         """Squared stretch |Y|^2/|X|^2 [-] below which no bond exceeds the criterion, or None without such a bound."""
         return None
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion; `build` selects the spared points of this process."""
-        return self
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""

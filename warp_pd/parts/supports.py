@@ -12,7 +12,6 @@ import warp as wp
 from ..device.checks import InputError, numbers, point_indices, said
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
-from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..interfaces.context import Context
@@ -27,10 +26,7 @@ class Support(Part):
     """A part that only holds or moves points (base class); MovedPoints does the device work for all supports."""
 
     does_work = True
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
-        """The same part; its constraints are divided among the processes instead."""
-        return self
+    divides = True
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build a placeholder: MovedPoints does the work."""

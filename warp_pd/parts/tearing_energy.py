@@ -13,7 +13,6 @@ import warp as wp
 from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
-from ..families.partition import Partition
 from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends, points_near
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
@@ -112,6 +111,7 @@ class TearingEnergy(Rupture):
     screened: bool = True
     every_step: bool = False
 
+    divides: ClassVar[bool] = True
     is_field: ClassVar[bool] = True
     layers: ClassVar[int] = LAYERS
 
@@ -136,10 +136,6 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.cut_profile", self.cut_profile, (True, False))
         one_of("TearingEnergy.screened", self.screened, (True, False))
         one_of("TearingEnergy.every_step", self.every_step, (True, False))
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion; `build` selects the points of this process."""
-        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""

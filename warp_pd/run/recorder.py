@@ -17,7 +17,7 @@ from ..interfaces.frame import Frame, format_time
 from .built import Built
 from .divergence import Soundness
 from .frame_points import FramePoints
-from .scene import Measure, Outcome
+from .scene import Measure, Reported
 
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
@@ -278,7 +278,7 @@ class Recorder:
             found["why"] = f"first at {when} (frame {frame.index}): {error}"
 
 
-def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
+def number_of(item: Reported, *arguments: Any) -> float | None:
     """Evaluate the function of a measure or an outcome."""
     with user_code(kind_and_text):
         value = item.value(*arguments)

@@ -18,6 +18,7 @@ from ..device.checks import InputError, count, kind_and_text, one_of, point_indi
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import DivergedError, History, Reporter, Writer
 from ..interfaces.frame import format_time
+from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
 from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
@@ -42,10 +43,6 @@ LIMIT_POINT = (
     "follow the jump with Explicit and damping; "
     "otherwise try more load_steps"
 )
-
-FINISHED, DIVERGED, NOT_CONVERGED, ENDED, STOPPED = (
-    "finished", "diverged", "not converged", "ended early", "interrupted",
-)  # fmt: skip
 
 
 def run(
@@ -365,6 +362,3 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
     for number in earlier:
         signal.signal(number, ask)
     return undo
-
-
-__all__ = ["DIVERGED", "ENDED", "FINISHED", "NOT_CONVERGED", "STOPPED", "DivergedError", "Result", "run"]

@@ -13,17 +13,7 @@ from ..device.checks import InputError, finite, numbers, said
 from ..geometry.regions import Region
 from ..geometry.sheet import Sheet
 from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
-from ..interfaces.frame import OWN_FIELDS, Frame
-
-
-def check_number(kind: str, name: str, unit: str, value: Any, reference: float | None) -> None:
-    """Check the unit, the function and the reference of a measure or an outcome."""
-    if not callable(value):
-        raise InputError(f"{kind} {name!r}: value = {said(value)}: expected a function")
-    if not isinstance(unit, str):
-        raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
-    if reference is not None:
-        finite(f"{kind} {name!r}: reference", reference)
+from ..interfaces.frame import OWN_FIELDS
 
 
 def check_writers(writers: Sequence[Any]) -> None:
@@ -36,52 +26,51 @@ def check_writers(writers: Sequence[Any]) -> None:
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A number that a scene reports at every frame.
+class Reported:
+    """A number that a scene reports (base class).
 
     Attributes:
         name: Key in summary.json.
         unit: SI unit.
-        value: Function (built simulation, newest frame) -> number.
+        value: Its function.
         reference: Value to compare with, in the same unit, or None.
         source: Where the reference comes from.
     """
 
     name: str
     unit: str
-    value: Callable[[Any, Frame], float]
+    value: Callable[..., float | None]
     reference: float | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
-        check_number("Measure", self.name, self.unit, self.value, self.reference)
+        """Check the function, the unit and the reference."""
+        what = f"{type(self).__name__} {self.name!r}"
+        if not callable(self.value):
+            raise InputError(f"{what}: value = {said(self.value)}: expected a function")
+        if not isinstance(self.unit, str):
+            raise InputError(f"{what}: unit = {self.unit!r}: expected text")
+        if self.reference is not None:
+            finite(f"{what}: reference", self.reference)
+
+
+class Measure(Reported):
+    """A number that a scene reports at every frame; `value` is a function (built simulation, newest frame)."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Reported):
     """A number that a scene reports for the whole run, such as a peak load.
 
+    `value` is a function of the history (one row per frame, in order); None if the number is not known (yet).
+
     Attributes:
-        name: Key in summary.json.
-        unit: SI unit.
-        value: Function of the history (one row per frame, in order) -> number, or None if the number is not known
-            (yet).
-        reference: Value to compare with, in the same unit, or None.
-        source: Where the reference comes from.
         fine: Whether `value` gets the rows between frames too, if the run has them (`Explicit(history_every=)`), so
             that a peak between frames is not missed. These rows have energies, losses, and forces of bodies and of
             `Reaction`, but no measures.
     """
 
-    name: str
-    unit: str
-    value: Callable[[History], float | None]
-    reference: float | None = None
-    source: str = ""
     fine: bool = False
-
-    def __post_init__(self) -> None:
-        check_number("Outcome", self.name, self.unit, self.value, self.reference)
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from ..device.checks import InputError, said
 from ..interfaces import History
 from .description import units_of
 from .recorder import Recorder, number_of
-from .scene import Measure, Outcome
+from .scene import Outcome, Reported
 
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
 WORST_BALANCE, WORST_GAIN = 0.01, 0.01
@@ -66,7 +66,7 @@ def _energy_notes(recorder: Recorder) -> list[str]:
     return notes
 
 
-def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
+def _compared(item: Reported, value: float | None, of: str) -> dict[str, Any]:
     """Value, unit and reference of a measure or outcome; the value is None if it does not exist (yet)."""
     if value is not None and not np.isfinite(value):
         value = None

@@ -15,11 +15,11 @@ from ..device.checks import DIVERGED as DIVERGED_CODE
 from ..device.checks import INTERRUPTED, WRONG_INPUT, InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces import DivergedError
+from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..output.curves import draw_sweep
 from . import restart
 from .built import compose
 from .folder import remove_if_empty, run_summary, writable_folder, write_csv
-from .runner import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from .scene_files import build_scene, load_scene
 
 REFUSED = "refused"

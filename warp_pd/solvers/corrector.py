@@ -12,18 +12,17 @@ import numpy as np
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, FrameSink
 from ..interfaces.context import Context
+from ..interfaces.solver import ENDED, NOT_CONVERGED
 from .descent import UNTURNED
 from .newton_settings import PathSettings
 from .stability import stability
-from .static_system import NOT_CONVERGED, StaticSystem
+from .static_system import StaticSystem
 from .turning_points import Point
 
 # Accuracy of the linear solves, and the fraction of the largest increment used to difference loads.
 ACCURACY, DIFFERENCE = 1e-6, 0.1
 # The same difference with contact, over that without: no further point should touch a body within it.
 TOUCHING = 1e-3
-# Status of a path that ends before its last load factor although Newton's method converges.
-ENDED = "ended early"
 
 
 @dataclass

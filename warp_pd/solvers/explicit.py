@@ -16,6 +16,7 @@ from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
+from ..interfaces.solver import FINISHED
 from .integrator import add_motion, join_steps
 from .retries import Retries
 from .stable_step import StableStep
@@ -180,7 +181,7 @@ class BuiltExplicit(BuiltSolver):
             self._check_step(sink.stable_dt)
         for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
             self._frame(index, sink)
-        return "finished"
+        return FINISHED
 
     def _frame(self, index: int, sink: FrameSink) -> None:
         """Compute and record a frame, with a shorter step if the run diverges."""

@@ -15,9 +15,10 @@ from ..device.fields import assign
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
+from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER
 from .newton_settings import StaticSolver
-from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
+from .static_system import StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
 # A note reports a load step that moves the sheet JUMP times as far as each of the last COMPARED ones. Towards a maximum

@@ -14,9 +14,9 @@ from ..device.fields import assign
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
+from ..interfaces.solver import FINISHED
 from .corrector import Origin, mean_product, norm
 from .newton_settings import PathSettings
-from .static_system import FINISHED
 from .tear_steps import TearSteps
 from .turning_points import Change, Point, changes
 

@@ -18,6 +18,7 @@ from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
+from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion, join_steps
@@ -30,7 +31,6 @@ CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
-FINISHED, NOT_CONVERGED, DIVERGED = "finished", "not converged", "diverged"
 # Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 # Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.

@@ -29,7 +29,6 @@ from .static_rounds import StaticRounds
 MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
-FINISHED, NOT_CONVERGED = "finished", "not converged"
 # Phases of a time step that static solvers do not have: they take the forces alone, set prescribed components
 # themselves, and break bonds in equilibrium.
 NOT_DONE = (

@@ -144,8 +144,7 @@ class BuiltFailing(BuiltPart):
 
 @dataclass(frozen=True)
 class Failing(Part):
-    def on_partition(self, sheet, partition):
-        return self
+    divides = True
 
     def build(self, context, law):
         return BuiltFailing()
