@@ -201,8 +201,7 @@ class Damaged(BuiltRupture):
         law, state = self.law, self.context.state
         return {
             "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
-            "spared_mask": self.spared, "constants": law.energy_constants, "unit_volume": law.unit_volume,
-            "released": self.released,
+            "constants": law.energy_constants, "unit_volume": law.unit_volume, "released": self.released,
         }  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
@@ -266,7 +265,10 @@ class BreakingBonds(Damaged):
                     self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
                     family=self.law.struct, displacement=self.context.state.displacement,
                 )  # fmt: skip
-        stage.launch(self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding)
+        stage.launch(
+            self.owner, self._kernel, size, **arguments, spared_mask=self.spared, criterion=self.criterion,
+            exceeding=exceeding,
+        )  # fmt: skip
 
 
 class BreakingByEnergy(BreakingBonds):

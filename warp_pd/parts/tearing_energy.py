@@ -455,7 +455,7 @@ class DamageField(Damaged):
             self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks, sweeps=sweeps,
             listed=self._listed, count=self._count, arrived=self._arrived, severed_at=self._severed_at,
             driving=self._driving, before=self._before, damage=self.field, other=self._other, awake=self._awake,
-            near_damage=self._near, softening=self._softening, **self._arguments(),
+            near_damage=self._near, softening=self._softening, tables=self._tables, **self.arguments(),
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage) -> None:
@@ -485,15 +485,9 @@ class DamageField(Damaged):
             self.owner, self.kernels.finish, self._threads, severed_at=self._severed_at, damage=self.field,
             before=self._before, awake=self._awake, near_damage=self._near, softening=self._softening,
             others=OtherFamilies(), completing={"others": self.law.other_families} if self._beside else None,
-            **self._arguments(), **self._shared(),
+            tables=self._tables, **self.arguments(), **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
-
-    def _arguments(self) -> dict[str, Any]:
-        """Arguments common to the kernels that break bonds; spared points are among the tables."""
-        given = {**self.arguments(), "tables": self._tables}
-        del given["spared_mask"]
-        return given
 
     def _shared(self) -> dict[str, Any]:
         """Arguments common to all launches on listed points."""
