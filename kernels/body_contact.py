@@ -2,7 +2,7 @@
 
 After the drift, points inside the body are moved out. So are points whose path relative to the body entered it during
 the step, so no point passes through the body. A point already in contact loses the velocity component into the body; a
-newly arrived point is moved by its impulse (the position constraint of RATTLE, as in kernels/contact.py). After the
+newly arrived point is moved by its impulse (the position constraint of RATTLE). After the
 second half kick, touching points lose the remaining velocity component into the body.
 
 Friction reduces the tangential velocity relative to the surface. Its impulse is at most the friction coefficient times

@@ -50,13 +50,13 @@ if TYPE_CHECKING:
     from .parts.body_motion import BodyPath, Free
     from .parts.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
     from .parts.boundary_force import BoundaryForce
-    from .parts.contact import RigidBall
     from .parts.enclosed import EnclosedGas, EnclosedVolume
     from .parts.joint import Joint
     from .parts.loads import BodyForce, PointForce, Pressure
     from .parts.newton_world import newton_bodies
     from .parts.point_values import ValuesInTime
     from .parts.reaction import Reaction
+    from .parts.rigid_ball import RigidBall
     from .parts.rupture import CriticalEnergy, CriticalStretch
     from .parts.self_contact import SelfContact
     from .parts.supports import Fixed, Motion

@@ -9,6 +9,7 @@ from helpers import MU, NEO, StopAt, refused, square
 
 from warp_pd import (
     Bimodular,
+    BodyPath,
     BondAssociated,
     BondBased,
     CriticalStretch,
@@ -18,10 +19,12 @@ from warp_pd import (
     Newton,
     Pressure,
     Relaxation,
+    RigidBody,
     Simulation,
+    TriangleMesh,
 )
 
-NAMES = ("elastic_foundation", "weak_seam", "moving_plane", "obj_writer")
+NAMES = ("elastic_foundation", "weak_seam", "torus", "obj_writer")
 
 
 @pytest.fixture(scope="module")
@@ -158,28 +161,45 @@ def test_an_even_seam_is_the_critical_stretch(parts):
     assert own.to_numpy(own.rupture.damage).max() > 0.0
 
 
-def lifted(parts, frames=6):
-    """A sheet that falls freely until a plane that moves up lifts it."""
-    sheet = square(13)
-    plane = parts["moving_plane"].MovingPlane((0.05, 0.05, -1e-4), (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
-    return Simulation(sheet, LAW, Explicit(2e-3, frames=frames), contact=plane)
+def ring(parts, start, velocity, duration):
+    path = BodyPath.straight(start, velocity, duration)
+    return RigidBody(parts["torus"].Torus(0.06, 0.02), path, name="ring")
 
 
-def test_plane_lifts_a_free_sheet_to_its_own_velocity(parts):
-    result = lifted(parts).run(device="cpu", precision=64)
-    sheet = result.built.simulation.sheet
-    height = -1e-4 + 2e-3 * 1.0
-    np.testing.assert_allclose(result.frame.displacement[:, 2], height, atol=1e-9)
-    np.testing.assert_allclose(result.frame.velocity[:, 2], 1.0, atol=1e-9)
-    # What the plane gave is the momentum of the sheet, with the sign turned.
-    given = -sum(row["contact_force_z"] * 2e-3 / 6 for row in result.history)
-    assert given == pytest.approx(sheet.thickness * sheet.density * sheet.areas.sum(), rel=1e-9)
+def from_ring(place, centre):
+    """Distance of points from the surface of the ring [m]."""
+    x, y, z = (place - centre).T
+    return np.hypot(np.hypot(x, y) - 0.03, z) - 0.01
 
 
-def test_plane_limits_the_step(parts):
-    fast = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1e4))
-    built = Simulation(square(9), LAW, Explicit(1.0), contact=fast).build("cpu")
-    assert built.contact.step_limit().seconds == pytest.approx(0.25 * built.context.sheet.spacing / 1e4)
+def test_ring_lifts_a_free_sheet(parts):
+    sheet, start = square(19), (0.05, 0.05, -0.0101)
+    simulation = Simulation(sheet, LAW, Explicit(4e-3, frames=8), contact=ring(parts, start, (0.0, 0.0, 1.0), 4e-3))
+    result = simulation.run(device="cpu", precision=64)
+    apart = from_ring(sheet.positions + result.frame.displacement, np.array(start) + [0.0, 0.0, 4e-3])
+    assert apart.min() > -1e-9
+    assert (apart < 1e-7).sum() >= 10
+    # What the ring gave is the momentum of the sheet, with the sign turned.
+    given = -sum(row["ring_force_z"] * 4e-3 / 8 for row in result.history)
+    mass = result.built.to_numpy(result.built.state.mass)
+    assert given == pytest.approx(mass @ result.frame.velocity[:, 2], rel=1e-9)
+    assert given > 0.1 * mass.sum()
+
+
+def test_newton_lays_a_sheet_over_the_ring(parts):
+    sheet = square(19)
+    contact = ring(parts, (0.05, 0.05, -0.0101), (0.0, 0.0, 5e-3), 1.0)
+    result = Simulation(sheet, LAW, Newton(load_steps=2), loads=[Fixed(sheet.edges("all"))], contact=contact).run(
+        device="cpu", precision=64
+    )
+    apart = from_ring(sheet.positions + result.frame.displacement, np.array([0.05, 0.05, -0.0051]))
+    assert result.history[-1]["ring_force_z"] < 0.0
+    assert (np.abs(apart) < 1e-5 * sheet.spacing).sum() >= 10 and apart.min() > -1e-5 * sheet.spacing
+
+
+def test_the_ring_has_the_inertia_of_what_is_drawn(parts):
+    torus = parts["torus"].Torus(0.06, 0.02)
+    np.testing.assert_allclose(torus.inertia(), TriangleMesh(*torus.outline(0.0)).inertia(), rtol=0.02, atol=1e-12)
 
 
 def test_writer_leaves_a_file_per_frame(parts, tmp_path):
@@ -200,12 +220,11 @@ def test_writer_leaves_a_file_per_frame(parts, tmp_path):
 
 
 def everything(parts, sheet):
-    """All four parts but the plane, which the next function adds, in one scene."""
+    """All four parts but the writer in one scene."""
     _, seam = seam_of(parts, sheet)
     simulation = pulled(sheet, Explicit(0.2, frames=8), seam)
     simulation.loads = [*simulation.loads, parts["elastic_foundation"].ElasticFoundation(1e4)]
-    # Already over the plane, which rises through the sheet.
-    simulation.contact = parts["moving_plane"].MovingPlane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.01))
+    simulation.contact = ring(parts, (0.05, 0.05, -0.0101), (0.0, 0.0, 0.01), 0.2)
     return simulation
 
 
@@ -236,10 +255,10 @@ def test_plan_names_own_parts_and_what_they_allocate(parts):
     for array, owner in (
         ("springs", "ElasticFoundation"),
         ("critical_stretch", "WeakSeam"),
-        ("impulse", "MovingPlane"),
+        ("ring_impulse", "ring"),
     ):
         assert re.search(rf"^  {array} .*{owner}$", plan, re.MULTILINE), array
-    for kernel, owner in (("add_spring_force", "ElasticFoundation"), ("project", "MovingPlane")):
+    for kernel, owner in (("add_spring_force", "ElasticFoundation"), ("strike_points", "ring")):
         assert re.search(rf"{kernel}.*{owner}", plan), kernel
 
 
@@ -248,7 +267,7 @@ def test_plan_names_own_parts_and_what_they_allocate(parts):
     [
         ("elastic_foundation", ("ElasticFoundation", -1.0), "ElasticFoundation.stiffness = -1"),
         ("weak_seam", ("WeakSeam", [0.5]), "WeakSeam.stretch"),
-        ("moving_plane", ("MovingPlane", (0, 0, 0), (0, 0, 0)), "MovingPlane.normal"),
+        ("torus", ("Torus", 0.02, 0.06), "Torus.tube = 0.06: expected less than circle"),
     ],
 )
 def test_wrong_arguments_of_own_parts_end_in_one_line(parts, name, arguments, message):
@@ -257,8 +276,7 @@ def test_wrong_arguments_of_own_parts_end_in_one_line(parts, name, arguments, me
 
 
 def test_a_part_given_as_another_argument_is_refused(parts):
-    plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
-    with refused(match="MovingPlane"):
-        Simulation(square(9), LAW, Explicit(1.0), loads=[plane]).build("cpu")
+    with refused(match="RigidBody"):
+        Simulation(square(9), LAW, Explicit(1.0), loads=[ring(parts, (0, 0, -1), (0, 0, 1), 1.0)]).build("cpu")
     with refused(match="contact"):
         Simulation(square(9), LAW, Explicit(1.0), contact=Fixed([0])).build("cpu")

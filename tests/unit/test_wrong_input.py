@@ -71,7 +71,7 @@ WRONG = {
     ),
     "ball in the sheet": (
         lambda: simulated(contact=RigidBall(0.06, (0.05, 0.05, 0.01))).build("cpu"),
-        "RigidBall.start = (0.05, 0.05, 0.01): expected a ball outside the sheet, but point 40 is 0.02 m inside it",
+        "RigidBall: expected a body outside the sheet at the start; point 40 is 0.02 m inside it",
     ),
 }
 

@@ -130,7 +130,7 @@ class Launch:
         grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
         every: Interval of repetitions of a repeated stage in which it runs.
         since: First repetition in which it runs.
-        early: Whether it may run before the last launch of the previous repetition.
+        early: Whether it may run before the last launch of the previous repetition, and before others of its own.
         late: The same launch after the early ones of the next repetition, if it then has other arguments.
         completing: The same launch after the next one that fills a list, which it then completes.
         pieces: The launches of the pointwise stages that share it, if several do.
@@ -309,7 +309,14 @@ class Stage:
         if completing is not None:
             after = {**arguments, **completing}
             made.completing = replace(made, arguments=after, touched=touched(kernel.effects, after))
-        self.items.append(made)
+        self.items.insert(self._place_of(made), made)
+
+    def _place_of(self, made: Launch) -> int:
+        """Where a new launch goes: to the end, but an early one to the early ones that begin the stage, if it can."""
+        begun = len(list(itertools.takewhile(_is_early, self.items)))
+        if not made.early or any(made.touched.must_wait_for(item.touched) for item in self.items[begun:]):
+            return len(self.items)
+        return begun
 
     def pointwise(
         self,
@@ -348,7 +355,7 @@ class Stage:
 
     def fuse_wraparound(self) -> None:
         """Join the last launch with the first one of the next repetition that is not early, if they can share one."""
-        early = list(itertools.takewhile(lambda item: isinstance(item, Launch) and item.early, self.items))
+        early = list(itertools.takewhile(_is_early, self.items))
         inner, last = self.items[len(early) :], self.items[-1]
         if len(inner) > 1 and all(item.every == 1 for item in (*early, inner[0], last)):
             if early and isinstance(last, Launch):
@@ -388,6 +395,10 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
     """Compare the names of arguments. Raises TypeError if one is missing or unknown."""
     if expected != given:
         raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
+
+
+def _is_early(item: Item) -> bool:
+    return isinstance(item, Launch) and item.early
 
 
 def _joined(first: Item, second: Item) -> Launch | None:

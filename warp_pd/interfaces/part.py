@@ -234,7 +234,7 @@ class Contact(Part, Protocol):
     """Contact with a body, or of the sheet with itself.
 
     The energy balance takes velocities at half steps: `half_step` in kernels/integrate.py says which work and losses
-    belong to an impulse, kernels/contact.py sums them up.
+    belong to an impulse, kernels/body_contact.py sums them up.
     """
 
     argument: ClassVar[str] = "contact"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .contact import RigidContact
+    from .body_shapes import BodyShape
     from .enclosed import BuiltEnclosed, Enclosed
     from .rupture import BondCriterion
     from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
@@ -17,10 +17,10 @@ else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "BodyShape",
     "BondCriterion",
     "BuiltEnclosed",
     "Enclosed",
-    "RigidContact",
     "horizon_for_tears",
     "length_for_tears",
     "notes_on_criterion",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,12 +22,16 @@ from ..interfaces.phases import Phase
 from ..kernels.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..kernels.static_contact import static_contact
-from .body_checks import bond_bits, passes, sweeps, torn_since
+from .body_checks import MIN_DIAMETER, bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
-from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING, ForceColumns
 
+# Maximum motion of a body in a step, over the spacing or half its thickness: beyond it the body can pass points
+# unnoticed. If bonds can break it is half of that, so that a bond opens in several steps.
+MAX_TRAVEL = 0.25
+# Depth over the spacing or the thickness at which a point counts as inside at the start.
+TOUCHING = 1e-6
 # Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
 SKIN = 1e-4
 # Maximum motion in a step of a body with edges that triangles touch [spacings]; at twice that its edges cut in.
@@ -85,21 +90,26 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
         if self.surface and self.shape.segments() is None:
             raise InputError(
-                f"RigidBody {self.name!r}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "
+                f"{self.title}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "
                 f"{self.shape.kind}"
             )
 
     @property
+    def title(self) -> str:
+        """What messages call it."""
+        return f"RigidBody {self.name!r}"
+
+    @property
     def only_one(self) -> str:
         """Its name."""
-        return f"bodies with the name {self.name!r}: expected different names: give each a name=..."
+        return only_one_named(self.name)
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """The same part: it refers to no points of the sheet."""
         if self.motion.free:
-            raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
+            raise InputError(f"{self.title}: motion = Free: expected BodyPath, or a run in one process")
         if self.surface:
-            raise InputError(f"RigidBody {self.name!r}: surface = True: expected False, or a run in one process")
+            raise InputError(f"{self.title}: surface = True: expected False, or a run in one process")
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
@@ -108,7 +118,12 @@ class RigidBody(Contact):
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
 
-class BuiltBody(ForceColumns):
+def only_one_named(name: str) -> str:
+    """What `RigidBody.only_one` says of a name."""
+    return f"bodies with the name {name!r}: expected different names: give each a name=..."
+
+
+class BuiltBody(BuiltContact):
     """A body on a device.
 
     Attributes:
@@ -116,14 +131,14 @@ class BuiltBody(ForceColumns):
     """
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
-        self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
+        self.part, self.context, self.label = part, context, f"contact = {part.title}"
         self.solid = self
         self.meets_others, self.between_points = part.meets_others, not part.surface
         self.thickness = part.shape.thinnest() if part.shape.bounded else None
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body would pass between points.
         if part.shape.bounded and not part.surface:
-            what = f"RigidBody {name!r}: surface = {part.surface}: smallest extent"
+            what = f"{part.title}: surface = {part.surface}: smallest extent"
             resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         remembered = {}
         if part.shape.remembering is not None:
@@ -133,7 +148,9 @@ class BuiltBody(ForceColumns):
                 remembered[what] = context.array(f"{name}_{what}", name, kind, values)
         self._body, self._mesh = on_device(part.shape, context.device, sheet.spacing, remembered)
         self._rubs = part.friction > 0.0
-        self.set_forces((f"{name}_force", f"{name}_impulse", "N"), (f"{name}_torque", f"{name}_turn", "N m"))
+        # Sum of impulses and unit of each column of a mean force or torque.
+        of = (("force", "impulse", "N"), ("torque", "turn", "N m"))
+        self._forces = {f"{name}_{what}_{c}": (f"{name}_{sum_}_{c}", unit) for what, sum_, unit in of for c in "xyz"}
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         # A half space has no margin: a search in every step.
         bounded = part.shape.bounded
@@ -166,12 +183,12 @@ class BuiltBody(ForceColumns):
         """Check that the body does not touch the sheet at the start."""
         part, context = self.part, self.context
         if self._surface is not None:
-            self._surface.check_apart(f"RigidBody {part.name!r}", *part.motion.pose(0.0))
+            self._surface.check_apart(part.title, *part.motion.pose(0.0))
         depth = -self._distances(context.sheet.positions + context.initial_displacement, *part.motion.pose(0.0))
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
             raise InputError(
-                f"RigidBody {part.name!r}: expected a body outside the sheet at the start; point "
+                f"{part.title}: expected a body outside the sheet at the start; point "
                 f"{context.number(deepest)} is {depth[deepest]:.3g} m inside it"
             )
 
@@ -229,12 +246,23 @@ class BuiltBody(ForceColumns):
 
     def column_names(self) -> Sequence[str]:
         """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
-        return [*super().column_names(), *self.motion.columns(), *self._losses()]
+        return [*self._forces, *self.motion.columns(), *self._losses()]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
-        row = super().columns(totals, elapsed) | self.motion.columns()
+        row = self.row_columns({}, totals, elapsed) | self.motion.columns()
         return row | {name: totals[name] for name in self._losses()}
+
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean forces and torques since the previous row."""
+        return {
+            column: -(totals[name] - before.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
+            for column, (name, _) in self._forces.items()
+        }
+
+    def column_units(self) -> Mapping[str, str]:
+        """Units of forces and torques."""
+        return {column: unit for column, (_, unit) in self._forces.items()}
 
     def _losses(self) -> list[str]:
         lost = ["loss", "rubbed"] if self._rubs else ["loss"]
@@ -267,11 +295,15 @@ class BuiltBody(ForceColumns):
             furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
-    def outline(self) -> Body:
-        """Surface for drawing."""
+    @cached_property
+    def _outline(self) -> Body:
         shape = self.part.shape
         vertices, triangles = shape.outline(float(np.ptp(self.context.whole.positions, axis=0).max()))
         return Body(self.part.name, shape.kind, shape.sizes(), vertices, triangles)
+
+    def outline(self) -> Body:
+        """Surface for drawing."""
+        return self._outline
 
     def pose(self) -> np.ndarray:
         """Position of its centre [m] and quaternion (x, y, z, w), shape (7,)."""
@@ -297,13 +329,12 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
             raise InputError(
-                f"RigidBody {part.name!r}: motion = Free: expected a BodyPath with a static solver; Free needs Explicit"
+                f"{part.title}: motion = Free: expected a BodyPath with a static solver; Free needs Explicit"
             )
         for name, value, wanted in (("friction", part.friction, 0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
-                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} with a static solver; {name} "
-                    "needs Explicit"
+                    f"{part.title}: {name} = {value!r}: expected {wanted!r} with a static solver; {name} needs Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types

@@ -11,8 +11,9 @@ import warp as wp
 from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History, Solid
 from ..interfaces.context import Context
 from .body_shapes import BodyShape
-from .contact import MIN_DIAMETER
 
+# Smallest diameter in spacings, below which a body passes between points.
+MIN_DIAMETER = 1.42
 # Round-off of a point on a side of a triangle.
 ON_A_SIDE = 1e-9
 # Places looked at while a point moves by the thickness of a body, and at most.
@@ -123,11 +124,17 @@ class BodyChecks(BuiltPart):
 
     def _widest_near(self, body: Solid, near: float, position: np.ndarray, corners: np.ndarray) -> float:
         """Largest point spacing [m] of the triangles nearer to a body than `near` [m]; 0 if there are none."""
-        distance = body.distance_from(position)
-        chosen = corners[(distance[corners] < near).any(axis=1)]
+        reach = near + float(np.linalg.norm(self._drawn[body.label].vertices, axis=1).max())
+        arms = position - body.pose()[:3]
+        close = np.einsum("pc,pc->p", arms, arms) < reach**2
+        close[close] = body.distance_from(position[close]) < near
+        chosen = corners.take(np.flatnonzero(of_any_corner(close, corners)), axis=0)
         # The longest side of a triangle may be a diagonal, the second longest is the wider of its two spacings.
-        sides = np.sort(np.linalg.norm(position[chosen] - position[np.roll(chosen, 1, axis=1)], axis=2), axis=1)
-        return float(sides[:, 1].max(initial=0.0))
+        a, b, c = position.take(chosen.T, axis=0)
+        first, second, third = (np.einsum("fc,fc->f", side, side) for side in (b - a, c - b, a - c))
+        longer = np.maximum(first, second)
+        middle = np.maximum(np.minimum(first, second), np.minimum(longer, third))
+        return float(np.sqrt(middle.max(initial=0.0)))
 
 
 def bond_bits(law: BuiltLaw) -> np.ndarray | None:
@@ -140,6 +147,12 @@ def torn_since(before: np.ndarray | None, law: BuiltLaw) -> np.ndarray | None:
     return None if before is None or law.intact is None else (law.intact.numpy() != before).any(axis=0)
 
 
+def of_any_corner(chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Whether any corner of each triangle is chosen, shape (F,); `corners` are points, shape (F, 3)."""
+    first, second, third = chosen.take(corners.T)
+    return np.asarray(first | second | third)
+
+
 def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.ndarray | None) -> bool:
     """Whether the centre of a body crossed a triangle of the sheet.
 
@@ -149,13 +162,19 @@ def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.nd
         corners: Points of the triangles, shape (F, 3).
         torn: Whether a bond of each point has broken, shape (N,), or None; triangles at such points do not count.
     """
+    # The centre must lie in the box around the ways of the corners, which leaves few triangles.
+    for c in range(3):
+        ends = before[:, c], now[:, c]
+        below, above = np.minimum(*ends) <= 0.0, np.maximum(*ends) >= 0.0
+        met = of_any_corner(below, corners) & of_any_corner(above, corners)
+        corners = corners.take(np.flatnonzero(met), axis=0)
+    if torn is not None:
+        corners = corners[~of_any_corner(torn, corners)]
     before, now = before[corners], now[corners]
     side = np.linalg.det(before)
-    crossed = np.flatnonzero(side * np.linalg.det(now) < 0.0)
-    if torn is not None:
-        crossed = crossed[~torn[corners[crossed]].any(axis=1)]
+    crossed = side * np.linalg.det(now) < 0.0
     before, now, side = before[crossed], now[crossed], side[crossed]
-    low, high = np.zeros(len(crossed)), np.ones(len(crossed))
+    low, high = np.zeros(len(side)), np.ones(len(side))
     for _ in range(BISECTIONS):
         part = 0.5 * (low + high)
         met = before + part[:, None, None] * (now - before)

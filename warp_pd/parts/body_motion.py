@@ -19,7 +19,7 @@ from ..kernels.body_motion import follow_path, free_motion, vec6d
 from ..kernels.free_contact import Equations, FreeBody, free_contact
 from ..kernels.pointwise import NEAR_BLOCK
 from .block_list import BlockList
-from .body_shapes import BodyShape
+from .body_shapes import BodyShape, rotation_matrix
 
 Vector = Sequence[float]
 # Radius of a half space [m].
@@ -381,7 +381,7 @@ class InFlight(BuiltMotion):
         super().__init__(name, pose, context)
         points, tracked = context.sheet.size, context.features.tracked
         self.body, self.inertia = body, inertia
-        turn = _matrix(pose[1])
+        turn = rotation_matrix(pose[1])
         angular = turn @ inertia @ turn.T @ np.array(body.spin, float)
         start = [body.velocity, angular, body.velocity, body.spin]
         self.motion.assign(np.array([body.velocity, body.spin], float))
@@ -457,7 +457,7 @@ class InFlight(BuiltMotion):
         """Columns of the history, with the energies [J]."""
         row = super().columns()
         velocity, spin = self.motion.numpy()
-        turn = _matrix(self.rotation.numpy()[0])
+        turn = rotation_matrix(self.rotation.numpy()[0])
         angular = turn @ self.inertia @ turn.T @ spin
         kinetic = 0.5 * (self.body.mass * velocity @ velocity + spin @ angular)
         height = -self.body.mass * np.array(self.body.gravity, float) @ self.place.numpy()[0]
@@ -468,10 +468,3 @@ class InFlight(BuiltMotion):
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)
-
-
-def _matrix(q: np.ndarray) -> np.ndarray:
-    """The rotation matrix of a unit quaternion (x, y, z, w)."""
-    axis, w = q[:3], q[3]
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * (w * cross + cross @ cross))

@@ -330,9 +330,14 @@ def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
 
 def in_frame(points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Points [m], shape (N, 3), in the frame of a body with a given position [m] and unit quaternion."""
-    arms, back = points - place, -rotation[:3]
-    axis = np.cross(back, arms)
-    return np.asarray(arms + 2.0 * (rotation[3] * axis + np.cross(back, axis)))
+    return np.asarray((points - place) @ rotation_matrix(rotation))
+
+
+def rotation_matrix(q: np.ndarray) -> np.ndarray:
+    """The rotation matrix of a unit quaternion (x, y, z, w), shape (3, 3)."""
+    axis, w = q[:3], q[3]
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * (w * cross + cross @ cross))
 
 
 def on_device(

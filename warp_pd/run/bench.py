@@ -23,8 +23,8 @@ from ..interfaces.context import find_device
 from ..laws.bond_associated import BondAssociated
 from ..laws.bond_based import BondBased
 from ..materials import Bimodular, Gent
-from ..parts.contact import RigidBall
 from ..parts.loads import Pressure
+from ..parts.rigid_ball import RigidBall
 from ..parts.rupture import CriticalStretch
 from ..parts.supports import Fixed
 from ..parts.tearing_energy import TearingEnergy

@@ -21,18 +21,19 @@ def test_totals_are_the_sums_over_all_points(points, precision):
         initial_displacement=rough(sheet),
     )
     rng, state = np.random.default_rng(1), built.state
-    for array in (state.work, state.dissipated, built.rupture.released):
+    for array in (state.work, state.dissipated, built.rupture.released, built.contact.loss):
         array.assign(rng.normal(size=sheet.size))
-    for array in (state.velocity, built.contact.impulse):
+    for array in (state.velocity, built.contact.impulse, built.contact.turn):
         array.assign(rng.normal(size=(sheet.size, 3)).astype(array.numpy().dtype))
     built.context.run("frame")
     arrays = {
         "kinetic": built.checks.kinetic_energy, "half_step_kinetic": built.checks.half_step_kinetic,
         "strain": built.law.strain_energy, "external": state.work,
-        "damping": state.dissipated, "rupture": built.rupture.released,
+        "damping": state.dissipated, "rupture": built.rupture.released, "ball_loss": built.contact.loss,
     }  # fmt: skip
     expected = {name: array.numpy() for name, array in arrays.items()}
-    expected |= {f"impulse_{c}": built.to_numpy(built.contact.impulse)[:, k] for k, c in enumerate("xyz")}
+    for name, vectors in (("impulse", built.contact.impulse), ("turn", built.contact.turn)):
+        expected |= {f"ball_{name}_{c}": built.to_numpy(vectors)[:, k] for k, c in enumerate("xyz")}
     totals = built.sums.totals()
     assert totals.keys() == expected.keys()
     for name, values in expected.items():

@@ -42,7 +42,7 @@ SHARED = {
             "contact": BALL,
             "damage": CriticalStretch(1.1),
         },
-        ["kick", "separate", "prescribe", "drift", "project"],
+        ["kick", "strike_points", "prescribe", "drift", "strike_points"],
     ),
     "pressure that follows": (lambda sheet: {"loads": [Pressure(5e4)], "damage": CriticalStretch(1.001)}, None),
     "boundary force": (lambda sheet: {"loads": [*moved(sheet), BoundaryForce(1e9)]}, ["kick", "prescribe", "drift"]),

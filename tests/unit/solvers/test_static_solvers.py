@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_runs import cli, simulate
 
-from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Relaxation, RigidBall
+from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Relaxation
 from warp_pd.geometry.triangulation import Lattice
 from warp_pd.solvers.descent import shortening
 from warp_pd.solvers.multigrid import coarser
@@ -67,10 +67,6 @@ WRONG = [
     (
         lambda: simulate(square(9), Newton(preconditioner="algebraic"), horizon=3.015).build("cpu"),
         "horizon = 3.015: expected at most 2.5; use 'direct'",
-    ),
-    (
-        lambda: simulate(square(9), Newton(), contact=RigidBall(0.05, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
-        "contact = RigidBall",
     ),
     (lambda: simulate(square(21).inclusion((0.05, 0.05), 0.02), Newton()).build("cpu"), "sheet.inclusions"),
     (lambda: simulate(square(21), Newton(), loads=[BoundaryForce(1e10)]).build("cpu"), "BoundaryForce"),
