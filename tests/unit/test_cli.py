@@ -47,8 +47,6 @@ WRONG_LINES = [
     (["run", "pressure", "--points", "x"], "'x' is not a valid integer"),
     (["runn"], "No such command 'runn'"),
     (["run", "pressure", "--set", "=3"], "--set '=3': expected name=value"),
-    (["run", "ball_penetration", "--points", "-5"], "points = -5: expected a whole number of 3 or more"),
-    (["run", "ball_penetration", "--horizon", "nan"], "horizon = nan"),
     (["info", "nothing.usd"], "the file does not exist"),
     (["info", __file__], "expected a .vtkhdf, .usd or .json"),
 ]

@@ -23,6 +23,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
+from warp_pd.device.launches import Launch
 from warp_pd.interfaces.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
 
@@ -59,6 +60,14 @@ def test_the_kernels_of_a_gpu_exchange_the_same(gpu_paths, tune, few):
 def test_one_process_exchanges_nothing():
     made = scene("torn").build(device="cpu")
     assert not [item for stage in made.context.stages.values() for item in stage if item.name.startswith("exchange")]
+
+
+def test_motion_that_an_exchange_replaces_is_computed_at_own_points_alone():
+    context = composed(scene("loads")).context
+    launches = [item for item in context.stages["step"].round(0) if isinstance(item, Launch)]
+    places = {part: launch.points for launch in launches for part in launch.parts}
+    owned = context.partition.owned
+    assert places["drift"] == places["kick"] == (owned.start, owned.stop) != places["family_rows_force"]
 
 
 def test_the_estimate_of_the_stable_step_exchanges_its_direction_once():
