@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LEVEL_OF_COMPRESSION = 6
+LEVEL_OF_COMPRESSION = 4
 
 
 @dataclass

@@ -26,7 +26,9 @@ def damage_colours(damage: NDArray[np.floating]) -> NDArray[np.float64]:
 
 def bounding_box(points: NDArray[np.floating]) -> NDArray[np.float64]:
     """Lowest and highest corner of points [m], shape (2, 3)."""
-    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
+    # Along rows: across them NumPy takes several times as long.
+    columns = np.ascontiguousarray(points.T)
+    return np.array([columns.min(axis=1), columns.max(axis=1)], np.float64)
 
 
 def point_normals(

@@ -143,29 +143,29 @@ class VtkHdfSeries:
             if not same_arrays(faces, self._last_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
-        _add_rows(root["Points"], frame.positions(self.surface))
+        _add_rows(root, "Points", frame.positions(self.surface))
         data, offsets = root["PointData"], steps["PointDataOffsets"]
         for name, values in fields.items():
-            _add_rows(data[name], values)
-            _add_rows(offsets[name], [begin])
+            _add_rows(data, name, values)
+            _add_rows(offsets, name, [begin])
         if frame.index == 0:
-            _add_rows(data[REFERENCE], self.surface.points)
-        _add_rows(offsets[REFERENCE], [0])
+            _add_rows(data, REFERENCE, self.surface.points)
+        _add_rows(offsets, REFERENCE, [0])
         for name, place in _places_of_bodies(self.surface, frame).items():
-            _add_rows(root["FieldData"][name], [place])
-            _add_rows(steps["FieldDataOffsets"][name], [frame.index])
-            _add_rows(steps["FieldDataSizes"][name], [[len(place), 1]])
-        _add_rows(steps["PointOffsets"], [begin])
-        _add_rows(steps["NumberOfParts"], [1])
-        _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
-        _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
-        _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
+            _add_rows(root["FieldData"], name, [place])
+            _add_rows(steps["FieldDataOffsets"], name, [frame.index])
+            _add_rows(steps["FieldDataSizes"], name, [[len(place), 1]])
+        _add_rows(steps, "PointOffsets", [begin])
+        _add_rows(steps, "NumberOfParts", [1])
+        _add_rows(steps, "PartOffsets", [len(root["NumberOfPoints"]) - 1])
+        _add_rows(steps, "CellOffsets", [_before_last(root, "NumberOfCells")])
+        _add_rows(steps, "ConnectivityIdOffsets", [_before_last(root, "NumberOfConnectivityIds")])
         file.flush()
-        times = file.get("load_times")
-        if times is not None:
-            times.resize(frame.index, axis=0)
-            _add_rows(times, [frame.time])
-        _add_rows(steps["Values"], [frame.time if times is None else frame.index])
+        numbered = "load_times" in file
+        if numbered:
+            file["load_times"].resize(frame.index, axis=0)
+            _add_rows(file, "load_times", [frame.time])
+        _add_rows(steps, "Values", [frame.index if numbered else frame.time])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
         self._unfinished = False
@@ -317,14 +317,14 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
     """Add the triangles of a frame, shape (F, 3), and the other, empty kinds of cells."""
-    _add_rows(root["NumberOfPoints"], [points])
+    _add_rows(root, "NumberOfPoints", [points])
     for kind in KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
         cells = root[kind]
-        _add_rows(cells["NumberOfCells"], [len(corners)])
-        _add_rows(cells["NumberOfConnectivityIds"], [corners.size])
-        _add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
-        _add_rows(cells["Connectivity"], corners.ravel())
+        _add_rows(cells, "NumberOfCells", [len(corners)])
+        _add_rows(cells, "NumberOfConnectivityIds", [corners.size])
+        _add_rows(cells, "Offsets", 3 * np.arange(len(corners) + 1))
+        _add_rows(cells, "Connectivity", corners.ravel())
 
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
@@ -377,15 +377,16 @@ def _create_column(
     group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
 
 
-def _add_rows(column: Any, rows: Any) -> None:
-    """Add rows at the end, by HDF5's own functions: h5py's indexing takes longer than the writing of a few rows."""
+def _add_rows(group: Any, name: str, rows: Any) -> None:
+    """Add rows at the end of a column, by HDF5's own functions: those of h5py take longer than writing a few rows."""
+    column = h5py.h5d.open(group.id, name.encode())
     rows = np.ascontiguousarray(rows, column.dtype)
-    before, below = len(column), column.shape[1:]
-    column.id.set_extent((before + len(rows), *below))
+    before, *below = column.shape
+    column.set_extent((before + len(rows), *below))
     if rows.size:
-        place = column.id.get_space()
+        place = column.get_space()
         place.select_hyperslab((before, *(0 for _ in below)), (len(rows), *below))
-        column.id.write(h5py.h5s.create_simple((len(rows), *below)), place, rows)
+        column.write(h5py.h5s.create_simple((len(rows), *below)), place, rows)
 
 
 def _columns(group: Any) -> list[Any]:
