@@ -244,6 +244,14 @@ def test_a_rigid_ball_is_a_sphere_on_a_straight_path(solver):
     assert ball.history[-1]["ball_force_z"] > 0.0
 
 
+def test_a_body_that_never_touches_changes_nothing():
+    sheet = square(9)
+    velocity = np.tile([0.0, 0.0, 0.1], (sheet.size, 1))
+    far = RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)), friction=0.3)
+    frames = [run(sheet, contact=contact, initial_velocity=velocity).frame for contact in (far, None)]
+    np.testing.assert_array_equal(frames[0].displacement, frames[1].displacement)
+
+
 def test_a_body_turns_evenly_between_two_poses():
     about = lambda angle: (0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle))  # noqa: E731
     path = BodyPath([0.1, 0.3, 0.4], [(0.0, 0.0, 0.0)] * 3, [about(0.2), about(1.0), about(1.0)])

@@ -18,7 +18,6 @@ from warp_pd import (
     Pressure,
     Prony,
     Relaxation,
-    RigidBall,
     Sheet,
     Simulation,
     TearingEnergy,
@@ -294,18 +293,3 @@ def test_a_torn_balloon_keeps_its_energy_balance():
     result = simulation.run(device="cpu")
     assert result.history[-1]["largest_damage"] > 0.3
     assert abs(result.history[-1]["balance_error"]) < 0.01
-
-
-def test_a_ball_dents_a_sphere_from_outside_and_takes_its_momentum():
-    sheet = small_sphere(10)
-    simulation = Simulation(
-        sheet, force=BondAssociated(NeoHookean(MU, 100 * MU)), solver=Explicit(0.3, frames=3, safety=0.3, precision=64),
-        contact=RigidBall(0.5, (0.0, 0.0, 1.2501), (0.0, 0.0, -0.5)),
-    )  # fmt: skip
-    result = simulation.run(device="cpu")
-    place = sheet.points + result.frame.displacement
-    assert np.linalg.norm(place - result.frame.bodies[0, :3], axis=1).min() > 0.25 * (1.0 - 1e-5)
-    mass = result.built.to_numpy(result.built.state.mass)[:, None]
-    given = -sum(row["ball_force_z"] for row in result.history) * 0.1
-    assert (mass * result.frame.velocity).sum(axis=0)[2] == pytest.approx(given, rel=1e-8)
-    assert given < 0.0

@@ -15,7 +15,6 @@ from warp_pd import (
     Motion,
     Newton,
     Reaction,
-    RigidBall,
     RigidBody,
     Sphere,
 )
@@ -75,17 +74,15 @@ def test_rows_follow_the_energy_between_frames():
     assert work[-1] == pytest.approx(rows["external"][-1], rel=0.1)
 
 
-@pytest.mark.parametrize("contact", ["ball", "body", "free body"])
-def test_mean_forces_of_rows_add_up_to_those_of_frames(contact):
-    sheet, start = square(11), (0.05, 0.05, 0.016)
-    body = {
-        "ball": lambda: RigidBall(0.03, start, (0.0, 0.0, -2.0)),
-        "body": lambda: RigidBody(Sphere(0.015), BodyPath([0.0, 1.0], [start, (0.05, 0.05, 0.016 - 2.0)]), name="ball"),
-        "free body": lambda: RigidBody(Sphere(0.015), Free(0.02, start, velocity=(0.0, 0.0, -2.0)), name="ball"),
-    }[contact]()
-    result = simulate(
-        sheet, Explicit(0.01, frames=2, history_every=5e-4), loads=[Fixed(sheet.edges("all"))], contact=body
-    ).run(device="cpu")  # fmt: skip
+@pytest.mark.parametrize(
+    "motion",
+    [BodyPath.straight((0.05, 0.05, 0.016), (0.0, 0.0, -2.0), 1.0), Free(0.02, (0.05, 0.05, 0.016), (0.0, 0.0, -2.0))],
+    ids=["path", "free"],
+)
+def test_mean_forces_of_rows_add_up_to_those_of_frames(motion):
+    sheet, body = square(11), RigidBody(Sphere(0.015), motion, name="ball")
+    solver = Explicit(0.01, frames=2, history_every=5e-4)
+    result = simulate(sheet, solver, loads=[Fixed(sheet.edges("all"))], contact=body).run(device="cpu")
     fine, begin = result.fine_history, 0.0
     times = [row["time"] for row in fine]
     for row in result.history[1:]:
