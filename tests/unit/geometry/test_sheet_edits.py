@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from helpers import refused, square
 
+from warp_pd import Place
+
 
 def test_a_hole_shrinks_areas():
     complete = square(41)
@@ -52,3 +54,8 @@ def test_stiffness_goes_with_its_points():
 def test_wrong_stiffness_is_named(points, factor, message):
     with refused(match=message):
         square(9).stiffened(points, factor)
+
+
+def test_a_place_turns_right_handed_about_an_axis_of_any_length():
+    place = Place((1.0, 2.0, 3.0), axis=(0.0, 0.0, 2.0), degrees=90.0)
+    assert place.of(np.array([[1.0, 0.0, 5.0]])) == pytest.approx(np.array([[1.0, 3.0, 8.0]]))
