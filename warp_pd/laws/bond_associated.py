@@ -231,7 +231,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         stage.launch(
             "Relaxation", rows, self.points,
-            **self.family_arguments(context.state.displacement), constants=self.constants,
+            family=self.struct, displacement=context.state.displacement, constants=self.constants,
             unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
         )  # fmt: skip
         stage.launch(

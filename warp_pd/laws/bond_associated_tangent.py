@@ -69,8 +69,8 @@ class BondAssociatedTangent:
         held_mask = self.context.state.held_mask
         stage.launch(
             OWNER, self.kernels.linearise, n,
-            **force.family_arguments(displacement), constants=force.constants, tension=tension, damage=force.damage,
-            **state,
+            family=force.struct, displacement=displacement, constants=force.constants, tension=tension,
+            damage=force.damage, **state,
         )  # fmt: skip
         self._assembly = (stage, displacement)
         if stored_on(self.context.device):

@@ -118,7 +118,7 @@ class BondBasedForce(FamilyLaw):
                 stress = name == "principal_stress"
                 stage.launch(
                     self.owner, self.kernels.principal_stress if stress else self.kernels.wrinkle_level, self.points,
-                    **self.family_arguments(self.context.state.displacement),
+                    family=self.struct, displacement=self.context.state.displacement,
                     **({"constants": self.constants} if stress else {}), out=array,
                 )  # fmt: skip
 

@@ -53,7 +53,7 @@ class BondBasedTangent:
         force = self.force
         stage.launch(
             OWNER, self.kernels.linearise, force.points,
-            **force.family_arguments(displacement), constants=force.constants,
+            family=force.struct, displacement=displacement, constants=force.constants,
             unit_stiffness=force.unit_stiffness, tension=tension, blocks=self.blocks,
         )  # fmt: skip
         stage.launch(

@@ -197,13 +197,9 @@ class FamilyLaw(BuiltLaw):
         """The strain energy."""
         return {} if self.strain_energy is None else {"strain": self.strain_energy}
 
-    def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments common to all launches of the law."""
-        return {"family": self.struct, "displacement": displacement}
-
     def add_launch(self, stage: Stage, kernel: Kernel, displacement: Array, **more: Any) -> None:
         """Add a launch on all points, with the arguments common to all kernels of the law."""
-        given = {"constants": self.constants, **self.family_arguments(displacement), **more}
+        given = {"family": self.struct, "displacement": displacement, "constants": self.constants, **more}
         stage.launch(self.owner, kernel, self.points, **given)
 
     def add_gather(self, stage: Stage, bond_force: Array, force: Array, softens: bool = True) -> None:
@@ -293,7 +289,7 @@ class FamilyLaw(BuiltLaw):
         refuse_other(wanted, self.field_names(), self.owner, shown)
         wanted = [name for name in wanted if name not in self.offered_fields]
         if wanted:
-            self.shown = ShownFields(self, wanted)
+            self.shown = ShownFields(self.context, self, wanted)
 
     def field_names(self) -> tuple[str, ...]:
         """Names of all fields that the law offers."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import warp as wp
 
 from ..device.checks import InputError, one_of
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
+from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
@@ -27,20 +28,6 @@ WRINKLES = {"wrinkle_state": ("wrinkle_state",)}
 BONDS = {"bonds": ("intact_bonds", "broken_bonds")}
 GROUPS = {**KINEMATIC, **STRESSES, **WRINKLES, **BONDS}
 OWNER = "fields"
-
-
-class ShowingLaw(Protocol):
-    """Interface of a built law needed to compute fields."""
-
-    context: Context
-    points: int
-    struct: Any
-    intact: Array | None
-    constants: Any
-
-    def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments common to all launches of the law."""
-        ...
 
 
 def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
@@ -78,12 +65,13 @@ class ShownFields:
     """The requested fields of a law, each with its array.
 
     Args:
+        context: Context of the law.
         law: The built law.
         names: Group names.
     """
 
-    def __init__(self, law: ShowingLaw, names: Sequence[str]) -> None:
-        self.law, context = law, law.context
+    def __init__(self, context: Context, law: BuiltLaw, names: Sequence[str]) -> None:
+        self.context, self.law = context, law
         self.wanted = Wanted(
             stretch="stretch" in names, direction="direction" in names, piola="first_piola" in names,
             cauchy="cauchy" in names, state="wrinkle_state" in names,
@@ -93,17 +81,17 @@ class ShownFields:
         types = {"stretch_direction": context.types.vec3, **dict.fromkeys((*WRINKLES, *BONDS["bonds"]), wp.int32)}
         for name in (array for group in names for array in GROUPS[group]):
             dtype = types.get(name, context.types.real)
-            self.arrays[name] = context.array(name, OWNER, dtype, shape=law.points, output=name)
+            self.arrays[name] = context.array(name, OWNER, dtype, shape=context.sheet.size, output=name)
 
     def add_principal(self, stage: Stage, kernel: Kernel, **more: Any) -> None:
         """Add the launch of a kernel of principal values if any are wanted."""
         if self.wanted == Wanted():
             return
-        Fields = field_arrays(self.law.context.bits)
+        Fields = field_arrays(self.context.bits)
         fields = with_values(Fields(), {name: self.arrays.get(name) for name in Fields.vars})
         stage.launch(
-            OWNER, kernel, self.law.points, **self.law.family_arguments(self.law.context.state.displacement),
-            constants=self.law.constants, **more, fields=fields,
+            OWNER, kernel, self.context.sheet.size, family=self.law.struct,
+            displacement=self.context.state.displacement, constants=self.law.constants, **more, fields=fields,
         )  # fmt: skip
 
     def stresses(self) -> list[Array]:
@@ -115,16 +103,16 @@ class ShownFields:
         """Add the launch that counts bonds if the counts are wanted."""
         if not self.counts:
             return
-        context = self.law.context
+        context = self.context
         kernel = bond_counts(context.layout)
         stage.launch(
-            OWNER, kernel, self.law.points, family=self.law.struct,
+            OWNER, kernel, self.context.sheet.size, family=self.law.struct,
             intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
         )  # fmt: skip
 
     def of_family(self, material: Material | None) -> Kernel:
         """Kernel for one gradient per family, with the stress of `material` if it is not None."""
-        context, known = self.law.context, capabilities(material)
+        context, known = self.context, capabilities(material)
         functions = None if material is None else material.functions
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
@@ -133,7 +121,7 @@ class ShownFields:
     ) -> Kernel:
         """Kernel for means over bonds, for a law with one gradient per bond; arguments as for `bond_fields`."""
         known: Capabilities = capabilities(material)
-        stiffened = self.law.context.sheet.stiffness is not None
+        stiffened = self.context.sheet.stiffness is not None
         return bond_fields(*key, known.volume, known.wrinkle_width, stiffened, self.wanted, response)
 
 

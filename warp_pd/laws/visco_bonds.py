@@ -100,7 +100,7 @@ class ViscoBondBasedForce(FamilyLaw):
     def _add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
         """Add the launch that advances the internal variables to the end of a step [s], a single real number."""
         stage.launch(
-            self.owner, self.kernels.update, self.points, **self.family_arguments(displacement), step=step,
+            self.owner, self.kernels.update, self.points, family=self.struct, displacement=displacement, step=step,
             prony=prony, **self.internal,
         )  # fmt: skip
 

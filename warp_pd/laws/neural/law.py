@@ -176,8 +176,9 @@ class NeuralForce(PointLaw):
             )
             stage.call(self._network)
             stage.launch(
-                self.owner, kernels.spread, self.points, **self.family_arguments(displacement), frame=self._frame,
-                pairs=self._results, unit_force=unit_force, points=self.points, bond_force=self.pairs,
+                self.owner, kernels.spread, self.points, family=self.struct, displacement=displacement,
+                frame=self._frame, pairs=self._results, unit_force=unit_force, points=self.points,
+                bond_force=self.pairs,
             )  # fmt: skip
         self.add_gather(stage, self.pairs, out)
 
