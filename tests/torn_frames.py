@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -65,9 +64,9 @@ def make_frame_with_fields(surface: Surface, at: int, **changes) -> Frame:
 def write_all(writer, path, first=0, last=FRAMES, frame=make_frame, **options) -> Surface:
     """The frames first to last - 1, written by a class of writers."""
     surface = make_surface()
-    with closing(writer(path, surface, **options)) as open_file:
-        for index in range(first, last):
-            open_file.write(frame(surface, index))
+    open_file = writer(path, surface, **options)
+    for index in range(first, last):
+        open_file.write(frame(surface, index))
     return surface
 
 

@@ -13,6 +13,7 @@ from .families import unpack
 from .geometry.sheet import Sheet
 from .geometry.topology import components, directed_edges, joined_points, shared_sides, undirected
 from .geometry.triangulation import triangle_areas
+from .interfaces import History
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -205,9 +206,6 @@ def torn(frame: Frame) -> np.ndarray:
     if frame.intact_faces is None:
         raise InputError("damage = None: expected a rupture criterion to measure cracks")
     return ~frame.intact_faces
-
-
-History = list[dict[str, float]]
 
 
 def at_time(name: str, time: float) -> Callable[[History], float | None]:

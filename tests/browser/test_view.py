@@ -38,9 +38,9 @@ def frame_of(surface, at):
 
 def write_run(folder):
     surface = make_surface(bodies=(BOX,))
-    with contextlib.closing(VtkHdfSeries(folder / "frames.vtkhdf", surface)) as series:
-        for at in range(FRAMES):
-            series.write(frame_of(surface, at))
+    series = VtkHdfSeries(folder / "frames.vtkhdf", surface)
+    for at in range(FRAMES):
+        series.write(frame_of(surface, at))
     history = [{"time": 0.01 * at, "kinetic": at**2, "load": 0.25 * at, "swing": min(at, 6 - at), "bad": np.nan}
                for at in range(FRAMES)]  # fmt: skip
     with (folder / "history.csv").open("w", newline="") as stream:
@@ -308,8 +308,8 @@ def test_turning_zooming_and_exaggerating_change_the_picture(page):
 
 def test_a_row_of_points_is_drawn_as_points(browser, tmp_path):
     surface = make_surface(faces=np.zeros((0, 3), np.int32))
-    with contextlib.closing(VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)) as series:
-        series.write(make_frame_with_fields(surface, 1, index=0, intact_faces=np.zeros(0, bool)))
+    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)
+    series.write(make_frame_with_fields(surface, 1, index=0, intact_faces=np.zeros(0, bool)))
     write_page(tmp_path)
     # As in browsers that do not have this function yet.
     with open_page(browser, tmp_path, before="delete Uint8Array.fromBase64") as page:
@@ -340,11 +340,11 @@ def test_without_webgl_the_numbers_are_there(browser, run_folder):
 
 def test_pieces_are_displaced_from_where_they_were_placed(browser, tmp_path):
     surface = replace(make_surface(), metadata={**make_surface().metadata, "pieces": 2})
-    with contextlib.closing(VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)) as series:
-        for at in range(3):
-            frame = make_frame_with_fields(surface, at)
-            moved = np.zeros_like(frame.displacement) + [5.0 + 0.5 * at, 0.0, 0.0]
-            series.write(replace(frame, displacement=moved))
+    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)
+    for at in range(3):
+        frame = make_frame_with_fields(surface, at)
+        moved = np.zeros_like(frame.displacement) + [5.0 + 0.5 * at, 0.0, 0.0]
+        series.write(replace(frame, displacement=moved))
     write_page(tmp_path)
     with open_page(browser, tmp_path) as page:
         for label in ("displacement along x", "displacement"):

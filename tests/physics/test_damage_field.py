@@ -22,7 +22,6 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.device import graph
-from warp_pd.device.graph import CpuLaunch
 from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
@@ -213,12 +212,14 @@ def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
     assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
 
 
-def test_each_point_is_listed_once_by_any_number_of_threads():
+def test_each_point_is_listed_once_by_any_number_of_threads(monkeypatch):
     """Those of a CPU have no atomics; a list that two of them share loses points, now and then."""
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    monkeypatch.setattr(graph, "available_cores", lambda: 8)
     built = build(square(301), damage=TearingEnergy(10.0, screened=False))
     built.context.compile()
     listing = [item for item in built.context.stages["start"] if item.name in ("wake", "pack")]
-    launches = [CpuLaunch(item, built.context.device, split_from=0.0, parts=8) for item in listing]
+    launches = [graph.CpuLaunch(item, built.context.device) for item in listing]
     for _ in range(50):
         for launch in launches:
             launch.run()

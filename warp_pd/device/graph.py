@@ -121,16 +121,10 @@ class CpuLaunch:
     Args:
         item: The launch.
         device: The CPU.
-        split_from: Time on one core above which it is split [s]; None for SPLIT_FROM.
-        parts: Number of slices; None for one per core.
     """
 
-    def __init__(
-        self, item: Launch, device: wp.Device, split_from: float | None = None, parts: int | None = None
-    ) -> None:
-        self.item, self.device = item, device
-        self._split_from = SPLIT_FROM if split_from is None else split_from
-        self._parts = parts or available_cores()
+    def __init__(self, item: Launch, device: wp.Device) -> None:
+        self.item, self.device, self._parts = item, device, available_cores()
         self.slices = [self._record(item.begin, item.begin + item.threads)]
         self._needed = None if item.only_if is None else item.only_if.numpy()
         self._undecided = TIMED_RUNS if min(item.threads, self._parts) > 1 else 0
@@ -160,7 +154,7 @@ class CpuLaunch:
         self.slices[0]()
         self._shortest = min(self._shortest, time.perf_counter() - begin)
         self._undecided -= 1
-        if not self._undecided and self._shortest > self._split_from:
+        if not self._undecided and self._shortest > SPLIT_FROM:
             item = self.item
             most = min(SLICES_PER_CORE * self._parts, int(self._shortest / SLICE_SECONDS), item.threads)
             bounds = item.begin + np.linspace(0, item.threads, max(most, self._parts) + 1).astype(int)

@@ -14,7 +14,7 @@ from ..device.lazy import lazy
 if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
     from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
-    from .output import FrameReport, Reporter, Writer
+    from .output import FrameReport, Writer
     from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
 else:
@@ -36,7 +36,6 @@ __all__ = [
     "Law",
     "Load",
     "Part",
-    "Reporter",
     "Rupture",
     "Solid",
     "Solve",

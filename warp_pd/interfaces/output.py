@@ -1,4 +1,4 @@
-"""Interfaces of writers of frames and reporters of progress."""
+"""Interface of writers of frames, and what progress shows of a frame."""
 
 from __future__ import annotations
 
@@ -43,27 +43,3 @@ class FrameReport:
     steps_per_second: float
     frames: int
     row: Mapping[str, float]
-
-
-class Reporter(Protocol):
-    """Shows the progress of a run."""
-
-    def begin(self, headline: str) -> None:
-        """Called when the simulation is built; `headline` names the scene and the device."""
-        ...
-
-    def compiled(self, seconds: float) -> None:
-        """Called when the kernels are compiled."""
-        ...
-
-    def frame(self, report: FrameReport) -> None:
-        """Called when a frame has been recorded."""
-        ...
-
-    def residual(self, steps: int, residual: float, tolerance: float, round_of: str) -> None:
-        """Called between the frames of a static solver; `round_of` as in "round 2 of contact", or ""."""
-        ...
-
-    def close(self) -> None:
-        """The run is over."""
-        ...

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
 
 from ..device.checks import InputError
 from ..interfaces.frame import Frame, Surface
-from ..interfaces.output import Writer
 
 FRAMES, BODIES, ANIMATION = "frames.vtkhdf", "bodies.vtkhdf", "animation.usd"
 
 
-def frame_writers(
+def frame_writer(
     folder: Path, surface: Surface, append_from: int | None, fields: Collection[str] | None
-) -> list[Writer]:
-    """Create the writer of the frames in a folder; arguments as for `VtkHdfSeries`."""
+) -> Callable[[Frame], None]:
+    """Create the function that writes frames in a folder; arguments as for `VtkHdfSeries`."""
     from .vtkhdf import VtkHdfSeries
 
     if append_from is not None and not (folder / FRAMES).is_file():
         raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {FRAMES}")
-    return [VtkHdfSeries(folder / FRAMES, surface, append_from=append_from, fields=fields)]
+    return VtkHdfSeries(folder / FRAMES, surface, append_from=append_from, fields=fields).write
 
 
 def write_derived(folder: Path, usd: bool, seconds_per_frame: float | None) -> None:

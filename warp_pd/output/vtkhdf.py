@@ -116,12 +116,6 @@ class VtkHdfSeries:
             with h5py.File(self.path, "r+", locking=False) as file:
                 self._add(file, frame, fields)
 
-    def save(self) -> None:
-        """Do nothing, because every frame is already on disk."""
-
-    def close(self) -> None:
-        """Do nothing, as in `save`."""
-
     def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
         """Write the first frame to a temporary file, and rename it when complete."""
         unfinished = self.path.with_name(f".{self.path.name}.unfinished")

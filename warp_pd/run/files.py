@@ -11,7 +11,7 @@ from ..device.checks import InputError
 from ..interfaces import History
 from ..laws.point_fields import GROUPS
 from ..output.background import Background
-from ..output.file_writers import FRAMES, frame_writers
+from ..output.file_writers import FRAMES, frame_writer
 from . import restart
 from .built import Built
 from .folder import FINE, read_history, require_room, write_history
@@ -105,8 +105,9 @@ def add_files(
     room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
-    writers = frame_writers(folder, recorder.points.surface, append_from, fields) if chosen.vtkhdf else []
-    files = Background(writers, room)
+    surface = recorder.points.surface
+    write = frame_writer(folder, surface, append_from, fields) if chosen.vtkhdf else lambda frame: None
+    files = Background(write, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
     _add_history(recorder, folder, append_from)
@@ -114,7 +115,7 @@ def add_files(
     def save() -> None:
         for writer in others:
             writer.save()
-        files.save_then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
+        files.then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
 
     recorder.saved = save if chosen.restarts else None
 

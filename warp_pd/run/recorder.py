@@ -12,8 +12,9 @@ import numpy as np
 
 from ..device.checks import InputError, kind_and_text, user_code
 from ..device.fields import Array
-from ..interfaces import FrameReport, History, Reporter, Writer
+from ..interfaces import FrameReport, History, Writer
 from ..interfaces.frame import Frame, format_time
+from ..output.progress import Progress
 from .built import Built
 from .divergence import Soundness
 from .frame_points import FramePoints
@@ -85,7 +86,7 @@ class Recorder:
 
     built: Built
     writers: list[Writer]
-    reporter: Reporter | None = None
+    reporter: Progress | None = None
     saved: Callable[[], None] | None = None
     kept: Callable[[History], None] | None = None
     frame_index: int = -1

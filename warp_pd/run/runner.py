@@ -16,12 +16,13 @@ from typing import Any
 
 from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
-from ..interfaces import DivergedError, History, Reporter, Writer
+from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
 from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
+from ..output.progress import Progress
 from . import restart
 from .built import Built, compose
 from .divergence import free_motions
@@ -54,7 +55,7 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
     usd: bool = True,
-    reporter: Reporter | None = None,
+    reporter: Progress | None = None,
     writers: list[Writer] | None = None,
     pictures: bool | str = True,
     vtkhdf: bool = True,
@@ -75,7 +76,7 @@ def run(
         resume: Continue from the restart file in `out`.
         overwrite: Replace the results of another run in `out`; otherwise such a folder raises InputError.
         usd: Whether to write animation.usd at the end, from frames.vtkhdf.
-        reporter: Object that shows the progress, see `output.progress`.
+        reporter: Shows the progress.
         writers: Additional writers of frames.
         pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
             "png,pdf".
@@ -129,7 +130,7 @@ def with_fine_history(scene: Scene, every: float) -> Scene:
 
 
 def _run(
-    built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
+    built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Progress | None,
     writers: list[Writer], stride: int,
 ) -> Result:  # fmt: skip
     """Run a built simulation in a locked folder; `begin` is the time at which building started."""

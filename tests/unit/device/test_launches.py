@@ -317,12 +317,14 @@ def test_a_kernel_without_first_is_named():
 
 
 @pytest.mark.parametrize("split_from", [0.0, np.inf], ids=["slices", "whole"])
-def test_a_launch_that_takes_long_is_split_over_the_cores(split_from):
+def test_a_launch_that_takes_long_is_split_over_the_cores(split_from, monkeypatch):
+    monkeypatch.setattr(graph, "SPLIT_FROM", split_from)
+    monkeypatch.setattr(graph, "available_cores", lambda: 3)
     a, b = (wp.array(np.arange(1000.0, dtype=np.float32), device="cpu") for _ in range(2))
     made = stage()
     made.pointwise("one", twice(), 1000, source=a, out=b)
     made.launch("two", add_kernel(), 1000, a=a, b=b)
-    launches = [graph.CpuLaunch(item, made.device, split_from, parts=3) for item in made]
+    launches = [graph.CpuLaunch(item, made.device) for item in made]
     for _ in range(graph.TIMED_RUNS + 2):
         for launch in launches:
             launch.run()
@@ -330,10 +332,12 @@ def test_a_launch_that_takes_long_is_split_over_the_cores(split_from):
     np.testing.assert_array_equal(b.numpy(), 3.0 * np.arange(1000.0))
 
 
-def test_a_launch_with_one_thread_is_not_split():
+def test_a_launch_with_one_thread_is_not_split(monkeypatch):
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    monkeypatch.setattr(graph, "available_cores", lambda: 3)
     made = stage()
     made.launch("two", add_kernel(), 1, a=array(1.0), b=array(1.0))
-    launch = graph.CpuLaunch(next(iter(made)), made.device, split_from=0.0, parts=3)
+    launch = graph.CpuLaunch(next(iter(made)), made.device)
     for _ in range(graph.TIMED_RUNS + 1):
         launch.run()
     assert len(launch.slices) == 1

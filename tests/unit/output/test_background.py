@@ -9,31 +9,25 @@ from warp_pd.output.background import Background
 
 
 class Notes:
-    """A writer that waits for a gate, and fails at a frame."""
+    """Notes frames, waits for a gate, and fails at a frame."""
 
     def __init__(self, fails_at=None):
-        self.done, self.closed, self.saved_after, self.fails_at = [], False, None, fails_at
+        self.done, self.fails_at = [], fails_at
         self.threads = set()
         self.gate = threading.Event()
         self.gate.set()
 
-    def write(self, frame):
+    def __call__(self, frame):
         assert self.gate.wait(30.0)
         self.threads.add(threading.get_ident())
         if frame == self.fails_at:
             raise OSError("disk full")
         self.done.append(frame)
 
-    def save(self):
-        self.saved_after = list(self.done)
-
-    def close(self):
-        self.closed = True
-
 
 def test_frames_are_written_in_order_by_another_thread():
     notes = Notes()
-    writer = Background([notes])
+    writer = Background(notes)
     notes.gate.clear()
     writer.write(0)
     assert notes.done == []
@@ -42,26 +36,25 @@ def test_frames_are_written_in_order_by_another_thread():
         writer.write(frame)
     writer.close()
     assert notes.done == [0, 1, 2, 3, 4]
-    assert notes.closed
     assert threading.get_ident() not in notes.threads
 
 
 def test_saving_waits_for_the_frame_before():
     notes = Notes()
-    writer = Background([notes])
+    writer = Background(notes)
     writer.write(7)
     writer.save()
-    assert notes.saved_after == [7]
+    assert notes.done == [7]
     writer.close()
 
 
-def test_work_after_saving_waits_in_the_thread_too():
+def test_work_waits_for_the_frame_before_in_the_thread_too():
     notes, work = Notes(), []
-    writer = Background([notes])
+    writer = Background(notes)
     notes.gate.clear()
     writer.write(0)
-    writer.save_then(lambda: work.append((threading.get_ident(), list(notes.saved_after))))
-    assert work == [] and notes.saved_after is None
+    writer.then(lambda: work.append((threading.get_ident(), list(notes.done))))
+    assert work == []
     notes.gate.set()
     writer.write(1)
     assert work == [(*notes.threads, [0])]
@@ -69,32 +62,29 @@ def test_work_after_saving_waits_in_the_thread_too():
     assert notes.done == [0, 1]
 
 
-def test_nothing_is_saved_after_a_frame_that_was_not_written():
-    notes, work = Notes(fails_at=0), []
-    writer = Background([notes])
+def test_no_work_follows_a_frame_that_was_not_written():
+    work = []
+    writer = Background(Notes(fails_at=0))
     writer.write(0)
-    writer.save_then(lambda: work.append(0))
+    writer.then(lambda: work.append(0))
     with pytest.raises(OutputError, match="disk full"):
         writer.close()
-    assert work == [] and notes.saved_after is None and notes.closed
+    assert work == []
 
 
-def test_an_error_is_raised_at_the_next_call_and_files_are_closed():
-    bad, good = Notes(fails_at=1), Notes()
-    writer = Background([bad, good])
+def test_an_error_is_raised_at_the_next_call():
+    notes = Notes(fails_at=1)
+    writer = Background(notes)
     writer.write(0)
     writer.write(1)
     with pytest.raises(OutputError, match="disk full"):
         writer.write(2)
     writer.close()
-    assert bad.closed and good.closed
-    assert good.done == [0]
+    assert notes.done == [0]
 
 
 def test_an_error_in_the_last_frame_is_raised_at_closing():
-    notes = Notes(fails_at=0)
-    writer = Background([notes])
+    writer = Background(Notes(fails_at=0))
     writer.write(0)
     with pytest.raises(OutputError, match="disk full"):
         writer.close()
-    assert notes.closed

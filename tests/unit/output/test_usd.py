@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +26,9 @@ SHEET = "/World/Sheet"
 def animated(folder: Path, surface: Surface, frames: list[Frame], **options) -> Usd.Stage:
     """The animation of some frames."""
     folder.mkdir(exist_ok=True)
-    with closing(VtkHdfSeries(folder / "frames.vtkhdf", surface)) as series:
-        for frame in frames:
-            series.write(frame)
+    series = VtkHdfSeries(folder / "frames.vtkhdf", surface)
+    for frame in frames:
+        series.write(frame)
     write_animation(folder / "animation.usd", folder / "frames.vtkhdf", **options)
     return Usd.Stage.Open(str(folder / "animation.usd"))
 

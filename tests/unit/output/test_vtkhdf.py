@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -98,9 +97,9 @@ def with_bodies(surface: Surface, at: int) -> Frame:
 
 def test_vtk_reads_the_bodies_where_they_are_in_every_frame(tmp_path: Path) -> None:
     path, surface = tmp_path / "bodies.vtkhdf", make_surface(bodies=(BALL, BOX))
-    with closing(VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)) as series:
-        for index in range(FRAMES):
-            series.write(with_bodies(surface, index))
+    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)
+    for index in range(FRAMES):
+        series.write(with_bodies(surface, index))
     write_bodies(path, tmp_path / "frames.vtkhdf")
     reader = Reader(path)
     assert reader.steps == FRAMES
@@ -117,9 +116,9 @@ def test_vtk_reads_the_bodies_where_they_are_in_every_frame(tmp_path: Path) -> N
 def test_frame_with_what_is_optional_left_out(tmp_path: Path) -> None:
     path, surface = tmp_path / "frames.vtkhdf", make_surface(bodies=())
     left_out = {"intact_faces": None, "damage": None, "bodies": None, "point_data": {}}
-    with closing(VtkHdfSeries(path, surface)) as series:
-        for index in range(3):
-            series.write(make_frame(surface, index, **left_out))
+    series = VtkHdfSeries(path, surface)
+    for index in range(3):
+        series.write(make_frame(surface, index, **left_out))
     reader = Reader(path)
     for index in range(3):
         assert_step_is_frame(reader.at(index), surface, make_frame(surface, index, **left_out))
@@ -134,9 +133,9 @@ def test_all_faces_torn(tmp_path: Path) -> None:
         make_frame(surface, 1, intact_faces=np.zeros(40, bool)),
         make_frame(surface, 2, intact_faces=np.zeros(40, bool)),
     ]
-    with closing(VtkHdfSeries(path, surface)) as series:
-        for frame in frames:
-            series.write(frame)
+    series = VtkHdfSeries(path, surface)
+    for frame in frames:
+        series.write(frame)
     reader = Reader(path)
     for index in (2, 1, 0):
         assert_step_is_frame(reader.at(index), surface, frames[index])
@@ -155,10 +154,10 @@ def test_triangles_are_stored_when_they_change(tmp_path: Path) -> None:
 def test_triangles_torn_in_the_same_array_are_gone(tmp_path: Path) -> None:
     surface, path = make_surface(), tmp_path / "frames.vtkhdf"
     intact = np.ones(len(surface.faces), bool)
-    with closing(VtkHdfSeries(path, surface)) as series:
-        for index in range(3):
-            intact[:index] = False
-            series.write(make_frame(surface, index, intact_faces=intact))
+    series = VtkHdfSeries(path, surface)
+    for index in range(3):
+        intact[:index] = False
+        series.write(make_frame(surface, index, intact_faces=intact))
     assert read_series(path).faces.tolist() == [len(surface.faces) - index for index in range(3)]
 
 
@@ -232,11 +231,11 @@ def contents(path: Path) -> dict[str, Any]:
 def test_appending_equals_writing_in_one_go(tmp_path: Path, first: int) -> None:
     write_all(tmp_path / "in_one_go.vtkhdf")
     parts, surface = tmp_path / "parts.vtkhdf", make_surface()
-    with closing(VtkHdfSeries(parts, surface)) as series:
-        for index in range(FRAMES):
-            healthy = index < first
-            changes = {} if healthy else {"damage": np.ones(30), "intact_faces": np.arange(40) == index}
-            series.write(make_frame(surface, index, **changes))
+    series = VtkHdfSeries(parts, surface)
+    for index in range(FRAMES):
+        healthy = index < first
+        changes = {} if healthy else {"damage": np.ones(30), "intact_faces": np.arange(40) == index}
+        series.write(make_frame(surface, index, **changes))
     write_all(parts, first, append_from=first)
     assert contents(parts) == contents(tmp_path / "in_one_go.vtkhdf")
     assert "VTKHDF/Steps@NSteps" in contents(parts)
@@ -245,17 +244,17 @@ def test_appending_equals_writing_in_one_go(tmp_path: Path, first: int) -> None:
 def test_rows_of_a_frame_that_failed_are_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_all(tmp_path / "in_one_go.vtkhdf", last=3)
     path, surface = tmp_path / "frames.vtkhdf", make_surface()
-    with closing(VtkHdfSeries(path, surface)) as series:
-        series.write(make_frame(surface, 0))
-        series.write(make_frame(surface, 1))
-        with monkeypatch.context() as patch:
-            # A kill at the worst moment, between two writes.
-            patch.setattr("warp_pd.output.vtkhdf._before_last", interrupt)
-            with pytest.raises(KeyboardInterrupt):
-                series.write(make_frame(surface, 2, intact_faces=np.zeros(40, bool)))
-        assert Reader(path).steps == 2
-        assert_step_is_frame(Reader(path).at(1), surface, make_frame(surface, 1))
-        series.write(make_frame(surface, 2))
+    series = VtkHdfSeries(path, surface)
+    series.write(make_frame(surface, 0))
+    series.write(make_frame(surface, 1))
+    with monkeypatch.context() as patch:
+        # A kill at the worst moment, between two writes.
+        patch.setattr("warp_pd.output.vtkhdf._before_last", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            series.write(make_frame(surface, 2, intact_faces=np.zeros(40, bool)))
+    assert Reader(path).steps == 2
+    assert_step_is_frame(Reader(path).at(1), surface, make_frame(surface, 1))
+    series.write(make_frame(surface, 2))
     assert contents(path) == contents(tmp_path / "in_one_go.vtkhdf")
 
 
@@ -265,9 +264,8 @@ def interrupt(*_arguments) -> None:
 
 def test_a_new_series_removes_the_old_one(tmp_path: Path) -> None:
     write_all(tmp_path / "frames.vtkhdf")
-    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", make_surface())
+    VtkHdfSeries(tmp_path / "frames.vtkhdf", make_surface())
     assert list(tmp_path.iterdir()) == []
-    series.close()
 
 
 @pytest.mark.parametrize(
