@@ -55,3 +55,7 @@ def test_where_takes_one_truth_value_per_point(condition):
     """Anything else would hold or pull the wrong points without a word."""
     with refused(match=r"^condition (=|returned) .*: expected "):
         square(5).where(condition)
+
+
+def test_within_a_radius_are_the_points_at_the_radius_too():
+    assert len(square(11).within((0.05, 0.05), 0.02)) == 13
