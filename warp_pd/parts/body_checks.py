@@ -112,8 +112,7 @@ class BodyChecks(BuiltPart):
             if thickness is None:
                 continue
             centres[body.label] = pose[:3]
-            widest = self._widest_near(body, thickness, position, corners) if body.between_points else 0.0
-            if thickness < MIN_DIAMETER * widest:
+            if body.between_points and self._is_thin(body, thickness, position, corners):
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
@@ -122,19 +121,15 @@ class BodyChecks(BuiltPart):
         self._before = position, centres
         return met
 
-    def _widest_near(self, body: Solid, near: float, position: np.ndarray, corners: np.ndarray) -> float:
-        """Largest point spacing [m] of the triangles nearer to a body than `near` [m]; 0 if there are none."""
-        reach = near + float(np.linalg.norm(self._drawn[body.label].vertices, axis=1).max())
+    def _is_thin(self, body: Solid, thickness: float, position: np.ndarray, corners: np.ndarray) -> bool:
+        """Whether the points of a triangle that is nearer to a body than its thickness [m] are too far apart for it."""
+        reach = thickness + float(np.linalg.norm(self._drawn[body.label].vertices, axis=1).max())
         arms = position - body.pose()[:3]
         close = np.einsum("pc,pc->p", arms, arms) < reach**2
-        close[close] = body.distance_from(position[close]) < near
-        chosen = corners.take(np.flatnonzero(of_any_corner(close, corners)), axis=0)
-        # The longest side of a triangle may be a diagonal, the second longest is the wider of its two spacings.
-        a, b, c = position.take(chosen.T, axis=0)
-        first, second, third = (np.einsum("fc,fc->f", side, side) for side in (b - a, c - b, a - c))
-        longer = np.maximum(first, second)
-        middle = np.maximum(np.minimum(first, second), np.minimum(longer, third))
-        return float(np.sqrt(middle.max(initial=0.0)))
+        wide = of_any_corner(close, corners)
+        wide[wide] = MIN_DIAMETER * spacings(position, corners.compress(wide, axis=0)) > thickness
+        chosen = corners.compress(wide, axis=0)
+        return len(chosen) > 0 and bool((body.distance_from(position[np.unique(chosen)]) < thickness).any())
 
 
 def bond_bits(law: BuiltLaw) -> np.ndarray | None:
@@ -145,6 +140,14 @@ def bond_bits(law: BuiltLaw) -> np.ndarray | None:
 def torn_since(before: np.ndarray | None, law: BuiltLaw) -> np.ndarray | None:
     """Whether a bond of each point has broken since `bond_bits` returned `before`, (N,); None if bonds cannot break."""
     return None if before is None or law.intact is None else (law.intact.numpy() != before).any(axis=0)
+
+
+def spacings(position: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The wider spacing of the points of each triangle [m], shape (F,): its longest side may be a diagonal."""
+    a, b, c = position.take(corners.T, axis=0)
+    first, second, third = (np.einsum("fc,fc->f", side, side) for side in (b - a, c - b, a - c))
+    longer = np.maximum(first, second)
+    return np.asarray(np.sqrt(np.maximum(np.minimum(first, second), np.minimum(longer, third))))
 
 
 def of_any_corner(chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -167,12 +170,14 @@ def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.nd
         ends = before[:, c], now[:, c]
         below, above = np.minimum(*ends) <= 0.0, np.maximum(*ends) >= 0.0
         met = of_any_corner(below, corners) & of_any_corner(above, corners)
-        corners = corners.take(np.flatnonzero(met), axis=0)
+        corners = corners.compress(met, axis=0)
     if torn is not None:
         corners = corners[~of_any_corner(torn, corners)]
     before, now = before[corners], now[corners]
     side = np.linalg.det(before)
     crossed = side * np.linalg.det(now) < 0.0
+    if not crossed.any():
+        return False
     before, now, side = before[crossed], now[crossed], side[crossed]
     low, high = np.zeros(len(side)), np.ones(len(side))
     for _ in range(BISECTIONS):
