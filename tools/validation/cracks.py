@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
+from itertools import takewhile
 
 import numpy as np
 from study import build_scene
 
 from validation.bulges import rubber
-from validation.comparison import Comparison
+from validation.comparison import Comparison, UnfinishedError
+from validation.light_band import LightBand
 from warp_pd import (
     BondAssociated,
     Explicit,
     Fixed,
     Measure,
+    Relaxation,
     Sheet,
     Simulation,
     TearingEnergy,
@@ -29,31 +33,69 @@ from warp_pd.scenes.pure_shear_tear import HEIGHT
 
 # Part of the way on which a crack that has branched is two.
 BRANCHED = 0.1
-OVERLOADS = (1.3, 1.5, 1.7, 1.9, 2.1)
-FULL = (96, 136, 192)
-# Length of the damage field [m]: short, so that a crack of twice its energy is thin beside the strip, and the strip is
-# strong enough to bear it.
-FIELD = 1.1e-3
+OVERLOADS = (1.5, 1.7, 1.9, 2.1, 2.3)
+FULL = (136, 192, 272)
+# Length of the damage field [m]: the smallest that the coarsest of the grids resolves by four spacings.
+FIELD = 4.0 * HEIGHT / (FULL[0] - 1)
 # Natural rubber of Treloar, stretched equally both ways; Gc of natural rubber that does not tear slowly.
 DENSITY, TEARING_ENERGY, TALL, THICKNESS, RUBBER_FIELD = 930.0, 10e3, 0.032, 0.3e-3, 8.4e-4
 
 
 @lru_cache
 def running(
-    points: int, overload: float, device: str | None, field: float = FIELD, every_step: bool = True
+    points: int,
+    overload: float,
+    device: str | None,
+    field: float = FIELD,
+    rest: bool = True,
+    every_step: bool = True,
+    light: bool = False,
 ) -> tuple[float, float]:
-    """Speed of a crack over that of shear waves, and the part of its way on which it is two."""
+    """Speed of a crack, at the end of its way, over that of shear waves, and the part on which it is two.
+
+    Args:
+        points: Rows.
+        overload: G / Gc.
+        device: Where it runs.
+        field: Length of the damage field [m].
+        rest: Whether the cut is open in equilibrium when the crack sets out; otherwise it is closed and let go.
+        every_step: Whether damage is found in every step.
+        light: Whether the mass of the band falls with its stiffness.
+    """
     settings = {
         "points": points, "overload": overload, "duration": 0.3, "damage_length": field, "every_step": every_step,
+        "damping": 0.0,
     }  # fmt: skip
     simulation = build_scene("running_crack", settings)
+    if rest:
+        simulation = replace(simulation, initial_displacement=at_rest(simulation, device))
+    if light:
+        loads, solver = [*simulation.loads, LightBand()], replace(simulation.solver, safety=0.25)
+        simulation = replace(simulation, loads=loads, solver=solver)
     result = simulation.run(device=device, usd=False, pictures=False)
-    rows = [row for row in result.history if running_crack.BEGIN < row["tip"] < running_crack.END]
-    tip, time = (np.array([row[name] for row in rows]) for name in ("tip", "time"))
+    tip, time = (np.array([row[name] for row in result.history]) for name in ("tip", "time"))
+    end = min(tip.max(), running_crack.END)
+    last = (tip > end - HEIGHT) & (tip < end)
     line, spacing = TearLine(simulation.sheet), simulation.sheet.spacing
     torn = line.centres[~line.without_specks(result.frame.intact_faces)] - (running_crack.CUT, 0.0)
-    on_way = torn[(torn[:, 0] > running_crack.BEGIN) & (torn[:, 0] < min(running_crack.END, result.history[-1]["tip"]))]
-    return float(np.polyfit(time, tip, 1)[0] / running_crack.WAVE_SPEED), doubled(on_way, spacing, field)
+    on_way = torn[(torn[:, 0] > running_crack.BEGIN) & (torn[:, 0] < end)]
+    speed = np.polyfit(time[last], tip[last], 1)[0] / running_crack.WAVE_SPEED
+    return float(speed), doubled(on_way, spacing, field)
+
+
+def at_rest(simulation: Simulation, device: str | None) -> np.ndarray:
+    """Equilibrium of the strip with the damage that its cut has from the start, and no other [m]."""
+    damage = simulation.damage
+    result = replace(
+        simulation,
+        damage=replace(damage, energy=1e3 * damage.energy),
+        solver=Relaxation(tolerance=1e-3),
+        measures=(),
+        outcomes=(),
+    ).run(device=device, usd=False, pictures=False)
+    if result.status != "finished":
+        raise UnfinishedError(f"a strip of {simulation.sheet.size} points at rest: the run ended {result.status!r}")
+    return result.frame.displacement
 
 
 def doubled(torn: np.ndarray, spacing: float, apart: float) -> float:
@@ -71,11 +113,10 @@ def doubled(torn: np.ndarray, spacing: float, apart: float) -> float:
     return len(np.unique(column[1:][gaps])) / len(np.unique(column))
 
 
+@lru_cache
 def straight(points: int, device: str | None) -> list[float]:
     """Those of OVERLOADS, from the lowest, up to the first at which the crack branches."""
-    return [
-        g for g in OVERLOADS if max(running(points, lower, device)[1] for lower in OVERLOADS if lower <= g) < BRANCHED
-    ]
+    return list(takewhile(lambda overload: running(points, overload, device)[1] < BRANCHED, OVERLOADS))
 
 
 def branching(points: int, device: str | None) -> Sequence[float]:
@@ -187,20 +228,31 @@ def other_rubber(points: int, device: str | None) -> Mapping[str, float]:
     }
 
 
+def tried(points: int, device: str | None) -> list[float]:
+    """OVERLOADS up to the first at which the crack branches, that one, too."""
+    return list(OVERLOADS[: len(straight(points, device)) + 1])
+
+
 def limits(points: int, device: str | None) -> Mapping[str, float]:
-    """Part of the way on which the crack is two, at all overloads."""
-    return {f"part of the way as two cracks at {g:g} Gc": running(points, g, device)[1] for g in OVERLOADS}
+    """Part of the way on which the crack is two; also for a start by a closed cut that is let go."""
+    coarse = min(points, FULL[0])
+    found = {f"part of the way as two cracks at {g:g} Gc": running(points, g, device)[1] for g in tried(points, device)}
+    first = OVERLOADS[0]
+    return {**found, f"at {first:g} Gc from a closed cut": running(coarse, first, device, rest=False)[1]}
 
 
 def speeds(points: int, device: str | None) -> Mapping[str, float]:
-    """Speeds over that of shear waves; of the fastest straight crack also with lagging damage and with a long field."""
-    fastest = max(straight(points, device), default=OVERLOADS[0])
+    """Speeds over that of shear waves; of the fastest straight crack on the coarsest grid also in other ways."""
+    coarse = min(points, FULL[0])
+    fastest = max(straight(coarse, device), default=OVERLOADS[0])
+    others = {
+        "with damage found in every second step": running(coarse, fastest, device, every_step=False),
+        f"with a field of {2e3 * FIELD:.3g} mm": running(coarse, fastest, device, 2.0 * FIELD),
+        "with a band of damage whose mass falls with its stiffness": running(coarse, fastest, device, light=True),
+    }
     return {
-        **{f"at {g:g} Gc": running(points, g, device)[0] for g in OVERLOADS},
-        f"at {fastest:g} Gc with damage found in every second step": running(points, fastest, device, every_step=False)[
-            0
-        ],
-        f"at {fastest:g} Gc with a field of {2e3 * FIELD:g} mm": running(points, fastest, device, 2.0 * FIELD)[0],
+        **{f"at {g:g} Gc": running(points, g, device)[0] for g in tried(points, device)},
+        **{f"at {fastest:g} Gc {what}": speed for what, (speed, _) in others.items()},
     }
 
 
