@@ -268,8 +268,8 @@ def speeds(points: int, device: str | None) -> Mapping[str, float]:
 
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
-    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (96,), FULL, branching, limits),
-    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (96,), FULL, limiting_speed, speeds),
+    lambda: Comparison("branching", ("strip in tension",), (2.0,), HEIGHT, (48,), FULL, branching, limits),
+    lambda: Comparison("limit", ("strip in tension",), (0.87,), HEIGHT, (48,), FULL, limiting_speed, speeds),
     lambda: Comparison(
         "sound", EQUAL, (1.0 / 3.0,) * len(EQUAL), TALL, (100,), (100, 150), speed_over_sound, laboratory_speeds, False
     ),
