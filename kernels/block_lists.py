@@ -23,6 +23,16 @@ _ANY = """
 #endif
 """
 
+# An exchange between lanes that are HALF apart; a loop over all exchanges would not be unrolled.
+_EXCHANGE = """
+    #pragma unroll
+    for (int k = 0; k < HALF; ++k) {
+        const bool upper = (lane & HALF) != 0;
+        const double given = upper ? v[k] : v[k + HALF];
+        v[k] = (upper ? v[k + HALF] : v[k]) + __shfl_xor_sync(0xffffffffu, given, HALF);
+    }
+"""
+
 # The sum over the threads of a block to sums[part]. In each of five exchanges a lane of a warp keeps half of the
 # components that it has, and in the end the sum of one over the warp; then the first warp adds up all warps.
 _TO_BLOCK = """
@@ -32,15 +42,7 @@ _TO_BLOCK = """
     double v[32];
     #pragma unroll
     for (int k = 0; k < 32; ++k) v[k] = k < LENGTH ? value.c[k < LENGTH ? k : 0] : 0.0;
-    #pragma unroll
-    for (int half = 16; half > 0; half /= 2) {
-        const bool upper = (lane & half) != 0;
-        #pragma unroll
-        for (int k = 0; k < half; ++k) {
-            const double given = upper ? v[k] : v[k + half];
-            v[k] = (upper ? v[k + half] : v[k]) + __shfl_xor_sync(0xffffffffu, given, half);
-        }
-    }
+    EXCHANGES
     rows[warp][lane] = v[0];
     __syncthreads();
     if (warp == 0 && lane < LENGTH) {
@@ -51,7 +53,7 @@ _TO_BLOCK = """
 #else
     sums.data[part] = value;
 #endif
-"""
+""".replace("EXCHANGES", "".join(_EXCHANGE.replace("HALF", str(half)) for half in (16, 8, 4, 2, 1)))
 
 # Whether all other blocks have come here before; then their sums and counts can be read.
 _IS_LAST = """
@@ -82,7 +84,7 @@ _OF_BLOCKS = """
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32, warps = (blockDim.x + 31) / 32;
     const double* given = reinterpret_cast<const double*>(sums.data) + (lane < LENGTH ? lane : 0);
     double sum = 0.0;
-    #pragma unroll 4
+    #pragma unroll 16
     for (int k = warp; k < blocks; k += warps) {
         const double found = __ldcg(given + LENGTH * k);
         if (__ldcg(counts.data + k) > 0) sum += found;
@@ -93,6 +95,7 @@ _OF_BLOCKS = """
         for (int w = 1; w < warps; ++w) sum += rows[w][lane];
         rows[0][lane] = sum;
         __syncwarp();
+        #pragma unroll
         for (int k = 0; k < LENGTH; ++k) total.c[k] = rows[0][k];
     }
 #else
