@@ -116,7 +116,7 @@ def _of_a_sweep(command: Any) -> Any:
     assigned = "Comma-separated values of an argument of the scene; tuples in brackets. May be repeated."
     command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
     for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
-        command = click.option(f"--{name}", metavar=values, help="As for `run`: {name}.")(command)
+        command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
     return command
 
 

@@ -173,3 +173,11 @@ def test_wrong_commands_end_with_one_line(scene, arguments, said):
     assert len(done.output.strip().splitlines()) == 1
     unknown = cli("sweep", "presure", "--points", "7")
     assert unknown.exit_code == 2 and "did you mean 'pressure'" in unknown.output
+
+
+def test_help_names_the_options_of_run():
+    """Each of them has a word of its own."""
+    said = cli("sweep", "--help").output
+    assert all(
+        f"As for `run`: {name}." in said for name in ("points", "horizon", "force", "weights", "solver", "frames")
+    )
