@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from .geometry.curves import Circle, Polygon, Spline
     from .geometry.files import read_mesh
     from .geometry.pieces import Place
-    from .geometry.shape_plot import draw_sheet
     from .geometry.sheet import Sheet
     from .geometry.svg import read_outline
     from .geometry.together import glued, placed, together
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     )
     from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
+    from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
     from .parts.bodies import RigidBody
     from .parts.body_mesh import TriangleMesh

@@ -8,9 +8,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..device.checks import of_kind, point_indices
 from .picture_files import new_figure, save, target
-from .sheet import Sheet
+from .shape import Shape
 from .topology import boundary_edges, boundary_rings, directed_edges, pieces
 from .triangulation import corner_sums, triangle_areas
 
@@ -28,43 +27,21 @@ VIEW = (28.0, -60.0)
 Parts: TypeAlias = Sequence[tuple[str, np.ndarray]]
 
 
-def draw_sheet(
-    sheet: Sheet,
+def draw_shape(
+    sheet: Shape,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     view: tuple[float, float] = VIEW,
-    regions: Sequence[tuple[Any, Any]] = (),
+    thickness: float | np.ndarray,
+    stiffness: np.ndarray | None,
+    regions: Parts = (),
 ) -> Any:
-    """Draw an undeformed sheet, flat or curved.
-
-    The picture shows triangles, points (on and off a square grid in different colours), the boundary, cuts, rigid
-    inclusions, stiffened points, regions of materials, named parts, and a varying thickness in colour. If there are too
-    many points or triangles, it shows some of them and states how many. The two faces of a crack are drawn slightly
-    apart.
-
-    Args:
-        sheet: The sheet.
-        path: File of the picture (.png, .pdf or .svg); None writes no file.
-        title: Title of the picture.
-        view: Elevation and azimuth of the viewpoint [degrees], for a curved sheet.
-        regions: Pairs of points and a material, as for `ByRegion`; `Simulation.draw` passes those of its material.
-
-    Returns:
-        The `matplotlib.figure.Figure`.
-
-    Raises:
-        InputError: if `sheet` is not a Sheet, or the path cannot be written.
-    """
-    of_kind("sheet", sheet, Sheet)
-    named = [
-        (f"region {k}: {type(material).__name__}", point_indices(f"regions[{k - 1}]", points, sheet.size))
-        for k, (points, material) in enumerate(regions, start=1)
-    ]
+    """Draw a shape with thickness, stiffness and regions of materials; the public function is `warp_pd.draw_sheet`."""
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
-    varying = np.asarray(sheet.thickness) if np.ndim(sheet.thickness) else None
-    parts = _parts(sheet, named)
+    varying = np.asarray(thickness) if np.ndim(thickness) else None
+    parts = _parts(sheet, stiffness, regions)
     figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
     lines = [*([title] if title else []), _described(sheet, varying)]
     axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)
@@ -74,7 +51,7 @@ def draw_sheet(
     return figure
 
 
-def _described(sheet: Sheet, thickness: np.ndarray | None) -> str:
+def _described(sheet: Shape, thickness: np.ndarray | None) -> str:
     size = " x ".join(f"{extent:.4g}" for extent in np.ptp(sheet.points, axis=0))
     text = f"{size} m, {sheet.size} points, {len(sheet.triangles)} triangles"
     text += f", spacing {sheet.spacing:.4g} m" if sheet.spacings is None else (
@@ -86,7 +63,7 @@ def _described(sheet: Sheet, thickness: np.ndarray | None) -> str:
     return text if count == 1 else f"{text}, {count} pieces"
 
 
-def _flat(sheet: Sheet, parts: Parts, thickness: np.ndarray | None) -> tuple[Any, Any]:
+def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any, Any]:
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import PathPatch
 
@@ -126,7 +103,7 @@ def _flat(sheet: Sheet, parts: Parts, thickness: np.ndarray | None) -> tuple[Any
     return figure, axes
 
 
-def _curved(sheet: Sheet, parts: Parts, thickness: np.ndarray | None, view: tuple[float, float]) -> tuple[Any, Any]:
+def _curved(sheet: Shape, parts: Parts, thickness: np.ndarray | None, view: tuple[float, float]) -> tuple[Any, Any]:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
@@ -181,7 +158,7 @@ def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **sty
     axes.plot(*where[chosen].T, **{"marker": "o", "linestyle": "none", "markeredgewidth": 0.0, "label": label, **style})
 
 
-def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
+def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
     """Label, points and colour of the points on the square grid and of the others."""
     if sheet.grid is None:
         return [(f"{sheet.size} points", np.arange(sheet.size), GRID_POINT)]
@@ -193,7 +170,7 @@ def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
     ]
 
 
-def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
+def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
     """Labels and points of the rigid inclusions; labels that begin with an underscore are not in the legend."""
     return [
         (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
@@ -201,9 +178,9 @@ def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _parts(sheet: Sheet, regions: Parts) -> list[tuple[str, np.ndarray]]:
+def _parts(sheet: Shape, stiffness: np.ndarray | None, regions: Parts) -> list[tuple[str, np.ndarray]]:
     """Labels and points of regions, stiffened and named parts, largest first, so that smaller ones are on top."""
-    stiffness = np.ones(0) if sheet.stiffness is None else sheet.stiffness
+    stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
     order = sorted([*regions, *sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
@@ -217,7 +194,7 @@ def _part_style(parts: Parts, rank: int, size: float) -> dict[str, Any]:
     return {"color": PART_COLOURS[rank % len(PART_COLOURS)], "markersize": grown}
 
 
-def _apart(sheet: Sheet) -> np.ndarray:
+def _apart(sheet: Shape) -> np.ndarray:
     """Drawing positions of the points of a flat sheet, with crack faces moved apart [m], shape (N, 2)."""
     where = sheet.points.copy()
     edge = np.unique(boundary_edges(sheet.triangles))
@@ -257,7 +234,7 @@ def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.asarray(middle[joined[first]])
 
 
-def _towards(sheet: Sheet, view: tuple[float, float]) -> np.ndarray:
+def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
     """Mask of points on the visible side of a closed surface; all points of an open one, shape (N,)."""
     if len(boundary_edges(sheet.triangles)):
         return np.ones(sheet.size, bool)

@@ -388,9 +388,9 @@ class Sheet(Shape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the sheet; a notebook displays the picture. See `warp_pd.draw_sheet`."""
-        from .shape_plot import draw_sheet
+        from .shape_plot import draw_shape
 
-        return draw_sheet(self, path)
+        return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 
     def slit(self, *path: Any, where: Callable[..., np.ndarray] | None = None) -> Sheet:
         """A copy of a curved sheet, such as a tube, sphere or mesh, with a slit along its surface.

@@ -54,7 +54,7 @@ class Simulation(Scene):
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the undeformed sheet without building the simulation; see `warp_pd.draw_sheet`."""
-        from ..geometry.shape_plot import draw_sheet
+        from ..output.sheet_plot import draw_sheet
 
         return draw_sheet(self.sheet, path, title=self.scene, regions=capabilities(self.force.material).regions)
 
