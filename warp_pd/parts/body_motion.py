@@ -15,7 +15,7 @@ from ..device.launches import Stage, with_values
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import Given, PointContact, body_contact
-from ..kernels.body_motion import follow_path, free_motion, vec6d
+from ..kernels.body_motion import follow_path, free_motion, turn_between, vec6d
 from ..kernels.free_contact import Equations, FreeBody, free_contact
 from ..kernels.pointwise import NEAR_BLOCK
 from .block_list import BlockList
@@ -140,13 +140,11 @@ class BodyPath(BodyMotion):
 
     def _motion_at_start(self) -> np.ndarray:
         """Velocity [m/s] and spin [1/s] from time 0 on, shape (2, 3)."""
-        from scipy.spatial.transform import Rotation
-
         k = int(np.searchsorted(self.times, 0.0, side="right")) - 1
         if not 0 <= k < len(self.times) - 1:
             return np.zeros((2, 3))
-        begin, end = Rotation.from_quat(self.rotations[k : k + 2])
-        moved = [self.positions[k + 1] - self.positions[k], (end * begin.inv()).as_rotvec()]
+        begin, end = (wp.quatd(*rotation) for rotation in self.rotations[k : k + 2])
+        moved = [self.positions[k + 1] - self.positions[k], turn_between(begin, end)]
         return np.asarray(np.array(moved) / (self.times[k + 1] - self.times[k]))
 
 
