@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.checks import InputError
+from ..geometry.couplings import points_near
 from ..geometry.sheet import Sheet
 from ..kernels.block_sums import BLOCK
 from .horizon import Horizon
@@ -236,16 +237,13 @@ def _lattice_reach(sheet: Sheet, horizon: float) -> int:
 
 def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Masks of the points within one horizon of `own` (or in `corners`), and within two horizons, (N,)."""
-    from scipy.spatial import cKDTree
-
     distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
     near = np.zeros(sheet.size, bool)
     near[own] = True
     for _ in range(HALO - 1):
-        inside = cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0]
-        near |= np.isfinite(inside)
+        near = points_near(sheet.points, near, distance)
     near[corners] = True
-    return near, np.isfinite(cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0])
+    return near, points_near(sheet.points, near, distance)
 
 
 def sheet_on_partition(sheet: Sheet, partition: Partition) -> Sheet:

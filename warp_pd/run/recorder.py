@@ -110,7 +110,7 @@ class Recorder:
         self.soundness = Soundness(self.built)
         self.points = FramePoints(self.built)
         self._noise = self._round_off()
-        if getattr(self.built.simulation.solver, "history_every", None) is not None:
+        if self.built.simulation.has_fine_history:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
         self._saved_at = -math.inf

@@ -104,8 +104,7 @@ def run(
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    fine = getattr(scene.solver, "history_every", None) is not None
-    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts, fine)
+    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts, scene.has_fine_history)
     # Files and progress are those of the first process.
     new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()
     folder = communicator.barrier(lambda: writable_folder(out, resume, overwrite) if communicator.is_root else None)

@@ -133,6 +133,11 @@ class Scene:
             return ()
         return tuple(self.contact) if isinstance(self.contact, Sequence) else (self.contact,)
 
+    @property
+    def has_fine_history(self) -> bool:
+        """Whether a run records rows between frames."""
+        return getattr(self.solver, "history_every", None) is not None
+
     def initial(self, name: str) -> np.ndarray:
         """The initial displacement or velocity, shape (N, 3).
 
