@@ -255,3 +255,13 @@ def test_a_large_sheet_looks_like_a_small_one(tmp_path, monkeypatch):
     plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
     other = imread(tmp_path / "a.png")[..., :3]
     assert (np.abs(shown[1] - other).max(axis=2) > 0.1).sum() > 0.3 * coloured.sum(), "the measure sees a change"
+
+
+def test_a_vector_picture_of_a_large_sheet_holds_pixels(tmp_path, monkeypatch):
+    """Its triangles are one image, as tens of thousands of paths open slowly."""
+    for most in (10**6, 100):
+        monkeypatch.setattr(plots, "MOST_VECTORS", most)
+        plots.surfaces(tmp_path / "a.svg", [sheet_shown(21)], "damage", limits=(0.0, 1.0))
+        found = (tmp_path / "a.svg").read_text()
+        # The bar of colours is an image in both.
+        assert (found.count("<image"), found.count("<path") > 700) == ((1, True) if most > 100 else (2, False))
