@@ -9,6 +9,7 @@ from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .pointwise import Pointwise, pointwise
+from .stiffness_left import stiffness_left
 
 
 @functools.cache
@@ -74,18 +75,20 @@ def surface_vector(layout: Layout) -> wp.Function:
 def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
     """Pointwise stage that adds p a_i (F e1 x F e2), with F of the complete family of the point.
 
-    A point whose intact bonds determine no F gets no force.
+    A point whose intact bonds determine no F gets no force. A damage field reduces the pressure of a point as it does
+    the stiffness of its family: F e1 x F e2 of a tear is mostly the area of its opening, on which nothing presses.
     """
     types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    surface = surface_vector(layout)
+    surface, left = surface_vector(layout), stiffness_left(layout.bits)
 
     @wp.struct
     class FollowerPressure:
         family: Family
         displacement: wp.array(dtype=vec3)
+        damage: wp.array(dtype=real)
         unit_pressure: real
         factors: wp.array(dtype=vec3)
         schedule: int
@@ -97,6 +100,8 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
             p = a.unit_pressure * f.area(a.family, i)
             if wp.static(scheduled):
                 p = p * a.factors[a.schedule][0]
+            if wp.static(layout.softened):
+                p = p * left(a.damage[i])
             a.external[i] = a.external[i] + p * surface(a.family, a.displacement, i)
 
     return add_follower_pressure
@@ -112,7 +117,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
-    Family = f.struct
+    Family, left = f.struct, stiffness_left(bits)
     word_size, curved, motion = WORD, layout.curved, kinematics(bits, layout.curved)
 
     @kernel(gathers=("displacement", "direction"))
@@ -120,6 +125,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
         family: Family,
         displacement: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
+        damage: wp.array(dtype=real),
         unit_pressure: real,
         factors: wp.array(dtype=vec3),
         schedule: int,
@@ -170,6 +176,8 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
             p = unit_pressure * f.area(family, i)
             if wp.static(scheduled):
                 p = p * factors[schedule][0]
+            if wp.static(layout.softened):
+                p = p * left(damage[i])
             change[i] = change[i] + f.from_frame(family, i, p * (wp.cross(dF1, F2) + wp.cross(F1, dF2)))
 
     return add_follower_tangent

@@ -511,3 +511,12 @@ def test_damage_found_in_every_step_does_not_lag_behind_a_fast_crack(monkeypatch
         speeds.append(scene.run(device="cpu", usd=False, pictures=False).summary["measures"]["crack_speed"]["value"])
     assert speeds[1] > 1.1 * speeds[0]
     assert speeds[2] == pytest.approx(speeds[1], rel=0.02)
+
+
+def test_the_field_passes_points_whose_bonds_determine_no_deformation():
+    """They store no energy, as in a cloud with a short horizon; their own area carries the field."""
+    built = build(jittered(11), horizon=1.5, weights="corrected", damage=TearingEnergy(10.0))
+    assert (built.law.represented_areas() == 0.0).any()
+    rupture = built.rupture
+    for values in (rupture.fracture, built.context.fields["field_couplings"], built.context.fields["driving_scale"]):
+        assert np.isfinite(values.numpy()).all()

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers import build, square, uniform
+from helpers import build, soften, square, uniform
 from small_runs import run
 
-from warp_pd import BodyForce, Explicit, PointForce, Pressure
+from warp_pd import BodyForce, Explicit, PointForce, Pressure, TearingEnergy
 
 
 @pytest.mark.parametrize("ramp", [None, [(0.0, 0.0), (0.1, 1.0)]])
@@ -34,3 +34,15 @@ def test_follower_pressure_is_nansons(make):
     built.context.run("setup")
     expected = 5.0 * np.outer(sheet.areas, np.cross(F[:, 0], F[:, 1]))
     assert built.to_numpy(built.state.external) == pytest.approx(expected, abs=1e-12)
+
+
+def test_damage_reduces_follower_pressure_as_it_reduces_stiffness():
+    sheet = square(9)
+    F = np.array([[1.3, 0.2], [0.1, 0.8], [0.4, -0.3]])
+    parts = {"loads": [Pressure(5.0)], "initial_displacement": uniform(sheet, F)}
+    sound, torn = build(sheet, **parts), build(sheet, **parts, damage=TearingEnergy(1e3))
+    damage = soften(torn)
+    for built in (sound, torn):
+        built.context.run("setup")
+    expected = (1.0 - damage[:, None]) ** 2 * sound.to_numpy(sound.state.external)
+    assert torn.to_numpy(torn.state.external) == pytest.approx(expected, abs=1e-12)

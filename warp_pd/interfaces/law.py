@@ -116,6 +116,7 @@ class BuiltLaw(BuiltPart, Protocol):
             stiffer in other states, such as a bimodular one; None for other laws.
         other_families: The families that are not undamaged, a struct `OtherFamilies` of kernels/damage_field.py, if a
             kernel of its own computes the others and bonds can break; else None.
+        damage: What `soften` was given, (N,), or None.
     """
 
     weights: str
@@ -136,6 +137,7 @@ class BuiltLaw(BuiltPart, Protocol):
     goes_slack: bool
     slack_frequency: float | None
     other_families: Any | None = None
+    damage: Array | None = None
 
     @property
     def strain_energy(self) -> Array | None:

@@ -125,7 +125,6 @@ class BendingForce(BuiltLaw):
         self.pulls = self.triangle_array("pulls")
         self.energy = context.array("bending_energy", OWNER, wp.float64, shape=n)
         self.lost: Array | None = None
-        self._softening: Array | None = None
         self._lost: Array | None = None
         if self.kernels.share_lost is not None:
             self.lost = context.array("bending_lost", OWNER, wp.float64, shape=n)
@@ -268,7 +267,7 @@ class BendingForce(BuiltLaw):
             stage.launch(
                 OWNER, self.kernels.weaken, len(self.context.sheet.triangles), plate=self.plate,
                 displacement=state.displacement, velocity=state.velocity, step=state.step, intact=self.law.intact,
-                damage=self._softening, left=self.plate.left, lost=self._lost,
+                damage=self.damage, left=self.plate.left, lost=self._lost,
             )  # fmt: skip
         elif phase is Phase.INTERNAL_FORCE:
             self._add_bending(stage, state.displacement, state.force)
@@ -331,7 +330,7 @@ class BendingForce(BuiltLaw):
     def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of the law, and of triangles by the damage of their corners, (N,)."""
         self.law.soften(damage, near)
-        self._softening = damage
+        self.damage = damage
         left = (1.0 - damage.numpy()[self.context.sheet.triangles].max(axis=1)) ** 2
         self.plate.left.assign(left)
 

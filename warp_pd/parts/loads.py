@@ -32,7 +32,8 @@ class Pressure(Load):
     Attributes:
         value: Pressure [Pa].
         follower: Whether it acts along the current normal on the current area (F e1 x F e2); otherwise along the
-            reference normal on the reference area (dead load).
+            reference normal on the reference area (dead load). A damage field reduces a follower pressure by (1 - d)^2:
+            nothing presses on the opening of a tear.
         ramp: Pairs (time [s], factor), or None for a constant pressure.
     """
 
@@ -178,7 +179,8 @@ class FollowerPressure(BuiltLoad):
     def _arguments(self, displacement: Array) -> dict[str, Any]:
         law = self.law
         return {
-            "family": law.struct, "displacement": displacement, "unit_pressure": self._unit_pressure,
+            "family": law.struct, "displacement": displacement, "damage": law.damage,
+            "unit_pressure": self._unit_pressure,
             "factors": self.context.clock.scheduled, "schedule": self._schedule or 0,
         }  # fmt: skip
 

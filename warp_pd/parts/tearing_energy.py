@@ -241,6 +241,8 @@ class DamageField(Damaged):
         """Declare what couples the damage of neighbours and scales what drives it, and the energy of the field."""
         context, law, sheet = self.context, self.law, self.context.sheet
         areas, real = law.represented_areas(), context.types.real
+        # A point whose bonds determine no deformation stores no energy; the field passes through its own area.
+        areas = np.where(areas > 0.0, areas, sheet.areas)
         if self._ghosts is None:
             neighbours, couplings = gradient_couplings(sheet)
         else:
