@@ -15,6 +15,7 @@ import warp as wp
 from .effects import Kernel, kernel
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
+from .stiffness_left import stiffness_left
 
 # Triangles that one thread sums.
 BLOCK = 64
@@ -192,13 +193,14 @@ def enclosed_pressure(bits: int, law: wp.Function, scheduled: bool, leaks: bool)
 
 
 @functools.cache
-def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
+def enclosed_force(bits: int, breakable: bool, softened: bool) -> tuple[Pointwise, Kernel]:
     """Pointwise stage that adds the force of the pressure, and a kernel that adds its derivative along a direction.
 
-    A triangle cut by a crack carries no pressure. Entries begins[i] to begins[i + 1] - 1 of `corners` are the other two
+    A triangle cut by a crack carries no pressure, and a damage field reduces that on its points as it reduces their
+    stiffness. Entries begins[i] to begins[i + 1] - 1 of `corners` are the other two
     corners of the triangles of point i; the same entries of `faces` are the indices of these triangles.
     """
-    types = numeric(bits)
+    types, left = numeric(bits), stiffness_left(bits)
     real, vec3 = types.real, types.vec3
 
     @wp.struct
@@ -207,6 +209,7 @@ def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
         corners: wp.array(dtype=wp.vec2i)
         faces: wp.array(dtype=wp.int32)
         intact_faces: wp.array(dtype=wp.uint8)
+        damage: wp.array(dtype=real)
         positions: wp.array(dtype=wp.vec3d)
         displacement: wp.array(dtype=vec3)
         coefficient: wp.float64
@@ -228,6 +231,8 @@ def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
                     side = vec3(a.positions[b] - X) + (a.displacement[b] - u)
                     other = vec3(a.positions[c] - X) + (a.displacement[c] - u)
                     total += wp.cross(side, other)
+            if wp.static(softened):
+                total = left(a.damage[i]) * total
             a.external[i] = a.external[i] + real(a.coefficient * a.enclosed[0]) * total
 
     @kernel(gathers=("displacement", "positions", "direction"))

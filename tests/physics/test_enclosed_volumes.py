@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import build, jittered, sever, square
+from helpers import build, jittered, sever, soften, square
 from references.shooting import at_stretch
 from resumed_runs import require_same_when_stopped
 from scipy.integrate import solve_ivp
@@ -21,6 +21,7 @@ from warp_pd import (
     Relaxation,
     Sheet,
     Simulation,
+    TearingEnergy,
 )
 from warp_pd.geometry.curves import Circle
 
@@ -127,6 +128,17 @@ def test_cut_triangles_carry_no_pressure(make):
     # On a grid the other cuts of squares have triangles of their own; all of a square that the crack crosses go.
     assert torn[:, 2].sum() == pytest.approx(5.0 * areas[whole].sum(), rel=1e-3 if make is jittered else 0.02)
     assert torn[:, 2].sum() < 0.99 * undamaged[:, 2].sum()
+
+
+def test_damage_reduces_the_pressure_of_a_gas_as_it_reduces_stiffness():
+    sheet = square(9)
+    parts = {"loads": [Fixed(sheet.edges("all")), EnclosedGas(gauge=5.0, chamber=1.0)]}
+    sound, torn = build(sheet, **parts), build(sheet, **parts, damage=TearingEnergy(1e3))
+    damage = soften(torn)
+    for built in (sound, torn):
+        built.context.run("setup")
+    expected = (1.0 - damage[:, None]) ** 2 * sound.to_numpy(sound.state.external)
+    assert torn.to_numpy(torn.state.external) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("gauge", [40.0, -40.0])

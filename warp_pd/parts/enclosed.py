@@ -42,7 +42,8 @@ class Enclosed(Load):
     pressure times the exact derivative of the volume of the triangles, so the net force and torque on a closed surface
     vanish.
 
-    Pressure acts only on triangles not cut by a crack; the volume includes all triangles. A sheet encloses one volume.
+    Pressure acts only on triangles not cut by a crack. A damage field reduces it by (1 - d)^2, since nothing presses on
+    the opening of a tear. The volume includes all triangles. A sheet encloses one volume.
     """
 
     only_one: ClassVar[str] = "loads that enclose a volume: expected at most one"
@@ -209,7 +210,7 @@ class BuiltEnclosed(BuiltLoad):
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 if bonds cannot break")
         key = (context.bits, pressure_law, self._schedule is not None, load.loses)
         self._set_pressure = enclosed_pressure(*key)
-        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable)
+        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.features.softened)
         self._allocate_surface(positions, faces, triangles, breakable)
         self._allocate_sums(len(triangles))
         self._allocate_leak(len(faces), leaks)
@@ -297,7 +298,7 @@ class BuiltEnclosed(BuiltLoad):
         self._add_torn(stage)
         stage.pointwise(
             self.owner, self._add_force, size, **self._arguments(displacement), faces=self._faces,
-            intact_faces=self._intact, external=out,
+            intact_faces=self._intact, damage=self._family_law.damage, external=out,
         )  # fmt: skip
 
     def _add_torn(self, stage: Stage) -> None:

@@ -12,6 +12,8 @@ from .built import Built
 
 # Energy out of nowhere, over the largest energy or work so far, at which a run counts as diverged.
 MAX_GAIN = 0.5
+# A step so much shorter than the stable one is not why a run diverged.
+SHORT = 1.0 / 16.0
 # Change of the energy balance between two frames, over the same, above which the steps are too long.
 MAX_CHANGE = 0.01
 
@@ -94,8 +96,18 @@ class Soundness:
                     "m/s); "
                     "try a slower motion"
                 )
+        if self.stable_dt is not None and dt <= SHORT * self.stable_dt and self._pressed_apart():
+            return (
+                "a load that follows the sheet pulls what is left of it apart without end; let it fall after the burst "
+                "(ramp), take an EnclosedGas with a leak, or end the run before"
+            )
         # Half the step; where nothing resisted so far no step was unstable.
         return self.built.law.likely_cause(max(0.5 * dt / (self.stable_dt or dt), 0.01))
+
+    def _pressed_apart(self) -> bool:
+        """Whether the sheet is torn and loaded by forces that depend on its displacement."""
+        rupture = self.built.rupture
+        return rupture is not None and bool(self.built.external.following) and not rupture.intact_faces.numpy().all()
 
 
 def free_motions(built: Built) -> int:

@@ -17,7 +17,9 @@ from warp_pd import (
     NeoHookean,
     Place,
     Pressure,
+    Sheet,
     Simulation,
+    TearingEnergy,
     TensionField,
     placed,
     together,
@@ -103,6 +105,17 @@ def test_a_slack_sheet_that_becomes_taut_has_a_step_that_follows():
     )
     assert default.status == "finished" and max(abs(row["balance_error"]) for row in default.history) < 0.005
     assert long.status == "diverged" and "try a safety of 0.4" in long.summary["message"]
+
+
+def test_a_pressure_that_goes_on_after_the_burst_is_the_cause():
+    sheet = Sheet.rectangle(0.2, 0.2, thickness=1e-3, density=1000.0, points=21).cut((0.07, 0.1), (0.13, 0.1))
+    edge = sheet.edges("all")
+    simulation = Simulation(
+        sheet, BondAssociated(TensionField(NeoHookean(4e5, 4e7))), Explicit(0.1, frames=40, damping=50.0),
+        loads=[Fixed(edge), Pressure(1e5, ramp=[(0.0, 0.0), (0.1, 1.0)])], damage=TearingEnergy(2e3, spared=edge),
+    )  # fmt: skip
+    result = simulation.run(device="cpu")
+    assert result.status == "diverged" and "let it fall after the burst" in result.summary["message"]
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
