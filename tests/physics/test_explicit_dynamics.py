@@ -3,8 +3,20 @@
 import numpy as np
 import pytest
 from helpers import MU, NEO, Kept, build, exact_stress, square
+from small_runs import run
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Gent, Motion, RigidBall, Sheet, Simulation
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Gent,
+    Motion,
+    RigidBall,
+    Sheet,
+    Simulation,
+)
 from warp_pd.solvers.explicit import STEPS_BETWEEN
 
 
@@ -51,6 +63,19 @@ def oscillation(precision):
     result = simulation.run(device="cpu", precision=precision)
     total = np.array([row["kinetic"] + row["strain"] for row in result.history])
     return np.abs(total / total[0] - 1.0).max(), result
+
+
+@pytest.mark.parametrize("frames", [1, 7, (2e-4, 9e-4, 1.3e-3, 4e-3)])
+def test_the_balance_is_exact_from_the_first_step_on_and_where_the_step_changes(frames):
+    """A linear sheet, pulled from rest by its weight, in few steps a frame."""
+    result = run(
+        square(9), solver=Explicit(4e-3, frames=frames, safety=0.9), precision=64,
+        loads=[Fixed(square(9).edges("left")), BodyForce((1e-3, 0.0, 0.0))],
+    )  # fmt: skip
+    steps = np.array([row["step"] for row in result.history])
+    assert steps[0] == steps[1] and (frames != (2e-4, 9e-4, 1.3e-3, 4e-3) or np.ptp(steps) > 0.1 * steps[0])
+    assert max(abs(row["balance_error"]) for row in result.history) < 1e-6
+    assert result.history[-1]["external"] > 0.0
 
 
 @pytest.mark.parametrize("precision", [32, 64])

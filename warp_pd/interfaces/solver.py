@@ -154,6 +154,10 @@ class BuiltSolver(BuiltPart, Protocol):
         """Compose the stages of the solver from the launches of all parts."""
         ...
 
+    def first_step(self, sink: FrameSink) -> float:
+        """Set the first step and return it [s], for the energy at half steps of frame 0; 0 without steps in time."""
+        return 0.0
+
     def run(self, sink: FrameSink) -> str:
         """Run to the end, passing every frame to the sink; return the final status."""
         ...

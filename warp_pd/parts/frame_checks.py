@@ -154,31 +154,31 @@ class EnergyBalance(BuiltPart):
 
         `least` is the least energy to divide by [J].
         """
-        rows = [*history, row]
-        return self._relative(self._gained(rows[0], row), rows, least)
+        if not history:
+            return 0.0
+        scale = max(self._largest(history), least)
+        gained = history[-1]["balance_error"] * scale + self._gained(history[-1], row)
+        scale = max(self._largest([row]), scale)
+        return gained / scale if scale > 0.0 else 0.0
 
     def gain(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
-        """The same since the last row, whose kinetic energy is taken at half steps of this row."""
-        rows = [*history, row]
-        before = rows[-2 if history else -1]
-        if before["step"] > 0.0:
-            # What the kinetic energy at half steps lacks goes with the square of the step, and may be all energy of
-            # motion from point to point at the highest frequency.
-            lacking = (before["kinetic"] - before["half_step_kinetic"]) * (row["step"] / before["step"]) ** 2
-            before = {**before, "half_step_kinetic": before["kinetic"] - lacking}
-        return self._relative(self._gained(before, row), rows, least)
+        """The same since the last row."""
+        scale = max(self._largest([*history, row]), least)
+        return self._gained(history[-1], row) / scale if history and scale > 0.0 else 0.0
 
     def _gained(self, before: Mapping[str, float], row: Mapping[str, float]) -> float:
         """Changes of the stored energies and of the losses between two rows, less the work [J].
 
-        See kernels/integrate.py for the kinetic energy at half steps.
+        See kernels/integrate.py for the kinetic energy at half steps. What it lacks goes with the square of the step,
+        and may be all energy of motion from point to point at the highest frequency: both rows have it at one step.
         """
+        before = _at_step(before, row["step"])
         counted = ["half_step_kinetic" if name == "kinetic" else name for name in (*self.stored, *self.lost)]
         return sum(row[name] - before[name] for name in counted) - (row["external"] - before["external"])
 
-    def _relative(self, energy: float, rows: Sequence[Mapping[str, float]], least: float) -> float:
-        scale = max(least, *(max(abs(r["external"]), abs(sum(r[name] for name in self.stored))) for r in rows))
-        return energy / scale if scale > 0.0 else 0.0
+    def _largest(self, rows: Sequence[Mapping[str, float]]) -> float:
+        """Largest energy or work of some rows [J]."""
+        return max(max(abs(row["external"]), abs(sum(row[name] for name in self.stored))) for row in rows)
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """The columns of `columns`, since all are sums."""
@@ -187,6 +187,14 @@ class EnergyBalance(BuiltPart):
     def column_units(self) -> Mapping[str, str]:
         """Joules, except for the dimensionless error."""
         return {**dict.fromkeys(self.column_names(), "J"), "balance_error": "1"}
+
+
+def _at_step(row: Mapping[str, float], step: float) -> Mapping[str, float]:
+    """A row whose kinetic energy at half steps is that of a step of another length [s]."""
+    if row["step"] == step or row["step"] == 0.0:
+        return row
+    lacking = (row["kinetic"] - row["half_step_kinetic"]) * (step / row["step"]) ** 2
+    return {**row, "half_step_kinetic": row["kinetic"] - lacking}
 
 
 class Sums:

@@ -14,8 +14,9 @@ from .built import Built
 MAX_GAIN = 0.5
 # A step so much shorter than the stable one is not why a run diverged.
 SHORT = 1.0 / 16.0
-# Change of the energy balance between two frames, over the same, above which the steps are too long.
-MAX_CHANGE = 0.01
+# Change of the energy balance between two frames, over the same, above which the steps are too long; and the change
+# above which they are if the balance is off by more than MAX_CHANGE already, and becomes worse.
+MAX_CHANGE, MAX_DRIFT = 0.01, 0.001
 
 
 class Soundness:
@@ -68,9 +69,13 @@ class Soundness:
                 f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt, row['time'])}"
             )
 
-    def require_balance(self, gain: float, index: int) -> None:
-        """Raise UnbalancedError if `gain`, the energy gained since the last frame over the largest, is not small."""
-        if abs(gain) > MAX_CHANGE:
+    def require_balance(self, gain: float, error: float, index: int) -> None:
+        """Raise UnbalancedError if `gain`, the energy gained since the last frame over the largest, is not small.
+
+        `error` is the energy gained since the start, over the same.
+        """
+        drifts = abs(error) > MAX_CHANGE and np.copysign(gain, error * gain) > MAX_DRIFT
+        if abs(gain) > MAX_CHANGE or drifts:
             raise UnbalancedError(f"the energy balance changes by {100.0 * gain:+.2g} % in frame {index}")
 
     def cause(self, dt: float, now: float) -> str:

@@ -179,7 +179,7 @@ class Recorder:
         self.soundness.require_no_gain(row, index, dt)
         if strict and self.built.energy.balances:
             gain = self.built.energy.gain(self.history, row, self._least_energy(now, dt))
-            self.soundness.require_balance(gain, index)
+            self.soundness.require_balance(gain, row["balance_error"], index)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
         frame = measured = self.points.frame(index, now)

@@ -215,7 +215,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
             if frame is not None:
                 recorder.accept(frame)
         else:
-            recorder.frame(0, 0.0, 0, 0.0)
+            recorder.frame(0, 0.0, 0, built.solver.first_step(recorder))
         recorder.start_clock()
         status = built.solver.run(recorder)
         if status in (NOT_CONVERGED, ENDED):

@@ -171,14 +171,20 @@ class BuiltExplicit(BuiltSolver):
         longest = min(part.interval() or math.inf for part in self._exchanging)
         return frame / math.ceil(frame / longest * (1.0 - 1e-12))
 
+    def first_step(self, sink: FrameSink) -> float:
+        """Estimate the stable step, and set the step that follows [s]."""
+        sink.stable_dt = self.estimate(FIRST_ITERATIONS)
+        self._check_step(sink.stable_dt)
+        stop = self._stops(0.0, self.solver.frame_time(1))[0]
+        step = stop / self._steps_to(stop, sink.stable_dt)
+        self._set_step(step, 0.0)
+        return step
+
     def run(self, sink: FrameSink) -> str:
         """Run to the end, passing every frame to the sink; return the final status."""
         self._interval = self.context.stages[self.context.prefix + "step"].interval
         self._ones = [self.context.sequence("step", begin=place) for place in range(self._interval)]
         self._many = self.context.sequence("step", repeat=self._interval * math.ceil(MANY / self._interval))
-        if sink.stable_dt is None:
-            sink.stable_dt = self.estimate(FIRST_ITERATIONS)
-            self._check_step(sink.stable_dt)
         for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
             self._frame(index, sink)
         return FINISHED
@@ -227,7 +233,7 @@ class BuiltExplicit(BuiltSolver):
                     sink.stable_dt = self.estimate(LATER_ITERATIONS)
                     since = 0
                 assert sink.stable_dt is not None
-                left = max(1, math.ceil((stop - now) / self._longest_step(sink.stable_dt) * (1.0 - 1e-12)))
+                left = self._steps_to(stop - now, sink.stable_dt)
                 # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
                 dt = (stop - now) / left
@@ -241,10 +247,11 @@ class BuiltExplicit(BuiltSolver):
         self._since_estimate, self._since_row = since, 0
         return taken, dt
 
-    def _longest_step(self, stable: float) -> float:
-        """Longest step that may be taken now [s], if the stable one is `stable`."""
+    def _steps_to(self, time: float, stable: float) -> int:
+        """Number of equal steps for a time [s], if the stable step is `stable` [s]."""
         wanted = self.solver.step if self.solver.step is not None else self.safety * stable
-        return math.ldexp(min(wanted, self._limit.seconds), -self.retries.halvings)
+        longest = math.ldexp(min(wanted, self._limit.seconds), -self.retries.halvings)
+        return max(1, math.ceil(time / longest * (1.0 - 1e-12)))
 
     def _stops(self, now: float, end: float) -> list[float]:
         """Times within a frame at which stepping pauses: its end, and the exchanges before it [s]."""

@@ -26,9 +26,10 @@ from warp_pd import (
 )
 from warp_pd.__main__ import build_scene
 from warp_pd.families.partition import partition_sheet
-from warp_pd.interfaces import DivergedError
+from warp_pd.interfaces import DivergedError, UnbalancedError
 from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.parts.frame_checks import FrameChecks
+from warp_pd.run.divergence import Soundness
 from warp_pd.run.recorder import Recorder
 
 
@@ -105,6 +106,20 @@ def test_a_slack_sheet_that_becomes_taut_has_a_step_that_follows():
     )
     assert default.status == "finished" and max(abs(row["balance_error"]) for row in default.history) < 0.005
     assert long.status == "diverged" and "try a safety of 0.4" in long.summary["message"]
+
+
+@pytest.mark.parametrize(
+    ("gain", "error", "sound"),
+    [(0.009, 0.009, True), (-0.011, 0.0, False), (0.002, 0.02, False), (-0.002, 0.02, True), (-0.002, -0.02, False),
+     (0.0005, 0.02, True)],
+)  # fmt: skip
+def test_a_frame_is_judged_by_what_it_gains_and_by_what_the_run_has_gained(gain, error, sound):
+    soundness = Soundness.__new__(Soundness)
+    if sound:
+        soundness.require_balance(gain, error, 1)
+    else:
+        with pytest.raises(UnbalancedError, match="in frame 1"):
+            soundness.require_balance(gain, error, 1)
 
 
 def test_a_pressure_that_goes_on_after_the_burst_is_the_cause():
