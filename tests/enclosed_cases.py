@@ -46,7 +46,7 @@ def enclosed(points, triangles, load, displacement, bits=64, held=None):
         features=Features(), held=np.zeros(n, np.uint8) if held is None else held,
         initial_displacement=np.zeros((n, 3)), fields=FieldRegister(find_device("cpu")), clock=Clock(1.0),
     )  # fmt: skip
-    built = load.build(context, SimpleNamespace(intact=None))
+    built = load.build(context, SimpleNamespace(intact=None, damage=None))
     context.clock.allocate(context.fields, context.types)
     u = context.array("u", "test", context.types.vec3, displacement)
     force = context.array("f", "test", context.types.vec3, shape=n)
