@@ -5,17 +5,28 @@ import pytest
 from helpers import square
 from small_runs import run
 
-from warp_pd import CriticalStretch, Fixed, Motion, PointForce, Pressure, Relaxation
+from warp_pd import (
+    CriticalStretch,
+    Fixed,
+    MooneyRivlin,
+    Motion,
+    Newton,
+    PointForce,
+    Pressure,
+    Relaxation,
+    Sheet,
+    TensionField,
+)
 
-RISING = [(0.0, 0.0), (1.0, 1.0)]
+CONSTANT = [(0.0, 1.0)]
 
 
 @pytest.mark.parametrize(
     ("tolerance", "ramp", "status", "steps"),
     [
-        (1e-9, None, "finished", [100, 50, 50, 50]),
-        (1e-6, RISING, "not converged", [100, 50]),
-        (1e-15, None, "not converged", [100]),
+        (1e-9, CONSTANT, "finished", [100, 50, 50, 50]),
+        (1e-6, None, "not converged", [100, 50]),
+        (1e-15, CONSTANT, "not converged", [100]),
     ],
 )
 def test_a_load_step_that_begins_without_steps_left_looks_at_the_residual_once(tolerance, ramp, status, steps):
@@ -24,6 +35,25 @@ def test_a_load_step_that_begins_without_steps_left_looks_at_the_residual_once(t
     result = run(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0, ramp=ramp)])
     assert result.status == status
     assert [entry["steps"] for entry in result.summary["solve"]["load_steps"]] == steps
+
+
+def test_a_load_without_a_ramp_grows_with_the_load_factor_in_both_static_solvers():
+    sheet = square(9)
+    loads = [Fixed(sheet.edges()), Pressure(5.0)]
+    solvers = Newton(load_steps=2), Relaxation(load_steps=2, tolerance=1e-8)
+    strains = [[row["strain"] for row in run(sheet, solver, loads=loads).history] for solver in solvers]
+    assert strains[1] == pytest.approx(strains[0], rel=1e-6)
+    assert 0.0 < strains[0][1] < 0.6 * strains[0][2]
+
+
+def test_newton_names_relaxation_where_slack_regions_do_not_converge():
+    """A strip with an edge crack, slack beside it; Relaxation finds its equilibrium."""
+    sheet = Sheet.rectangle(0.1, 0.05, thickness=1e-3, density=1000.0, points=41).cut((0.0512, -0.01), (0.0512, 0.01))
+    loads = [Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 0.01], y=0.0, z=0.0)]
+    parts = {"loads": loads, "material": TensionField(MooneyRivlin(2e5))}
+    failed = run(sheet, Newton(most_cuts=0), **parts)
+    assert failed.status == "not converged" and any("try Relaxation" in note for note in failed.summary["notes"])
+    assert run(sheet, Relaxation(), **parts).status == "finished"
 
 
 def test_relaxation_breaks_only_in_equilibrium_and_relaxes_again():

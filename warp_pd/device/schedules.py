@@ -39,6 +39,11 @@ def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     return Schedule(times, values)
 
 
+def proportional(duration: float) -> Schedule:
+    """The factor of a load that grows with the load factor, 0 to 1 over a load time [s]."""
+    return Schedule(np.array([0.0, duration]), np.repeat([[0.0], [1.0]], 3, axis=1))
+
+
 def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
     """Schedule of a factor from pairs (time, factor); None, for a constant load, stays None."""
     if ramp is None:

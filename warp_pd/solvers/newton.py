@@ -12,7 +12,7 @@ import warp as wp
 
 from ..device.checks import count, one_of
 from ..device.fields import assign
-from ..device.schedules import Schedule
+from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
@@ -74,7 +74,7 @@ class Newton(StaticSolver):
     @property
     def default_ramp(self) -> Schedule:
         """Loads without a schedule are proportional to the load factor."""
-        return Schedule(np.array([0.0, self.duration]), np.repeat([[0.0], [1.0]], 3, axis=1))
+        return proportional(self.duration)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
         """Build the solver on a device."""
@@ -220,14 +220,21 @@ class BuiltNewton(StaticSystem):
             "the solver ArcLength follows what lies between, or prescribe a displacement (Motion) or the volume "
             "(EnclosedVolume)"
             for jump in self.jumps
-        ] + [*self._lattice_notes(), *self.rounds.notes()]
+        ] + [*self._unsolved_notes(), *self.rounds.notes()]
 
-    def _lattice_notes(self) -> list[str]:
-        """A note if the run ended on a load step that multigrid did not solve."""
-        steps = self.report.load_steps
-        if self.preconditioner != "multigrid" or not steps or steps[-1]["converged"]:
+    def _unsolved_notes(self) -> list[str]:
+        """Notes on what to try if the run ended on a load step that was not solved."""
+        steps, notes = self.report.load_steps, []
+        if not steps or steps[-1]["converged"]:
             return []
-        return [
-            f"Newton: the load step to {steps[-1]['share']:.4g} did not converge with 'multigrid', whose "
-            "coarser lattices do not see slack regions of a few spacings: try 'algebraic'"
-        ]
+        if self.preconditioner == "multigrid":
+            notes.append(
+                f"Newton: the load step to {steps[-1]['share']:.4g} did not converge with 'multigrid', whose "
+                "coarser lattices do not see slack regions of a few spacings: try 'algebraic'"
+            )
+        if self.system.law.goes_slack:
+            notes.append(
+                "Newton: wrinkled and slack regions, as behind a crack, come and go between iterations, which converge "
+                "slowly: try Relaxation, or a tolerance of 1e-3"
+            )
+        return notes

@@ -14,7 +14,7 @@ import warp as wp
 from ..device.checks import below_one, count, positive
 from ..device.fields import Array, assign
 from ..device.launches import Stage
-from ..device.schedules import Schedule
+from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
@@ -84,7 +84,6 @@ class Relaxation:
     equal_frames: ClassVar[bool] = False
     # Set anew in every step.
     mass_damping: ClassVar[float | None] = 0.0
-    default_ramp: ClassVar[Schedule | None] = None
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
@@ -99,6 +98,11 @@ class Relaxation:
     def frame_count(self) -> int:
         """Number of frames after the first, one per load step."""
         return self.load_steps
+
+    @property
+    def default_ramp(self) -> Schedule:
+        """Loads without a schedule are proportional to the load factor."""
+        return proportional(self.duration)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
         """Build the solver on a device."""
