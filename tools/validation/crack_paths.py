@@ -192,7 +192,14 @@ def other_conditions(points: int, device: str | None) -> Mapping[str, float]:
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
-        "kink", ANGLES, tuple(map(largest_tangential_stress, ANGLES)), WIDE, (101,), (101, 143, 203), kinks, what_moves_kinks
+        "kink",
+        ANGLES,
+        tuple(map(largest_tangential_stress, ANGLES)),
+        WIDE,
+        (101,),
+        (101, 143, 203),
+        kinks,
+        what_moves_kinks,
     ),
     lambda: Comparison(
         "lens",

@@ -42,6 +42,12 @@ def bag(points: int, device: str | None) -> Sequence[float]:
 
 ROWS: tuple[Callable[[], Comparison], ...] = (
     lambda: Comparison(
-        "bag", ("centre (m)", "edge (m)", "stress (MPa)"), (0.2167, 0.1227, 3.8), SIDE, (25, 51), (25, 51, 101, 149), bag
+        "bag",
+        ("centre (m)", "edge (m)", "stress (MPa)"),
+        (0.2167, 0.1227, 3.8),
+        SIDE,
+        (25, 51),
+        (25, 51, 101, 149),
+        bag,
     ),
 )
