@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
     from .output.sheet_plot import draw_sheet
-    from .output.vtkhdf import read_frame, read_series
     from .parts.bodies import RigidBody
     from .parts.body_mesh import TriangleMesh
     from .parts.body_motion import BodyPath, Free
@@ -145,9 +144,7 @@ __all__ = [
     "glued",
     "newton_bodies",
     "placed",
-    "read_frame",
     "read_mesh",
     "read_outline",
-    "read_series",
     "together",
 ]

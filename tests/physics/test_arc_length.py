@@ -14,6 +14,7 @@ from warp_pd import (
     BodyPath,
     EnclosedVolume,
     Fixed,
+    Frames,
     MooneyRivlin,
     Motion,
     NeoHookean,
@@ -22,7 +23,6 @@ from warp_pd import (
     RigidBody,
     Sphere,
     Yeoh,
-    read_series,
 )
 from warp_pd.scenes import balloon_paths
 from warp_pd.scenes.balloon import exact_pressure
@@ -98,8 +98,8 @@ def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(tmp_
     assert falls.tolist() == list(range(first, second))
     notes = [note for note in result.summary["notes"] if note.startswith("ArcLength: a limit point at load factor 0.")]
     assert "a maximum of the load" in notes[0] and "a minimum of the load" in notes[1]
-    series = read_series(tmp_path / "frames.vtkhdf")
-    assert series.times.tolist() == factors.tolist()
+    frames = Frames(tmp_path)
+    assert frames.times.tolist() == factors.tolist()
     with h5py.File(tmp_path / "frames.vtkhdf") as stored:
         assert stored["VTKHDF/Steps/Values"][:].tolist() == list(range(len(factors)))
     assert (tmp_path / "view.html").is_file()

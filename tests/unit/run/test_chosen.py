@@ -8,7 +8,7 @@ import warp as wp
 from helpers import refused, square
 from small_runs import BALL, cli, simulate
 
-from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, Simulation, read_series
+from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, Simulation
 from warp_pd.interfaces import BuiltPart, Part
 from warp_pd.materials import Bimodular
 
@@ -21,7 +21,7 @@ def small(**parts):
 
 
 def held(folder):
-    return set(read_series(folder / "frames.vtkhdf").fields)
+    return set(Frames(folder).fields)
 
 
 def test_files_hold_the_chosen_fields_and_the_displacement(tmp_path):
