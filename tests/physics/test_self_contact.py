@@ -254,7 +254,8 @@ def test_the_balance_of_friction_with_damping_is_of_second_order(held):
         result = run(**{**parts, "solver": solver, "loads": loads})
         worst.append(max(abs(row["balance_error"]) for row in result.history))
     assert result.history[-1]["sheet_friction"] > 0.1 * result.history[0]["kinetic"]
-    assert worst[1] < 0.3 * worst[0] and worst[2] < 0.3 * worst[1]
+    # Over two halvings: where in its step the sheets meet matters in a single one.
+    assert np.log(worst[0] / worst[2]) / np.log(4.0) > 1.9 and worst[2] < worst[1]
 
 
 def passed(parts, triangles=None, **options):
