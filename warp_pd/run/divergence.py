@@ -74,7 +74,7 @@ class Soundness:
 
         `error` is the energy gained since the start, over the same.
         """
-        drifts = abs(error) > MAX_CHANGE and np.copysign(gain, error * gain) > MAX_DRIFT
+        drifts = abs(error) > MAX_CHANGE and abs(gain) > MAX_DRIFT and gain * error > 0.0
         if abs(gain) > MAX_CHANGE or drifts:
             raise UnbalancedError(f"the energy balance changes by {100.0 * gain:+.2g} % in frame {index}")
 
