@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .body_motion import vec6d, wrench
+from .body_motion import MOVES, STEP, vec6d, wrench
 from .body_search import REMEMBERED, BodySearch, body_search
 from .integrate import StepOptions, half_step
 from .numeric import numeric
@@ -315,10 +315,12 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
     )
     def strike_points(begin: int, end: int, a: BodyContact):
         here = plane(a)
-        step = a.steps[0]
+        step = a.counts[STEP]
         for i in range(begin, end):
             if wp.static(at_end):
-                if a.near[i / size] >= step or a.moves[0] != 0:
+                near = a.near[i / size]
+                moves = a.counts[MOVES]
+                if near >= step or moves != 0:
                     if may_touch(i, a, here):
                         act_on(i, a)
             elif look(i, step, a):

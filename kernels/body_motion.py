@@ -18,6 +18,11 @@ from .numeric import numeric
 
 # Distance that a point far from a body goes in a step without being looked at, over the margin.
 SLOW = wp.constant(wp.float64(1.0 / 32.0))
+# Entries of the counts of a body: number of this step, 1 if other parts move points after the body has looked which are
+# near, and the last step in which points further away than the margin were told apart. From PREVIOUS on there are the
+# first two again, of the previous step: one array, as every thread reads them.
+STEP, MOVES, PREVIOUS, SEARCH = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(4)
+COUNTS = 5
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 
 
@@ -44,6 +49,13 @@ def turn_between(begin: wp.quatd, end: wp.quatd):
     if sine > wp.float64(1e-12):
         scale = wp.float64(2.0) * wp.atan2(sine, wp.abs(by[3])) / sine
     return scale * axis
+
+
+@wp.func
+def differ(p: wp.quatd, q: wp.quatd):
+    """Whether quaternions differ; a body that does not turn needs no roots and angles, which one thread waits for."""
+    d = q - p
+    return d[0] != wp.float64(0.0) or d[1] != wp.float64(0.0) or d[2] != wp.float64(0.0) or d[3] != wp.float64(0.0)
 
 
 @wp.func
@@ -79,19 +91,18 @@ def length_of(v: wp.vec3d):
 
 
 @wp.func
-def count_step(steps: wp.array(dtype=wp.int32)):
-    steps[1] = steps[0]
-    steps[0] = steps[0] + 1
+def count_step(counts: wp.array(dtype=wp.int32)):
+    counts[PREVIOUS + STEP] = counts[STEP]
+    counts[STEP] = counts[STEP] + 1
 
 
 @wp.func
 def search_again(
-    moved: wp.float64, margin: wp.float64, steps: wp.array(dtype=wp.int32), search: wp.array(dtype=wp.int32),
-    travelled: wp.array(dtype=wp.float64),
-):  # fmt: skip
+    moved: wp.float64, margin: wp.float64, counts: wp.array(dtype=wp.int32), travelled: wp.array(dtype=wp.float64)
+):
     """Tell points apart in this step if they and the body, which moves by `moved` [m], may come nearer by `margin`."""
     if travelled[0] + moved + SLOW * margin >= wp.float64(0.9) * margin:
-        search[0] = steps[0]
+        counts[SEARCH] = counts[STEP]
         travelled[0] = wp.float64(0.0)
 
 
@@ -109,15 +120,13 @@ def follow_path(
     place: wp.array(dtype=wp.vec3d),
     rotation: wp.array(dtype=wp.quatd),
     motion: wp.array(dtype=wp.vec3d),
-    steps: wp.array(dtype=wp.int32),
-    search: wp.array(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
     travelled: wp.array(dtype=wp.float64),
 ):
     """Move bodies by one step along a piecewise linear path.
 
-    `counts_time`: no clock advances the time. search: the last step in which points further away than `margin` [m] were
-    told apart, see kernels/body_search.py. travelled: how far the body and one of those points may have come nearer
-    since [m].
+    `counts_time`: no clock advances the time. travelled: how far the body and a point further away than `margin` [m]
+    may have come nearer since the last search [m], see kernels/body_search.py.
     """
     dt = advance[0]
     soon = wp.min(time[0] + dt, advance[1])
@@ -134,7 +143,9 @@ def follow_path(
             if soon >= times[k] and soon < times[k + 1]:
                 fraction = (soon - times[k]) / (times[k + 1] - times[k])
                 there = places[k] + fraction * (places[k + 1] - places[k])
-                turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], fraction))
+                turned = rotations[k]
+                if differ(turned, rotations[k + 1]):
+                    turned = wp.normalize(wp.quat_slerp(turned, rotations[k + 1], fraction))
     here = place[0]
     was = rotation[0]
     place[1] = here
@@ -144,17 +155,19 @@ def follow_path(
     motion[2] = motion[0]
     motion[3] = motion[1]
     # In static equilibrium no time passes.
-    turn = turn_between(was, turned)
+    turn = wp.vec3d()
+    if differ(was, turned):
+        turn = turn_between(was, turned)
     if dt > wp.float64(0.0):
         motion[0] = (there - here) / dt
         motion[1] = turn / dt
-    count_step(steps)
+    count_step(counts)
     moved = wp.length(there - here)
     if wp.length_sq(turn) > wp.float64(0.0):
         moved += radius * wp.length(turn)
     travelled[0] = travelled[0] + moved + SLOW * margin
     # The body and the points may move as far again in the step that follows from this test.
-    search_again(moved, margin, steps, search, travelled)
+    search_again(moved, margin, counts, travelled)
 
 
 @functools.cache
@@ -177,8 +190,7 @@ def free_motion(bits: int) -> Kernel:
         momenta: wp.array(dtype=wp.vec3d),
         any_near: wp.array(dtype=wp.int32),
         changes: wp.array(dtype=vec6d),
-        steps: wp.array(dtype=wp.int32),
-        search: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
         travelled: wp.array(dtype=wp.float64),
     ):
         """Arguments as for `follow_path`; a body that yields by more than `slack` [m] may touch any point."""
@@ -190,7 +202,7 @@ def free_motion(bits: int) -> Kernel:
         spin = spin_of(q, inverse_inertia, momenta[1])
         momenta[2] = momenta[0]
         momenta[3] = spin
-        count_step(steps)
+        count_step(counts)
         # In the last step it has also yielded. A turn is less than 2.25 times the change of its quaternion.
         gone = length_of(place[0] - place[1])
         turned = q - rotation[1]
@@ -208,6 +220,6 @@ def free_motion(bits: int) -> Kernel:
         motion[0] = velocity
         motion[1] = spin_of(q, inverse_inertia, momenta[1])
         moved = dt * (length_of(velocity) + radius * length_of(motion[1]))
-        search_again(moved + slack, margin, steps, search, travelled)
+        search_again(moved + slack, margin, counts, travelled)
 
     return move_body

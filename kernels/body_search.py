@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .body_motion import SLOW, vec6d
+from .body_motion import MOVES, SEARCH, SLOW, STEP, vec6d
 from .distances import BodyShape, of_any_point, plane_distance, ways_out
 from .mesh_distance import is_clear, look_around
 from .numeric import numeric
@@ -121,11 +121,9 @@ def body_search(
         yielded: wp.array(dtype=vec6d)
         any_near: wp.array(dtype=wp.int32)
         near: wp.array(dtype=wp.int32)
-        steps: wp.array(dtype=wp.int32)
-        search: wp.array(dtype=wp.int32)
+        counts: wp.array(dtype=wp.int32)
         around: wp.array(dtype=wp.int32)
         margin: wp.float64
-        moves: wp.array(dtype=wp.int32)
         changes: wp.array(dtype=wp.vec3d)
         rubbing: wp.array(dtype=wp.vec3d)
 
@@ -263,20 +261,22 @@ def body_search(
     @wp.func
     def look(i: int, step: int, a: BodyContact):
         """Whether to look how near a point is in this step."""
+        # All loads come first, as those behind a condition would wait for one another.
+        last = a.counts[SEARCH]
+        around = a.around[i / size]
+        moves = a.counts[MOVES]
+        v = wp.vec3(a.velocity[i])
+        dt = wp.float32(a.step[0])
+        slow = SLOW * a.margin
+        looks = around >= last or moves != 0 or dt * dt * wp.dot(v, v) > wp.float32(slow * slow)
         if a.margin == wp.float64(0.0):
-            return True
-        last = a.search[0]
-        looks = a.around[i / size] >= last or a.moves[0] != 0
-        if last == step:
+            looks = True
+        elif last == step:
             if in_margin(i, a):
                 a.around[i / size] = step
             looks = True
-        elif not looks:
-            v = wp.vec3(a.velocity[i])
-            dt = wp.float32(a.step[0])
-            if dt * dt * wp.dot(v, v) > wp.float32(SLOW * SLOW * a.margin * a.margin):
-                a.around[i / size] = step
-                looks = True
+        elif looks and around < last and moves == 0:
+            a.around[i / size] = step
         return looks
 
     written = ("marks", "any_near", "around", *REMEMBERED)
@@ -284,7 +284,7 @@ def body_search(
     @pointwise(BodyContact, writes=written, rare=searched, local=True)
     def mark(begin: int, end: int, a: BodyContact):
         here = plane(a)
-        step = a.steps[0]
+        step = a.counts[STEP]
         for i in range(begin, end):
             near = bool(False)
             if look(i, step, a):

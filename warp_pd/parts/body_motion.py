@@ -15,7 +15,7 @@ from ..device.launches import Stage, with_values
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import Given, PointContact, body_contact
-from ..kernels.body_motion import follow_path, free_motion, turn_between, vec6d
+from ..kernels.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, free_motion, turn_between, vec6d
 from ..kernels.free_contact import Equations, FreeBody, free_contact
 from ..kernels.pointwise import NEAR_BLOCK
 from .block_list import BlockList
@@ -224,11 +224,10 @@ class BuiltMotion:
 
     Attributes:
         marks: Whether each point may touch a free body, (N,) uint8; see kernels/body_search.py.
-        steps: Numbers of this step and of the previous one, (2,) int32.
-        search: Last step in which points further away than the margin were told apart, (1,) int32.
+        counts: Numbers of steps, and whether other parts move points after the body has looked which are near,
+            (COUNTS,) int32; see kernels/body_motion.py.
         travelled: How far the body and one of those points may have come nearer since [m], (1,).
         around: For blocks of NEAR_BLOCK points, last step in which one of them was within the margin, int32.
-        moves: 1 if other parts move points after the body has looked which are near, (1,) int32.
         free: Whether the sheet moves the body.
         extent: Distance of its furthest point from the centre, margin in which points count as around it, and how far a
             free body may yield in a step before any point may touch it [m].
@@ -246,10 +245,7 @@ class BuiltMotion:
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
         self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
         self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
-        self.steps, self.search, self.moves = (
-            self._array(what, wp.int32, np.zeros(size, np.int32), restart=False)
-            for what, size in (("steps", 2), ("search", 1), ("moves", 1))
-        )
+        self.counts = self._array("counts", wp.int32, np.zeros(COUNTS, np.int32), restart=False)
         self.travelled = self._array("travelled", wp.float64, np.array([UNBOUNDED]), restart=False)
         blocks = -(-points // NEAR_BLOCK)
         self.around = context.array(f"{name}_around", name, wp.int32, shape=blocks, per="table")
@@ -276,26 +272,25 @@ class BuiltMotion:
         points = self.context.sheet.size
         if pushed is not None:
             stage.pointwise(self.name, take, points, **pushed, **values)
-        if at_end:
-            values = {**values, "search": None}
         # Where the step is followed by the next one, the body has already moved on.
         before = {
             "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
-            "steps": self.steps[1:],
+            "counts": self.counts[PREVIOUS:],
         }  # fmt: skip
         stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
 
     def complete(self, step: Stage) -> None:
-        """Fill `moves`, when the step is composed."""
+        """Note whether other parts move points, when the step is composed."""
         own = self.name if self.free else ""
         moves = self.context.partition is not None or step.moves_later(self.context.state.displacement, own)
-        self.moves.fill_(int(moves))
+        counts = self.counts.numpy().copy()
+        counts[[MOVES, PREVIOUS + MOVES]] = int(moves)
+        self.counts.assign(counts)
 
     def found(self) -> dict[str, Array | None]:
         """Arrays of the points in contact, by their name in the struct of `PointContact`."""
         of_free = ("need", "rows", "arms", "slips", "yielded", "any_near", "near")
-        kept = {"steps": self.steps, "moves": self.moves, "search": self.search, "around": self.around}
-        return {**dict.fromkeys(of_free), **kept}
+        return {**dict.fromkeys(of_free), "counts": self.counts, "around": self.around}
 
     def free_inertia(self) -> tuple[float, np.ndarray] | None:
         """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
@@ -349,8 +344,8 @@ class OnPath(BuiltMotion):
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
                 counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
-                margin=self.extent[1], search=self.search, travelled=self.travelled,
-                rotation=self.rotation, motion=self.motion, steps=self.steps, early=True,
+                margin=self.extent[1], counts=self.counts, travelled=self.travelled,
+                rotation=self.rotation, motion=self.motion, early=True,
             )  # fmt: skip
 
     def found(self) -> dict[str, Array | None]:
@@ -421,8 +416,7 @@ class InFlight(BuiltMotion):
                 self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
                 step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
                 momenta=self.momenta, any_near=self.any_near, changes=self.changes, radius=self.extent[0],
-                margin=self.extent[1], slack=self.extent[2], steps=self.steps, search=self.search,
-                travelled=self.travelled,
+                margin=self.extent[1], slack=self.extent[2], counts=self.counts, travelled=self.travelled,
             )  # fmt: skip
 
     def add_contact(
