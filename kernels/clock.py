@@ -65,10 +65,11 @@ def clock(bits: int) -> Kernel:
 
 
 @functools.cache
-def prescribed_motion(bits: int, placed: bool) -> Pointwise:
+def prescribed_motion(bits: int, placed: bool, turned: bool) -> Pointwise:
     """Pointwise stage `prescribe`: sets the velocity that takes points to their prescribed positions in one step.
 
-    Motions of a sheet stretched before it was clamped (`placed`) start from `origins` [m].
+    Motions of a sheet stretched before it was clamped (`placed`) start from `origins` [m]. Points that turn (`turned`)
+    also have the schedule of an angle [rad], and vectors `away` from the axis and `across` both [m].
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -79,6 +80,9 @@ def prescribed_motion(bits: int, placed: bool) -> Pointwise:
         schedules: wp.array(dtype=wp.vec3i)
         scheduled: wp.array(dtype=vec3)
         origins: wp.array(dtype=vec3)
+        turns: wp.array(dtype=wp.int32)
+        away: wp.array(dtype=vec3)
+        across: wp.array(dtype=vec3)
         step: wp.array(dtype=real)
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
@@ -92,6 +96,12 @@ def prescribed_motion(bits: int, placed: bool) -> Pointwise:
                 moved = a.displacement[i]
                 if wp.static(placed):
                     moved -= a.origins[i]
+                if wp.static(turned):
+                    turn = a.turns[row]
+                    if turn >= 0:
+                        angle = a.scheduled[turn][0]
+                        half = wp.sin(real(0.5) * angle)
+                        moved += real(2.0) * half * half * a.away[row] - wp.sin(angle) * a.across[row]
                 for c in range(3):
                     s = a.schedules[row][c]
                     if s >= 0:

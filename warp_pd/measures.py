@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -180,6 +180,18 @@ def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 def support_force(built: Built, points: np.ndarray) -> np.ndarray:
     """Force of a support on its points [N], shape (3,), without their inertia."""
     return np.asarray(-built.to_numpy(built.state.force)[points].sum(axis=0))
+
+
+def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Torque of a support on its points about a point [N m], shape (3,), without their inertia.
+
+    Args:
+        built: The built simulation.
+        points: The points of the support.
+        about: The point [m], (x, y, z).
+    """
+    arms = built.context.sheet.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
+    return np.asarray(-np.cross(arms, built.to_numpy(built.state.force)[points]).sum(axis=0))
 
 
 def virial_stress(built: Built, point: int) -> np.ndarray:

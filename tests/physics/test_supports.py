@@ -1,11 +1,30 @@
-"""Supports: prescribed motion, component by component, and corners that two motions share."""
+"""Supports: prescribed motion, component by component, corners that two motions share, and supports that turn.
+
+A hub that turns in an annulus is compared with the exact membrane: with one whose energy is the least among all
+displacements that are the same all around (`torque_of_annulus`).
+"""
 
 import numpy as np
 import pytest
 from helpers import NEO, array, square
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 from small_runs import run
 
-from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
+from warp_pd import (
+    BondAssociated,
+    Circle,
+    Explicit,
+    Fixed,
+    MooneyRivlin,
+    Motion,
+    Newton,
+    Relaxation,
+    Sheet,
+    Simulation,
+    TensionField,
+)
+from warp_pd.measures import support_torque
 
 
 def test_prescribed_motion_follows_its_knots_component_by_component():
@@ -39,3 +58,130 @@ def test_edges_that_move_in_different_directions_share_their_corners():
     assert simulation.run(device="cpu").frame.displacement[corner, :2] == pytest.approx(
         np.array([[0.01, 0.02]]), abs=1e-7
     )
+
+
+def turned_places(places, angle, axis, about):
+    turn = Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis))
+    return turn.apply(places - about) + about
+
+
+def test_a_stretched_sheet_whose_edges_turn_together_turns_as_a_whole():
+    """Objectivity, whatever the axis, with a translation: the sheet was stretched before it was clamped."""
+    sheet, axis, about = square(7).prestretched(1.1), (1.0, 2.0, -1.0), (0.1, 0.0, 0.02)
+    edges = sheet.edges("all")
+    motion = Motion(edges, [0.0, 1.0], x=[0.0, 0.03], angle=[0.0, 2.0], axis=axis, about=about)
+    result = run(sheet, Newton(load_steps=8), loads=[motion], weights="corrected")
+    expected = turned_places(sheet.positions, 2.0, axis, about) + (0.03, 0.0, 0.0)
+    assert sheet.positions[edges] + result.frame.displacement[edges] == pytest.approx(expected[edges], abs=1e-12)
+    assert sheet.positions + result.frame.displacement == pytest.approx(expected, abs=1e-8)
+    energies = [row["strain"] for row in result.history]
+    assert energies == pytest.approx([energies[0]] * 9, rel=1e-9)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_an_edge_turns_by_a_full_turn_in_dynamics_with_its_energy(precision):
+    sheet = Sheet.rectangle(0.1, 0.02, thickness=1e-3, density=1000.0, points=21)
+    right, about, axis = sheet.edges("right"), (0.1, 0.01), (1.0, 0.0, 0.0)
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(right, [0.0, 1.0], x=[0.0, 0.01], angle=[0.0, 2.0 * np.pi], about=about, axis=axis),
+    ]
+    result = run(sheet, Explicit(1.0, frames=4, damping=20.0), loads=loads, precision=precision)
+    moved = np.tile([0.01, 0.0, 0.0], (len(right), 1))
+    assert result.frame.displacement[right] == pytest.approx(moved, abs=1e-7 if precision == 32 else 1e-12)
+    half = result.history[2]
+    assert half["strain"] > 1e-6 and abs(result.history[-1]["balance_error"]) < 1e-3
+
+
+def test_the_torque_of_a_turning_support_is_the_slope_of_the_energy():
+    sheet = Sheet.rectangle(0.1, 0.03, thickness=1e-3, density=1000.0, points=17)
+    right, about, axis = sheet.edges("right"), (0.1, 0.015, 0.0), (1.0, 0.0, 0.0)
+
+    def twisted(angle):
+        pull = Motion(right, [0.0, 1.0], x=[0.0, 0.02], angle=[0.0, angle], about=about, axis=axis)
+        return run(sheet, Newton(load_steps=4), loads=[Fixed(sheet.edges("left")), pull])
+
+    before, here, after = (twisted(angle) for angle in (1.99, 2.0, 2.01))
+    slope = (after.history[-1]["strain"] - before.history[-1]["strain"]) / 0.02
+    # The centre of the edge, about which it turns, has moved with it.
+    torque = support_torque(here.built, right, (0.12, 0.015, 0.0))
+    assert torque[0] == pytest.approx(slope, rel=1e-5) and slope > 1e-6
+
+
+INNER, OUTER, THICKNESS = 0.02, 0.05, 1e-3
+
+
+def torque_of_annulus(angle, mu, wrinkles, cells=200):
+    """Torque [N m] on the hub of an incompressible neo-Hookean annulus, both rims clamped, that turns by `angle` [rad].
+
+    The radii r and angles q of circles R are found by the least energy; C has the entries r'^2 + (r q')^2,
+    r^2 q' / R and (r / R)^2. A membrane that wrinkles has the energy of uniaxial tension where its width falls below.
+    """
+    R = np.linspace(INNER, OUTER, cells + 1)
+    middle, step = 0.5 * (R[1:] + R[:-1]), np.diff(R)
+    weight = 2.0 * np.pi * THICKNESS * middle * step
+
+    def density(C11, C12, C22):
+        mean, apart = 0.5 * (C11 + C22), np.sqrt((0.5 * (C11 - C22)) ** 2 + C12**2)
+        large, small = mean + apart, np.maximum(mean - apart, 1e-6)
+        taut = 0.5 * mu * (large + small + 1.0 / (large * small) - 3.0)
+        return np.where(wrinkles & (small < large**-0.5), 0.5 * mu * (large + 2.0 * large**-0.5 - 3.0), taut)
+
+    def strains(r, q):
+        across, turn, here = np.diff(r) / step, np.diff(q) / step, 0.5 * (r[1:] + r[:-1])
+        C = np.array([across**2 + (here * turn) ** 2, here**2 * turn / middle, (here / middle) ** 2])
+        return across, turn, here, C
+
+    def energy(x, end=angle):
+        r, q = (
+            np.concatenate([[INNER], INNER * x[: cells - 1], [OUTER]]),
+            np.concatenate([[end], x[cells - 1 :], [0.0]]),
+        )
+        across, turn, here, C = strains(r, q)
+        h = 1e-6
+        d11, d12, d22 = (
+            (density(*(C + h * one[:, None])) - density(*(C - h * one[:, None]))) / (2.0 * h) * weight
+            for one in np.eye(3)
+        )
+        of_across = 2.0 * across * d11 / step
+        of_turn = (2.0 * here**2 * turn * d11 + here**2 / middle * d12) / step
+        of_here = 0.5 * (2.0 * here * turn**2 * d11 + 2.0 * here * turn / middle * d12 + 2.0 * here / middle**2 * d22)
+        by_r, by_q = np.zeros(cells + 1), np.zeros(cells + 1)
+        by_r[1:] += of_across + of_here
+        by_r[:-1] += of_here - of_across
+        by_q[1:] += of_turn
+        by_q[:-1] -= of_turn
+        scale = mu * THICKNESS * OUTER**2
+        slopes = np.concatenate([INNER * by_r[1:-1], by_q[1:-1]]) / scale
+        return (density(*C) * weight).sum() / scale, slopes, by_q[0]
+
+    start = np.concatenate(
+        [R[1:-1] / INNER, angle * (1.0 / R**2 - 1.0 / OUTER**2)[1:-1] / (1.0 / INNER**2 - 1.0 / OUTER**2)]
+    )
+    found = minimize(
+        lambda x: energy(x)[:2], start, jac=True, method="L-BFGS-B",
+        options={"maxiter": 50_000, "maxfun": 100_000, "ftol": 1e-16, "gtol": 1e-9, "maxcor": 50},
+    )  # fmt: skip
+    return energy(found.x)[2]
+
+
+@pytest.mark.parametrize(
+    ("wrinkles", "angle", "bound"), [(False, 0.2, 2e-3), (True, 0.6, 1e-2)], ids=["plane", "wrinkled"]
+)
+def test_the_torque_on_a_hub_is_that_of_the_exact_membrane(wrinkles, angle, bound):
+    mu = 1e5
+    sheet = Sheet.outline(
+        Circle((0.0, 0.0), OUTER), holes=[Circle((0.0, 0.0), INNER)], spacing=2e-3, thickness=THICKNESS, density=1000.0
+    )
+    hub, rim = sheet.within((0.0, 0.0), INNER + 1e-9), sheet.where(lambda x, y: np.hypot(x, y) > OUTER - 1e-9)
+    material = MooneyRivlin(c10=0.5 * mu)
+    simulation = Simulation(
+        sheet,
+        BondAssociated(TensionField(material) if wrinkles else material, horizon=1.5),
+        Relaxation(load_steps=2) if wrinkles else Newton(load_steps=2),
+        loads=[Fixed(rim), Fixed(range(sheet.size), "z"), Motion(hub, [0.0, 1.0], angle=[0.0, angle])],
+    )
+    result = simulation.run(device="cpu")
+    assert result.status == "finished"
+    torque = support_torque(result.built, hub)[2]
+    assert torque == pytest.approx(torque_of_annulus(angle, mu, wrinkles), rel=bound)

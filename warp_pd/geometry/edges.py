@@ -25,7 +25,7 @@ def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
         if name == "all" and name not in known:
             known["all"] = whole_edge(shape, known)
         if name not in known:
-            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in (*known, 'all'))}")
+            raise InputError(f"edge = {name!r}: expected {', '.join(map(repr, {**known, 'all': None}))}")
         chosen[known[name]] = True
     return np.flatnonzero(chosen)
 

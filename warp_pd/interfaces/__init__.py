@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
     from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
     from .output import FrameReport, Writer
-    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid
+    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid, Turn
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
 else:
     __getattr__ = lazy(__name__)
@@ -44,6 +44,7 @@ __all__ = [
     "StepLimit",
     "System",
     "Tangent",
+    "Turn",
     "UnbalancedError",
     "Writer",
 ]

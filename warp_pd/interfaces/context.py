@@ -159,6 +159,11 @@ class Context:
         return self.sheet if self.undivided is None else self.undivided
 
     @property
+    def clamped_positions(self) -> np.ndarray:
+        """Positions of the points [m], shape (N, 3), from which displacements of supports and frames count."""
+        return self.sheet.positions if self.placement is None else self.sheet.positions + self.placement
+
+    @property
     def bits(self) -> int:
         """Precision, 32 or 64."""
         return self.types.bits

@@ -21,6 +21,33 @@ from .law import BuiltLaw
 
 
 @dataclass(frozen=True, eq=False)
+class Turn:
+    """Rotation of points as one body.
+
+    Attributes:
+        angle: Schedule of the angle [rad], in its first column.
+        about: A point of the axis [m], shape (3,).
+        axis: Its direction, a unit vector, shape (3,).
+    """
+
+    angle: Schedule
+    about: np.ndarray
+    axis: np.ndarray
+
+    def arms(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Vectors a, from the axis, and b, across it [m], shape (P, 3): the rotation is (cos - 1) a + sin b."""
+        arm = positions - self.about
+        across = np.cross(self.axis, arm)
+        return np.cross(across, self.axis), across
+
+    def displacement(self, positions: np.ndarray, time: float) -> np.ndarray:
+        """Displacement [m] at a time [s] of points at `positions` [m], both of shape (P, 3)."""
+        angle = self.angle.at(time)[0]
+        away, across = self.arms(positions)
+        return np.asarray(-2.0 * np.sin(0.5 * angle) ** 2 * away + np.sin(angle) * across)
+
+
+@dataclass(frozen=True, eq=False)
 class Constraint:
     """Components of points whose motion a part prescribes.
 
@@ -29,12 +56,31 @@ class Constraint:
         points: Point indices, int32.
         components: Bits: 1, 2, 4 for x, y, z; 8 for points of a rigid inclusion.
         motion: Schedule of the displacement [m], or None for points that stay at their initial position.
+        turn: Rotation added to the motion, or None.
     """
 
     owner: str
     points: np.ndarray
     components: int
     motion: Schedule | None = None
+    turn: Turn | None = None
+
+    def displacement(self, positions: np.ndarray, time: float) -> np.ndarray:
+        """Prescribed displacement [m], shape (P, 3), of its points at `positions` (P, 3) [m] at a time [s].
+
+        Only prescribed components mean anything, and only where there is a motion.
+        """
+        assert self.motion is not None
+        moved = np.tile(self.motion.at(time), (len(positions), 1))
+        return moved if self.turn is None else moved + self.turn.displacement(positions, time)
+
+    def top_speed(self, positions: np.ndarray, time: float) -> float:
+        """Largest speed [m/s] of its points at `positions` (P, 3) [m] up to a time [s]."""
+        speed = 0.0 if self.motion is None else self.motion.top_speed(time)
+        if self.turn is None or not len(positions):
+            return speed
+        radius = np.linalg.norm(self.turn.arms(positions)[1], axis=1).max()
+        return float(speed + radius * self.turn.angle.top_speed(time))
 
 
 @runtime_checkable

@@ -127,15 +127,16 @@ class System:
 
     def prescribed(self, time: float) -> np.ndarray:
         """Displacement of prescribed components at a time [m], shape (N, 3); free components have the initial one."""
-        target = self.context.initial_displacement.copy()
+        target, positions = self.context.initial_displacement.copy(), self.context.clamped_positions
         for constraint in self.constraints:
             if constraint.motion is not None:
+                points = constraint.points
+                moved = constraint.displacement(positions[points], time)
+                if self.context.placement is not None:
+                    moved += self.context.placement[points]
                 for c in range(3):
                     if constraint.components & (1 << c):
-                        knots, points = constraint.motion, constraint.points
-                        target[points, c] = np.interp(time, knots.times, knots.values[:, c])
-                        if self.context.placement is not None:
-                            target[points, c] += self.context.placement[points, c]
+                        target[points, c] = moved[:, c]
         return target
 
 

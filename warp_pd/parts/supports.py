@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, numbers, point_indices, said
+from ..device.checks import InputError, numbers, point_indices, said, vector
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.clock import prescribed_motion
@@ -62,9 +62,10 @@ class Fixed(Support):
 
 @dataclass(frozen=True, eq=False)
 class Motion(Support):
-    """Points with a common prescribed motion, component by component.
+    """Points that move as one body on a prescribed path, component by component, and may turn.
 
-    Each of x, y, z is None (free), a number (constant displacement [m]) or one displacement per time.
+    Each of x, y, z is None (free), a number (constant displacement [m]) or one displacement per time. With an `angle`
+    the points also turn about an axis, which moves with them; None then means 0 for the components that turn.
 
     Attributes:
         points: Point indices.
@@ -72,6 +73,9 @@ class Motion(Support):
         x: Displacement along x [m].
         y: Displacement along y [m].
         z: Displacement along z [m].
+        angle: Angle [rad], a number or one per time, counter-clockwise seen against the axis; None for no turn.
+        about: A point of the axis [m], (x, y, z), or (x, y) for z = 0.
+        axis: Direction of the axis, any length.
     """
 
     points: Any
@@ -79,21 +83,42 @@ class Motion(Support):
     x: float | Sequence[float] | None = None
     y: float | Sequence[float] | None = None
     z: float | Sequence[float] | None = None
+    angle: float | Sequence[float] | None = None
+    about: Sequence[float] = (0.0, 0.0, 0.0)
+    axis: Sequence[float] = (0.0, 0.0, 1.0)
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The moved components."""
-        bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
+        bits, turn = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None), self.turn()
+        if turn is not None:
+            bits |= sum(1 << c for c in range(3) if abs(turn.axis[c]) < 1.0)
         if bits == 0:
-            raise InputError("Motion x = y = z = None: expected at least one prescribed component")
+            raise InputError("Motion x = y = z = angle = None: expected at least one prescribed component")
         points = point_indices("Motion.points", self.points, sheet.size)
-        return [Constraint("Motion", points, bits, self.schedule())]
+        return [Constraint("Motion", points, bits, self.schedule(), turn)]
 
     def schedule(self) -> Schedule:
         """The motion as a schedule; free components are zero."""
+        return self._in_time(x=self.x, y=self.y, z=self.z)
+
+    def turn(self) -> Turn | None:
+        """The rotation, or None."""
+        if self.angle is None:
+            return None
+        about = (*self.about, 0.0) if np.shape(self.about) == (2,) else self.about
+        axis = np.array(vector("Motion.axis", self.axis, 3))
+        length = float(np.linalg.norm(axis))
+        if length == 0.0:
+            raise InputError(f"Motion.axis = {said(self.axis)}: expected a direction, such as (0, 0, 1)")
+        angle = self._in_time(angle=self.angle, still=0.0, unused=0.0)
+        return Turn(angle, np.array(vector("Motion.about", about, 3)), axis / length)
+
+    def _in_time(self, **values: float | Sequence[float] | None) -> Schedule:
+        """Schedule of three values by name, each None, a number, or one number per time."""
         times = np.atleast_1d(numbers("Motion.times", self.times))
         knots = times.size
         columns = []
-        for name, value in (("x", self.x), ("y", self.y), ("z", self.z)):
+        for name, value in values.items():
             column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
             if column.shape == (1,):
                 column = np.repeat(column, knots)
@@ -158,19 +183,24 @@ class MovedPoints(BuiltPart):
         self.context = context
         self._moving = [(c, c.motion) for c in constraints if c.motion is not None]
         self._schedules = [context.clock.register(motion) for _, motion in self._moving]
+        angles = [None if constraint.turn is None else constraint.turn.angle for constraint, _ in self._moving]
+        self._turns = [context.clock.register(angle) for angle in angles]
 
     def check_begin(self, horizon: float) -> None:
         """Check that no motion begins more than a horizon [m] from a point: no step can close the gap."""
         there = self.context.initial_displacement
         if self.context.placement is not None:
             there = there - self.context.placement
+        positions = self.context.clamped_positions
         for constraint, motion in self._moving:
             begin = motion.at(0.0)
+            apart = np.abs(constraint.displacement(positions[constraint.points], 0.0) - there[constraint.points])
             for c in (c for c in range(3) if constraint.components & (1 << c)):
-                jump = float(np.abs(begin[c] - there[constraint.points, c]).max(initial=0.0))
+                jump = float(apart[:, c].max(initial=0.0))
                 if jump > horizon:
+                    turned = "" if constraint.turn is None else f" and angle {constraint.turn.angle.at(0.0)[0]:.6g} rad"
                     raise InputError(
-                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from its "
+                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m{turned} at t = 0, {jump:.3g} m from its "
                         f"points; expected at most the horizon, {horizon:.3g} m"
                     )
 
@@ -181,11 +211,15 @@ class MovedPoints(BuiltPart):
         context, state = self.context, self.context.state
         points = np.unique(np.concatenate([constraint.points for constraint, _ in self._moving]))
         schedules = np.full((len(points), 3), -1, np.int32)
-        for (constraint, _), index in zip(self._moving, self._schedules, strict=True):
+        turns, away, across = np.full(len(points), -1, np.int32), *np.zeros((2, len(points), 3))
+        for (constraint, _), index, turn in zip(self._moving, self._schedules, self._turns, strict=True):
             assert index is not None
             moved = [c for c in range(3) if constraint.components & (1 << c)]
             at = np.searchsorted(points, constraint.points)
             schedules[at[:, None], moved] = context.clock.soon(index)
+            if constraint.turn is not None and turn is not None:
+                turns[at] = context.clock.soon(turn)
+                away[at], across[at] = constraint.turn.arms(context.clamped_positions[constraint.points])
         rows = np.full(context.sheet.size, -1, np.int32)
         rows[points] = np.arange(len(points))
         arguments: dict[str, Any] = {
@@ -194,8 +228,14 @@ class MovedPoints(BuiltPart):
             "scheduled": context.clock.scheduled, "step": state.step, "displacement": state.displacement,
             "velocity": state.velocity,
         }  # fmt: skip
-        placed = context.placement is not None
-        arguments["origins"] = None
+        placed, turned, vec3 = context.placement is not None, bool((turns >= 0).any()), context.types.vec3
+        arguments |= dict.fromkeys(("origins", "turns", "away", "across"))
         if placed:
-            arguments["origins"] = context.array("moved_origins", "Motion", context.types.vec3, context.placement)
-        stage.pointwise("Motion", prescribed_motion(context.bits, placed), len(rows), **arguments)
+            arguments["origins"] = context.array("moved_origins", "Motion", vec3, context.placement)
+        if turned:
+            arguments |= {
+                "turns": context.array("moved_turns", "Motion", wp.int32, turns, per="table"),
+                "away": context.array("moved_away", "Motion", vec3, away, per="table"),
+                "across": context.array("moved_across", "Motion", vec3, across, per="table"),
+            }
+        stage.pointwise("Motion", prescribed_motion(context.bits, placed, turned), len(rows), **arguments)

@@ -94,7 +94,8 @@ class Soundness:
         if self.stable_dt is not None:
             # Nothing passes more than a horizon in a stable step.
             wave = self.built.law.families.horizon / self.stable_dt
-            speed = max((c.motion.top_speed(now) for c in self.built.constraints if c.motion is not None), default=0.0)
+            at = self.built.context.clamped_positions
+            speed = max((c.top_speed(at[c.points], now) for c in self.built.constraints), default=0.0)
             if speed > wave:
                 return (
                     f"supports move points at {speed:.4g} m/s, faster than any wave in this sheet (below {wave:.4g} "

@@ -30,6 +30,14 @@ WRONG = [
         r"Motion\.y is 1 m at t = 0, 1 m from its points",
     ),
     (lambda: Fixed([0], "xw").constraints(square(5)), "'xw'"),
+    (lambda: Motion([0], [0.0], angle=1.0, axis=(0, 0, 0)).turn(), r"Motion\.axis = \(0, 0, 0\): expected a direction"),
+    (lambda: Motion([0], [0.0], angle=1.0, about=(0, 0, 0, 0)).turn(), r"Motion\.about"),
+    (lambda: Motion([0], [0.0, 1.0], angle=[0.0, 1.0, 2.0]).turn(), "Motion.angle has 3 values"),
+    (lambda: built_with(Motion([3], [0.0], angle=1.0)), r"Motion\.y is 0 m and angle 1 rad at t = 0"),
+    (
+        lambda: built_with(Motion([3], [0.0], angle=0.0), Fixed([3], "y")),
+        r"Fixed\.points contains point 3 at .* component y",
+    ),
 ]
 
 
