@@ -20,6 +20,8 @@ function,
 which `incompressible_width` (kernels/incompressible.py) gives for any incompressible isotropic material, and
 `width_from_stress` for any isotropic material from its stress. In uniaxial tension of an isotropic sheet, width and
 thickness shrink by the same factor.
+
+With a slack stiffness k the sheet has the energy k G : G / 4 and the stress k G in addition, whatever its state.
 """
 
 import functools
@@ -36,6 +38,8 @@ from .numeric import numeric
 SEARCH = 60
 TOLERANCE = {32: 2e-7, 64: 1e-14}
 TAUT, WRINKLED, SLACK = 0, 1, 2
+# What a number has in a name for its signs.
+NAMED = str.maketrans({".": "p", "-": "m", "+": None})
 
 
 @functools.cache
@@ -145,9 +149,10 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
 @functools.cache
 def tension_field(
     functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None,
-    volume: FunctionFactory | None, width: FunctionFactory,
+    volume: FunctionFactory | None, width: FunctionFactory, slack_stiffness: float,
 ) -> MaterialFunctions:  # fmt: skip
-    """Functions of the relaxed energy from those of the original material, see above."""
+    """Functions of the relaxed energy from those of the original material and a slack stiffness [Pa], see above."""
+    stiff = slack_stiffness > 0.0
 
     def at_taut_strain(bits, function):
         mat22, Constants = numeric(bits).mat22, constants_of(function)
@@ -160,7 +165,19 @@ def tension_field(
         return relaxed
 
     def relaxed_functions(bits):
-        return tuple(at_taut_strain(bits, function) for function in functions(bits))
+        stress, energy = (at_taut_strain(bits, function) for function in functions(bits))
+        types = numeric(bits)
+        real, mat22, Constants = types.real, types.mat22, constants_of(stress)
+
+        @wp.func
+        def stiffened_stress(G: mat22, constants: Constants):
+            return stress(G, constants) + real(slack_stiffness) * G
+
+        @wp.func
+        def stiffened_energy(G: mat22, constants: Constants):
+            return energy(G, constants) + real(wp.static(0.25 * slack_stiffness)) * wp.ddot(G, G)
+
+        return (stiffened_stress, stiffened_energy) if stiff else (stress, energy)
 
     def relaxed_near(bits):
         types = numeric(bits)
@@ -184,6 +201,8 @@ def tension_field(
                     is_taut = S[0, 0] + S[1, 1] >= real(0.0) and wp.determinant(S) >= real(0.0)
             if not is_taut:
                 S, found = stress_near(taut(G, constants), constants, guess)
+            if wp.static(stiff):
+                S += real(slack_stiffness) * G
             return S, found
 
         return relaxed_stress_near
@@ -212,6 +231,10 @@ def tension_field(
                     turn * (G[0, 0] - smaller), turn * G[0, 1], turn * G[1, 0], turn * (G[1, 1] - smaller)
                 )  # fmt: skip
                 T = turned(G, slope, real(0.0), real(0.0), turn)
+            if wp.static(stiff):
+                k = real(slack_stiffness)
+                S += k * G
+                T += vec6(k, real(0.0), real(0.0), k, real(0.0), real(2.0) * k)
             return S, T
 
         return relaxed_stress_and_moduli
@@ -219,7 +242,7 @@ def tension_field(
     def relaxed_volume(bits):
         return at_taut_strain(bits, volume(bits))
 
-    what = f"relaxed_by_{width.__name__}"
+    what = f"relaxed_by_{width.__name__}" + (f"_and_{slack_stiffness:.17g}".translate(NAMED) if stiff else "")
     return MaterialFunctions(
         named(relaxed_functions, functions, what),
         named(relaxed_near, near, what) if near is not None else None,

@@ -70,6 +70,8 @@ class Visco(BondAssociated):
             raise InputError(f"prony = {self.prony!r}: expected () with branches")
         if self.branches and known.goes_slack and (known.resisting is None or known.response is None):
             raise InputError(f"material = {said(self.material)}: expected a TensionField of a material with `response`")
+        if self.branches and known.slack_stiffness > 0.0:
+            raise InputError(f"slack_stiffness = {known.slack_stiffness:.6g}: expected 0 with branches")
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 

@@ -61,6 +61,7 @@ class Capabilities:
         notes: Notes on its constants for the summary of a run, one line each.
         goes_slack: Whether it carries no compression.
         resisting: Of a material of tension field theory, the material that resists compression.
+        slack_stiffness: Stiffness that it keeps where it is slack [Pa].
         materials: All materials of a ByRegion.
         regions: Its pairs of points and their material.
         by_point: Values that replace its last constant, by point: a number, an array of shape (N,), or a function of
@@ -84,6 +85,7 @@ class Capabilities:
     notes: tuple[str, ...] = ()
     goes_slack: bool = False
     resisting: Material | None = None
+    slack_stiffness: float = 0.0
     materials: Sequence[Material] = ()
     regions: Sequence[tuple[Any, Material]] = ()
     by_point: Any = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..device.checks import InputError, one_of
+from ..device.checks import InputError, not_negative, one_of
 from .plane_stress import PlaneStress
 from .protocols import Material, capabilities, check_material
 
@@ -27,16 +27,21 @@ class TensionField(PlaneStress):
     Attributes:
         material: Any isotropic continuum hyperelastic material, including user-defined ones. Its `width`, if available,
             gives the width in uniaxial tension; otherwise it is computed from the stress.
+        slack_stiffness: Stiffness [Pa] that the sheet keeps where it is slack or wrinkled, and has in addition where it
+            is taut. A thousandth of the shear modulus lets static solvers converge where slack regions come and go,
+            as behind cracks.
 
     Raises:
-        InputError: for any other material.
+        InputError: for any other material, or a negative stiffness.
     """
 
     material: Material
+    slack_stiffness: float = 0.0
 
     goes_slack: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        not_negative("TensionField.slack_stiffness", self.slack_stiffness)
         check_material(self.material, "functions")
         known = capabilities(self.material)
         name = type(self.material).__name__
@@ -87,7 +92,10 @@ class TensionField(PlaneStress):
         from ..kernels.tension_field import tension_field
 
         known = capabilities(self.material)
-        return tension_field(self.material.functions, known.near, known.response, known.volume, self.wrinkle_width)
+        return tension_field(
+            self.material.functions, known.near, known.response, known.volume, self.wrinkle_width,
+            float(self.slack_stiffness),
+        )  # fmt: skip
 
 
 def with_wrinkles(material: Material, wrinkles: str) -> Material:

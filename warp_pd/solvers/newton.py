@@ -235,6 +235,6 @@ class BuiltNewton(StaticSystem):
         if self.system.law.goes_slack:
             notes.append(
                 "Newton: wrinkled and slack regions, as behind a crack, come and go between iterations, which converge "
-                "slowly: try Relaxation, or a tolerance of 1e-3"
+                "slowly: a TensionField with a slack_stiffness of a thousandth of the shear modulus does better"
             )
         return notes

@@ -135,6 +135,20 @@ def test_moduli_are_the_change_of_the_stress(material):
 
 
 @pytest.mark.parametrize("bits", [32, 64])
+def test_a_slack_stiffness_is_added_to_stress_energy_and_moduli(bits):
+    """k G, k G : G / 4, and k for each component of G, taut, wrinkled and slack."""
+    material, k = Gent(1e3, 1e5, 20.0), 30.0
+    G = turned(np.array([1.3, 1.3, 0.9, 1e-3]), np.array([1.1, 0.5, 0.5, 1e-3]), np.array([0.2, 0.7, 1.3, 0.0]))
+    relaxed, kept = TensionField(material), TensionField(material, slack_stiffness=k)
+    tolerance = {"rtol": 1e-6 if bits == 32 else 1e-12, "atol": (1e-6 if bits == 32 else 1e-13) * 1e3}
+    (stress, energy), (kept_stress, kept_energy) = (evaluate(m, G, bits)[:2] for m in (relaxed, kept))
+    np.testing.assert_allclose(kept_stress - stress, k * G, **tolerance)
+    np.testing.assert_allclose(kept_energy - energy, 0.25 * k * (G**2).sum(axis=(1, 2)), **tolerance)
+    moduli = respond(kept, G, bits)[1] - respond(relaxed, G, bits)[1]
+    np.testing.assert_allclose(moduli, np.tile([k, 0.0, 0.0, k, 0.0, 2.0 * k], (4, 1)), **tolerance)
+
+
+@pytest.mark.parametrize("bits", [32, 64])
 def test_the_search_finds_the_width_of_the_closed_form(bits):
     """A material with and without its own width has the same relaxed stress."""
     G = turned(np.linspace(1.001, 5.0, 30), 0.3, np.linspace(0.0, 3.0, 30))
@@ -171,6 +185,11 @@ def test_energy_in_tension_is_that_of_the_width_which_tension_makes():
 def test_wrong_materials_are_refused(material, said):
     with refused(match=said):
         TensionField(material)
+
+
+def test_a_negative_slack_stiffness_is_refused():
+    with refused(match=r"^TensionField.slack_stiffness = -1.0: expected"):
+        TensionField(NeoHookean(1.0, 1.0), slack_stiffness=-1.0)
 
 
 def test_an_anisotropic_material_is_refused():
