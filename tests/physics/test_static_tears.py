@@ -10,6 +10,7 @@ from warp_pd import ArcLength, CriticalStretch, Fixed, Measure, Motion, Newton, 
 from warp_pd.measures import support_force
 from warp_pd.parts.tearing_energy import SETTLED
 from warp_pd.solvers import static_rounds
+from warp_pd.solvers.tear_steps import TearSteps
 
 SHEET = square(17).cut((-0.01, 0.053), (0.035, 0.053))
 GRIPS = SHEET.edges("bottom", "top")
@@ -177,3 +178,17 @@ def test_a_path_follows_a_tear_that_snaps_back():
     assert [before["strain"], before["fracture"]] == pytest.approx([strain[6], fracture[6]], rel=2e-2)
     assert newton.history[7]["strain"] < 0.1 * before["strain"]
     assert newton.history[7]["fracture"] > 10.0 * before["fracture"]
+
+
+def test_a_path_ends_where_neither_load_nor_tear_goes_on(monkeypatch):
+    """As before the last ligament, where no smaller step is found: here none is looked for."""
+    sheet = Sheet.rectangle(0.1, 0.2, thickness=1e-3, density=1000.0, points=11).cut((-0.01, 0.1001), (0.03, 0.1001))
+    monkeypatch.setattr(TearSteps, "alternate", lambda self, there, motion, here, *rest: here)
+    loads = [
+        Fixed(sheet.edges("bottom")), Fixed(np.arange(sheet.size), "z"),
+        Motion(sheet.edges("top"), [0.0, 1.0], x=0.0, y=[0.0, 0.06]),
+    ]  # fmt: skip
+    damage = TearingEnergy(12.0, spared=sheet.edges("bottom", "top"))
+    result = run(sheet, ArcLength(increment=0.1), loads=loads, damage=damage, weights="corrected")
+    assert result.status == "ended early" and len(result.history) < 12
+    assert any("neither the load nor the tear goes on" in note for note in result.summary["notes"])

@@ -59,6 +59,8 @@ class TearSteps(Corrector):
         grown = (self.rounds.energy() - stored) / (self.state.release * self.tear_energy)
         if self.state.heading * sign < 0.0 and factor == most and GROWS < grown and self.state.release > LEAST_RELEASE:
             return self.fail("what is left tears at once")
+        if grown <= GROWS and abs(factor - begin) <= STILL * begin:
+            return self.fail("neither the load nor the tear goes on")
         entry |= {"share": sign * factor, "converged": True}
         return self._accept_tear(origin, sign * factor, grown)
 
