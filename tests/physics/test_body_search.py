@@ -7,6 +7,7 @@ from small_runs import simulate
 
 from warp_pd import BodyPath, Box, Explicit, Free, Pressure, RigidBody, Sphere, TriangleMesh
 from warp_pd.device.launches import Stage
+from warp_pd.kernels.body_motion import MOVES, SEARCH, STEP
 from warp_pd.parts import bodies, body_shapes
 
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
@@ -76,13 +77,13 @@ def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, dev
         request.getfixturevalue("joined_stages")
     noted = on_paths().run(device=device, precision=32)
     near = noted.built.context.fields["blocks_near"].numpy()
-    assert noted.built.context.fields["ball_moves"].numpy()[0] == 0
+    assert noted.built.context.fields["ball_counts"].numpy()[MOVES] == 0
     assert near.min() == 0
     assert near.max() > 20
     # As if something else moved points in between.
     monkeypatch.setattr(Stage, "moves_later", lambda *_: True)
     everywhere = on_paths().run(device=device, precision=32)
-    assert everywhere.built.context.fields["ball_moves"].numpy()[0] == 1
+    assert everywhere.built.context.fields["ball_counts"].numpy()[MOVES] == 1
     require_same_bits(noted, everywhere)
 
 
@@ -108,16 +109,16 @@ def test_points_that_are_far_are_told_by_their_velocity(of, margin, monkeypatch)
         monkeypatch.setattr(bodies, "MARGIN", used)
         results.append(of().run(device="cpu", precision=32))
     require_same_bits(*results)
-    searches = [result.built.context.fields["ball_search"].numpy()[0] for result in results]
-    steps = results[0].built.context.fields["ball_steps"].numpy()[0]
+    searches = [result.built.context.fields["ball_counts"].numpy()[SEARCH] for result in results]
+    steps = results[0].built.context.fields["ball_counts"].numpy()[STEP]
     assert results[0].history[-1]["ball_force_z"] != 0.0
     assert (searches[0] == steps) == (margin < 1e-3)
 
 
 def test_what_moves_points_after_a_body_on_a_path_is_noticed():
     """A free body does."""
-    assert on_paths().build("cpu").context.fields["body_moves"].numpy()[0] == 0
-    assert scene().build("cpu").context.fields["body_moves"].numpy()[0] == 1
+    assert on_paths().build("cpu").context.fields["body_counts"].numpy()[MOVES] == 0
+    assert scene().build("cpu").context.fields["body_counts"].numpy()[MOVES] == 1
 
 
 def test_a_body_counts_the_time_where_nothing_else_needs_the_clock():
