@@ -235,6 +235,6 @@ class BuiltNewton(StaticSystem):
         if self.system.law.goes_slack:
             notes.append(
                 "Newton: wrinkled and slack regions, as behind a crack, come and go between iterations, which converge "
-                "slowly: a TensionField with a slack_stiffness of a thousandth of the shear modulus does better"
+                "slowly: try a slack_stiffness of the TensionField, of a thousandth of the shear modulus, or Relaxation"
             )
         return notes
