@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .device.checks import InputError, point_indices
+from .device.checks import InputError, point_indices, positive, vector
 from .families import unpack
 from .geometry.sheet import Sheet
 from .geometry.topology import components, directed_edges, joined_points, shared_sides, undirected
 from .geometry.triangulation import triangle_areas
 from .interfaces import History
+from .materials import Material, capabilities
+from .materials.energy import energy_density
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -27,6 +29,10 @@ SHRED = 16.0
 # Torn patches below this area, in squared spacings, are single broken bonds, not cracks: a slack sheet that
 # crumples has many.
 PATCH = 4.0
+# Share of the radius of a ring around a crack tip that moves with the tip as a whole, and this motion in spacings.
+RIGID_SHARE, NUDGE = 0.5, 1e-4
+# Radius of such a ring below which it is refused [spacings].
+LEAST_RADIUS = 4.0
 
 
 class TearLine:
@@ -192,6 +198,85 @@ def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0
     """
     arms = built.context.sheet.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
     return np.asarray(-np.cross(arms, built.to_numpy(built.state.force)[points]).sum(axis=0))
+
+
+def energy_release_rate(built: Built, tip: Sequence[float], direction: Sequence[float], radius: float) -> float:
+    """Energy that a crack of an elastic sheet in equilibrium would release per area [J/m^2] if it grew.
+
+    The crack runs where this exceeds the tearing energy. It is the J-integral of Rice (J. Appl. Mech. 35, 1968) over a
+    ring around the tip, as the change of energy where the tip moves through the material and takes the displacements
+    with it (Li, Shih and Needleman, Eng. Fract. Mech. 21, 1985). Triangles that the crack cuts are left out.
+
+    Args:
+        built: The built simulation, with one hyperelastic material.
+        tip: The tip of the crack [m], (x, y) on the undeformed sheet.
+        direction: Direction in which it would grow, any length.
+        radius: Outer radius of the ring [m]: it must not reach an edge of the sheet, and there must be no body in it.
+            It should be ten spacings or more, and half of it wider than the band of a damage field.
+
+    Raises:
+        InputError: for a curved sheet, another material, or a ring that is too small or reaches an edge.
+    """
+    material, sheet, device = _elastic_material(built), built.context.sheet, built.context.device
+    corners, follows, thickness = _ring(built, np.array(vector("tip", tip, 2)), positive("radius", radius))
+    along = np.array(vector("direction", direction, 2))
+    along /= np.linalg.norm(along)
+    flat = _sides(sheet.points, corners)
+    deformed = _sides(sheet.positions + built.to_numpy(built.state.displacement), corners)
+    # The displacements that the tip takes with it turn with the sheet around it.
+    mean = np.average(deformed @ np.linalg.inv(flat), axis=0, weights=np.linalg.det(flat))
+    turn, _, back = np.linalg.svd(mean, full_matrices=False)
+    shift = _sides(follows[:, None] * along, corners)
+    carried = _sides(follows[:, None] * (turn @ back @ along), corners)
+
+    def energy(moved: float) -> float:
+        reference = flat + moved * shift
+        gradient = (deformed + moved * carried) @ np.linalg.inv(reference)
+        squares = np.linalg.eigvalsh(gradient.swapaxes(1, 2) @ gradient)
+        stretches = np.sqrt(np.maximum(squares, 0.0))
+        density = energy_density(material, stretches[:, 1], stretches[:, 0], device)
+        return float((0.5 * np.linalg.det(reference) * thickness) @ density)
+
+    moved = NUDGE * sheet.spacing
+    return (energy(-moved) - energy(moved)) / (2.0 * moved)
+
+
+def _sides(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Vectors from the first corner of triangles to the others, as columns, shape (F, dimensions, 2)."""
+    return np.stack([points[corners[:, k]] - points[corners[:, 0]] for k in (1, 2)], axis=-1)
+
+
+def _ring(built: Built, tip: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles of a ring around a tip, how far each point follows the tip, and stiffness left times thickness.
+
+    The last one is over the thickness at the tip.
+    """
+    sheet, softening = built.context.sheet, built.law.damage
+    away = np.linalg.norm(built.context.clamped_positions[:, :2] - tip, axis=1)
+    if away[built.context.given.edges("all")].min() < radius:
+        raise InputError(f"radius = {radius:.6g}: expected a ring that does not reach an edge of the sheet")
+    follows = np.clip((1.0 - away / radius) / (1.0 - RIGID_SHARE), 0.0, 1.0)
+    corners = sheet.triangles if built.rupture is None else sheet.triangles[built.rupture.intact_faces.numpy() != 0]
+    corners = corners[np.ptp(follows[corners], axis=1) > 0.0]
+    if radius < LEAST_RADIUS * sheet.spacing or not len(corners):
+        raise InputError(f"radius = {radius:.6g}: expected ten spacings of {sheet.spacing:.6g} m, or more")
+    thickness = np.broadcast_to(sheet.thickness, sheet.size)
+    left = 1.0 if softening is None else (1.0 - built.to_numpy(softening)[corners].mean(axis=1)) ** 2
+    return corners, follows, left * thickness[corners].mean(axis=1) / thickness[away.argmin()]
+
+
+def _elastic_material(built: Built) -> Material:
+    """The material of a flat, elastic sheet of one material."""
+    sheet, law = built.context.sheet, built.simulation.force
+    known, title = capabilities(law.material), f"energy_release_rate: force = {type(law).__name__}"
+    if sheet.frames is not None:
+        raise InputError("energy_release_rate: expected a flat sheet, got a curved one")
+    varies = known.regions or known.by_point is not None or sheet.stiffness is not None
+    if varies or not hasattr(law.material, "functions"):
+        raise InputError(f"{title}: expected one hyperelastic material")
+    if built.law.lost_energy():
+        raise InputError(f"{title}: expected a law without viscosity")
+    return cast("Material", law.material)
 
 
 def virial_stress(built: Built, point: int) -> np.ndarray:
