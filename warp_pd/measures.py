@@ -196,7 +196,7 @@ def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0
         points: The points of the support.
         about: The point [m], (x, y, z).
     """
-    arms = built.context.sheet.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
+    arms = built.context.whole.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
     return np.asarray(-np.cross(arms, built.to_numpy(built.state.force)[points]).sum(axis=0))
 
 
@@ -271,6 +271,8 @@ def _elastic_material(built: Built) -> Material:
     known, title = capabilities(law.material), f"energy_release_rate: force = {type(law).__name__}"
     if sheet.frames is not None:
         raise InputError("energy_release_rate: expected a flat sheet, got a curved one")
+    if built.context.partition is not None:
+        raise InputError("energy_release_rate: expected a run in one process")
     varies = known.regions or known.by_point is not None or sheet.stiffness is not None
     if varies or not hasattr(law.material, "functions"):
         raise InputError(f"{title}: expected one hyperelastic material")
