@@ -261,6 +261,8 @@ def body_search(
     @wp.func
     def look(i: int, step: int, a: BodyContact):
         """Whether to look how near a point is in this step."""
+        if a.margin == wp.float64(0.0):
+            return True
         # All loads come first, as those behind a condition would wait for one another.
         last = a.counts[SEARCH]
         around = a.around[i / size]
@@ -268,15 +270,14 @@ def body_search(
         v = wp.vec3(a.velocity[i])
         dt = wp.float32(a.step[0])
         slow = SLOW * a.margin
-        looks = around >= last or moves != 0 or dt * dt * wp.dot(v, v) > wp.float32(slow * slow)
-        if a.margin == wp.float64(0.0):
-            looks = True
-        elif last == step:
+        looks = around >= last or moves != 0
+        if last == step:
             if in_margin(i, a):
                 a.around[i / size] = step
             looks = True
-        elif looks and around < last and moves == 0:
+        elif not looks and dt * dt * wp.dot(v, v) > wp.float32(slow * slow):
             a.around[i / size] = step
+            looks = True
         return looks
 
     written = ("marks", "any_near", "around", *REMEMBERED)

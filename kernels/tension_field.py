@@ -38,8 +38,6 @@ from .numeric import numeric
 SEARCH = 60
 TOLERANCE = {32: 2e-7, 64: 1e-14}
 TAUT, WRINKLED, SLACK = 0, 1, 2
-# What a number has in a name for its signs.
-NAMED = str.maketrans({".": "p", "-": "m", "+": None})
 
 
 @functools.cache
@@ -166,6 +164,8 @@ def tension_field(
 
     def relaxed_functions(bits):
         stress, energy = (at_taut_strain(bits, function) for function in functions(bits))
+        if not stiff:
+            return stress, energy
         types = numeric(bits)
         real, mat22, Constants = types.real, types.mat22, constants_of(stress)
 
@@ -177,7 +177,7 @@ def tension_field(
         def stiffened_energy(G: mat22, constants: Constants):
             return energy(G, constants) + real(wp.static(0.25 * slack_stiffness)) * wp.ddot(G, G)
 
-        return (stiffened_stress, stiffened_energy) if stiff else (stress, energy)
+        return stiffened_stress, stiffened_energy
 
     def relaxed_near(bits):
         types = numeric(bits)
@@ -242,7 +242,7 @@ def tension_field(
     def relaxed_volume(bits):
         return at_taut_strain(bits, volume(bits))
 
-    what = f"relaxed_by_{width.__name__}" + (f"_and_{slack_stiffness:.17g}".translate(NAMED) if stiff else "")
+    what = f"relaxed_by_{width.__name__}_and_{slack_stiffness!r}"
     return MaterialFunctions(
         named(relaxed_functions, functions, what),
         named(relaxed_near, near, what) if near is not None else None,

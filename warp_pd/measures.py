@@ -259,7 +259,7 @@ def _ring(built: Built, tip: np.ndarray, radius: float) -> tuple[np.ndarray, np.
     corners = sheet.triangles if built.rupture is None else sheet.triangles[built.rupture.intact_faces.numpy() != 0]
     corners = corners[np.ptp(follows[corners], axis=1) > 0.0]
     if radius < LEAST_RADIUS * sheet.spacing or not len(corners):
-        raise InputError(f"radius = {radius:.6g}: expected ten spacings of {sheet.spacing:.6g} m, or more")
+        raise InputError(f"radius = {radius:.6g}: expected ten spacings of {sheet.spacing:.6g} m, four at least")
     thickness = np.broadcast_to(sheet.thickness, sheet.size)
     left = 1.0 if softening is None else (1.0 - built.to_numpy(softening)[corners].mean(axis=1)) ** 2
     return corners, follows, left * thickness[corners].mean(axis=1) / thickness[away.argmin()]

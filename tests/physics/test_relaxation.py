@@ -52,7 +52,9 @@ def test_newton_names_what_helps_where_slack_regions_do_not_converge():
     loads = [Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 0.01], y=0.0, z=0.0)]
     parts = {"loads": loads, "material": TensionField(MooneyRivlin(2e5))}
     failed = run(sheet, Newton(most_cuts=0), **parts)
-    assert failed.status == "not converged" and any("slack_stiffness" in note for note in failed.summary["notes"])
+    assert failed.status == "not converged"
+    for helps in ("slack_stiffness", "Relaxation"):
+        assert any(helps in note for note in failed.summary["notes"])
     relaxed = run(sheet, Relaxation(), **parts)
     stiffer = run(sheet, Newton(), **{**parts, "material": TensionField(MooneyRivlin(2e5), slack_stiffness=400.0)})
     assert [result.status for result in (relaxed, stiffer)] == ["finished"] * 2

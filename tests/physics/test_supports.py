@@ -132,10 +132,10 @@ def torque_of_annulus(angle, mu, wrinkles, cells=200):
         C = np.array([across**2 + (here * turn) ** 2, here**2 * turn / middle, (here / middle) ** 2])
         return across, turn, here, C
 
-    def energy(x, end=angle):
+    def energy(x):
         r, q = (
             np.concatenate([[INNER], INNER * x[: cells - 1], [OUTER]]),
-            np.concatenate([[end], x[cells - 1 :], [0.0]]),
+            np.concatenate([[angle], x[cells - 1 :], [0.0]]),
         )
         across, turn, here, C = strains(r, q)
         h = 1e-6

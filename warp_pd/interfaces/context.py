@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -158,10 +159,10 @@ class Context:
         """The whole stress-free sheet, on any number of processes."""
         return self.sheet if self.undivided is None else self.undivided
 
-    @property
+    @functools.cached_property
     def clamped_positions(self) -> np.ndarray:
         """Positions of the points [m], shape (N, 3), from which displacements of supports and frames count."""
-        return self.sheet.positions if self.placement is None else self.sheet.positions + self.placement
+        return self.here(self.given.positions)
 
     @property
     def bits(self) -> int:

@@ -127,11 +127,11 @@ class System:
 
     def prescribed(self, time: float) -> np.ndarray:
         """Displacement of prescribed components at a time [m], shape (N, 3); free components have the initial one."""
-        target, positions = self.context.initial_displacement.copy(), self.context.clamped_positions
+        target = self.context.initial_displacement.copy()
         for constraint in self.constraints:
             if constraint.motion is not None:
                 points = constraint.points
-                moved = constraint.displacement(positions[points], time)
+                moved = constraint.displacement(self.context.clamped_positions[points], time)
                 if self.context.placement is not None:
                     moved += self.context.placement[points]
                 for c in range(3):

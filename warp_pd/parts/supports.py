@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -89,7 +89,8 @@ class Motion(Support):
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The moved components."""
-        bits, turn = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None), self.turn()
+        bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
+        turn = self.turn()
         if turn is not None:
             bits |= sum(1 << c for c in range(3) if abs(turn.axis[c]) < 1.0)
         if bits == 0:
@@ -99,7 +100,7 @@ class Motion(Support):
 
     def schedule(self) -> Schedule:
         """The motion as a schedule; free components are zero."""
-        return self._in_time(x=self.x, y=self.y, z=self.z)
+        return self._in_time({"x": self.x, "y": self.y, "z": self.z})
 
     def turn(self) -> Turn | None:
         """The rotation, or None."""
@@ -110,11 +111,10 @@ class Motion(Support):
         length = float(np.linalg.norm(axis))
         if length == 0.0:
             raise InputError(f"Motion.axis = {said(self.axis)}: expected a direction, such as (0, 0, 1)")
-        angle = self._in_time(angle=self.angle, still=0.0, unused=0.0)
-        return Turn(angle, np.array(vector("Motion.about", about, 3)), axis / length)
+        return Turn(self._in_time({"angle": self.angle}), np.array(vector("Motion.about", about, 3)), axis / length)
 
-    def _in_time(self, **values: float | Sequence[float] | None) -> Schedule:
-        """Schedule of three values by name, each None, a number, or one number per time."""
+    def _in_time(self, values: Mapping[str, float | Sequence[float] | None]) -> Schedule:
+        """Schedule of up to three values by name, each None, a number, or one number per time; others are zero."""
         times = np.atleast_1d(numbers("Motion.times", self.times))
         knots = times.size
         columns = []
@@ -125,6 +125,7 @@ class Motion(Support):
             if column.shape != (knots,):
                 raise InputError(f"Motion.{name} has {len(column)} values: expected 1 or {knots}, one per time")
             columns.append(column)
+        columns += [np.zeros(knots)] * (3 - len(columns))
         return schedule("Motion", times, np.column_stack(columns))
 
 
@@ -191,10 +192,10 @@ class MovedPoints(BuiltPart):
         there = self.context.initial_displacement
         if self.context.placement is not None:
             there = there - self.context.placement
-        positions = self.context.clamped_positions
         for constraint, motion in self._moving:
-            begin = motion.at(0.0)
-            apart = np.abs(constraint.displacement(positions[constraint.points], 0.0) - there[constraint.points])
+            begin, points = motion.at(0.0), constraint.points
+            moved = constraint.displacement(self.context.clamped_positions[points], 0.0)
+            apart = np.abs(moved - there[points])
             for c in (c for c in range(3) if constraint.components & (1 << c)):
                 jump = float(apart[:, c].max(initial=0.0))
                 if jump > horizon:
