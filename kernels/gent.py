@@ -3,6 +3,9 @@
 Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
 Beyond the locking stretch, I1b - 3 >= Jm at constant volume, the sheet can only swell. If no stress is found, the
 functions return NaN, and the run reports that the locking stretch was reached; the width is then the last iterate.
+
+`continued_gent` has a fourth constant x_s < Jm: from I1b - 3 = x_s on the logarithm goes on as its tangent
+(kernels/continuation.py), so there is no lock.
 """
 
 import functools
@@ -16,14 +19,22 @@ from .numeric import numeric
 
 
 @functools.cache
-def gent_equations(bits: int) -> Equations:
-    """The equations of the material."""
+def locking_equations(bits: int, continued: bool) -> Equations:
+    """The equations of the material, `continued` beyond x_s or not."""
     types = numeric(bits)
     real, parameters = types.real, types.parameters
     _, excess_invariant, _ = invariants(bits)
     volume_of, quotient = volume(bits), division(bits)
     tolerance = TOLERANCE[bits]
     steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
+
+    @wp.func
+    def least_room(constants: parameters):
+        """Jm - I1b + 3 is no less than this where the energy goes on as its tangent."""
+        room = real(0.0)
+        if wp.static(continued):
+            room = constants[2] - constants[3]
+        return room
 
     @wp.func
     def root_change(trace: real, area: real, slope: real, constants: parameters, guess: real):
@@ -42,10 +53,17 @@ def gent_equations(bits: int) -> Equations:
             rise = real(3.0) * root * root
             thinning = slope * (z - area)
             # Kept off the lock here so that an iterate beyond it can come back.
-            room = wp.max(lock * root - trace - thinning + real(3.0) * d, real(1.0e-3) * lock)
+            room = lock * root - trace - thinning + real(3.0) * d
+            growth = lock - slope * rise + real(3.0)
+            if wp.static(continued):
+                if room < least_room(constants) * root:
+                    growth = least_room(constants)
+                    room = growth * root
+            else:
+                room = wp.max(room, real(1.0e-3) * lock)
             residual = third * (real(2.0) * thinning - trace) + half * z * room
             floor = real(2.0) * third * slope * rise + half * rise * room
-            tangent = floor + half * z * (lock - slope * rise + real(3.0))
+            tangent = floor + half * z * growth
             new = wp.max(d - quotient(residual, wp.max(tangent, real(0.25) * floor)), real(shrink) * root - real(1.0))
             change = wp.abs(new - d)
             d = new
@@ -61,13 +79,18 @@ def gent_equations(bits: int) -> Equations:
     @wp.func
     def shear_of(trace: real, thinning: real, d: real, constants: parameters):
         room = constants[2] * (real(1.0) + d) - trace - thinning + real(3.0) * d
+        if wp.static(continued):
+            room = wp.max(room, least_room(constants) * (real(1.0) + d))
         if room <= real(0.0):
             room = real(wp.nan)
         return quotient(constants[0] * constants[2], room)
 
     @wp.func
     def stored(excess: real, z: real, constants: parameters):
-        ratio = excess / constants[2]
+        over = real(0.0)
+        if wp.static(continued):
+            over = wp.max(excess - constants[3], real(0.0))
+        ratio = (excess - over) / constants[2]
         logarithm = real(0.0)
         if ratio >= real(1.0):
             logarithm = real(wp.nan)
@@ -86,7 +109,10 @@ def gent_equations(bits: int) -> Equations:
             )
         else:
             volume = real(0.5) * (z - wp.log(real(1.0) + z))
-        return -real(0.5) * constants[0] * constants[2] * logarithm + real(0.5) * constants[1] * volume
+        stored = -real(0.5) * constants[0] * constants[2] * logarithm + real(0.5) * constants[1] * volume
+        if wp.static(continued):
+            stored += real(0.5) * constants[0] * constants[2] / least_room(constants) * over
+        return stored
 
     @wp.func
     def balance(d: real, z: real, g1: real, s: real, constants: parameters):
@@ -100,15 +126,22 @@ def gent_equations(bits: int) -> Equations:
         J = wp.sqrt(real(1.0) + z)
         thinning = inverse * (z / (real(1.0) + J) - g1 / (real(1.0) + s))
         thinning_rise = real(1.5) * inverse * J / root
-        room = wp.max(lock * root - g1 - real(2.0) * thinning + real(3.0) * d, real(1.0e-3) * lock)
+        room = lock * root - g1 - real(2.0) * thinning + real(3.0) * d
+        growth = lock - real(2.0) * thinning_rise + real(3.0)
+        if wp.static(continued):
+            if room < least_room(constants) * root:
+                growth = least_room(constants)
+                room = growth * root
+        else:
+            room = wp.max(room, real(1.0e-3) * lock)
         residual = third * (thinning - g1) + half * z * room
         floor = third * thinning_rise + half * rise * room
-        tangent = floor + half * z * (lock - real(2.0) * thinning_rise + real(3.0))
+        tangent = floor + half * z * growth
         return residual, wp.max(tangent, real(0.25) * floor), lock, room
 
     @wp.func
     def membrane_shear(trace: real, thinning: real, z: real, constants: parameters):
-        room = constants[2] - excess_invariant(trace + thinning, z)
+        room = wp.max(constants[2] - excess_invariant(trace + thinning, z), least_room(constants))
         if room <= real(0.0):
             room = real(wp.nan)
         return constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
@@ -117,12 +150,12 @@ def gent_equations(bits: int) -> Equations:
 
 
 @functools.cache
-def gent_response(bits: int) -> wp.Function:
+def locking_response(bits: int, continued: bool) -> wp.Function:
     """Stress and moduli of the Gent material: U1 = -(mu Jm/2) ln(1 - (I1b - 3)/Jm), U2 = (K/4) (q - ln q)."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
     area_change, excess_invariant, plane_stress = invariants(bits)
-    volume_change = gent.volume(bits)
+    volume_change = (continued_gent if continued else gent).volume(bits)
     condensed = condensation(bits)
 
     @wp.func
@@ -131,14 +164,44 @@ def gent_response(bits: int) -> wp.Function:
         area = area_change(G)
         thinning = (z - area) / (real(1.0) + area)
         room = constants[2] - excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
+        grows = real(1.0)
+        if wp.static(continued):
+            if room < constants[2] - constants[3]:
+                room = constants[2] - constants[3]
+                grows = real(0.0)
         if room <= real(0.0):
             room = real(wp.nan)
         first = real(0.5) * constants[0] * constants[2] / room
         S = plane_stress(G, real(1.0) / (real(1.0) + area), thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
         quarter = real(0.25) * constants[1]
-        return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
+        return S, condensed(G, z, first, grows * first / room, quarter * z, quarter * (real(1.0) + z))
 
     return response
 
 
+@functools.cache
+def gent_equations(bits: int) -> Equations:
+    """The equations of the material."""
+    return locking_equations(bits, False)
+
+
+@functools.cache
+def gent_response(bits: int) -> wp.Function:
+    """Stress and moduli of the material."""
+    return locking_response(bits, False)
+
+
+@functools.cache
+def continued_gent_equations(bits: int) -> Equations:
+    """The equations of the material continued beyond x_s."""
+    return locking_equations(bits, True)
+
+
+@functools.cache
+def continued_gent_response(bits: int) -> wp.Function:
+    """Stress and moduli of the material continued beyond x_s."""
+    return locking_response(bits, True)
+
+
 gent = compressible(gent_equations, gent_response)
+continued_gent = compressible(continued_gent_equations, continued_gent_response)

@@ -1,6 +1,6 @@
 """Exactly incompressible materials in plane stress: C33 = 1 / det C, so nothing is iterated.
 
-A material is one Warp function of the invariants and of at most four constants,
+A material is one Warp function of the invariants and of its constants,
 
     energy(x, y, constants) -> vec6     Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22  [Pa]
 
@@ -144,9 +144,10 @@ def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
 
     def parts_of(bits):
         types = numeric(bits)
-        real, mat22, parameters = types.real, types.mat22, types.parameters
+        real, mat22 = types.real, types.mat22
         _, _, plane_stress = invariants(bits)
         invariant_energy = energy_of(bits)
+        parameters = list(invariant_energy.input_types.values())[2]
         eigenvalues, turned = principal_strains(bits), principal_tangent(bits)
 
         @wp.func

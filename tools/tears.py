@@ -6,10 +6,12 @@
     python tools/tears.py scenes --only puncture --device cuda:0
     python tools/tears.py scenes --only ball_penetration --coarsest 1                       a minute or two on a CPU
     python tools/tears.py flaws --device cuda:0
+    python tools/tears.py perforated --device cuda:0 --jobs 6
 
 `strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
 by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
-spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. A file keeps the rows of earlier
+spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. `perforated` are lines of slits across a
+sheet (tools/perforated.py), whose bridges take Gc times what is not cut. A file keeps the rows of earlier
 calls; a row of the same settings is replaced.
 """
 
@@ -17,6 +19,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -99,15 +102,18 @@ FLAWS = (
     (121, 0.0, 3.4, 0.3), (121, 3.0, 3.4, 0.3), (121, 10.0, 3.4, 0.3), (121, 40.0, 3.4, 0.3),
 )  # fmt: skip
 GC, WEAKENED = 4.0, "strength"
+PERFORATED = "tools/perforated.py"
 
 
 def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Runs of the strips: the scene and its settings."""
-    for rows, m, energy, grid in itertools.product(options.rows, options.horizons, options.energies, options.grids):
-        yield (
-            "pure_shear_tear",
-            {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **further(options)},
-        )
+    """Runs of the strips: the scene and its settings. The largest come first, since they take longest."""
+    chosen = [*itertools.product(options.rows, options.horizons, options.energies, options.grids, options.materials)]
+    if options.sample is not None:
+        chosen = random.Random(options.seed).sample(chosen, min(options.sample, len(chosen)))
+    for rows, m, energy, grid, material in sorted(chosen, key=lambda settings: -settings[0] * settings[1]):
+        named = {} if material == "neo_hookean" else {"material": material}
+        settings = {"points": rows, "horizon": m, "tearing_energy": energy, **named, **GRIDS[grid]}
+        yield "pure_shear_tear", {**settings, **further(options)}
 
 
 def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -128,6 +134,12 @@ def flaws(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
         yield "flaw_sensitivity", {**settings, **further(options)}
 
 
+def perforated(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Perforated lines: slits and bridges of 2, 4 and 8 mm at spacings of 0.25, 0.5 and 1 mm."""
+    for points, size in itertools.product((257, 129, 65), (2e-3, 4e-3, 8e-3)):
+        yield PERFORATED, {"points": points, "size": size, **further(options)}
+
+
 def further(options: Any) -> dict[str, str]:
     """Arguments of all runs that the command line gives."""
     return dict(item.split("=", 1) for item in options.set)
@@ -144,7 +156,8 @@ def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
         )
         for n in (ADVANCES if scene == "pure_shear_tear" else ())
     }
-    return {"scene": scene, "settings": settings, "status": result.status, **measures, **onset}
+    notes = [note for note in result.summary["notes"] if "overlap" in note]
+    return {"scene": scene, "settings": settings, "status": result.status, "notes": notes, **measures, **onset}
 
 
 def found(rows: Sequence[Row], scene: str, settings: dict[str, Any]) -> Row:
@@ -153,20 +166,28 @@ def found(rows: Sequence[Row], scene: str, settings: dict[str, Any]) -> Row:
 
 
 def strips_table(rows: Sequence[Row]) -> list[str]:
-    """Lowest, mean and largest G / Gc at onset over grids and tearing energies."""
+    """Lowest, mean and largest G / Gc at onset and released, over grids and tearing energies."""
+
+    def kind(row: Row) -> tuple[str, float, int]:
+        settings = row["settings"]
+        return settings.get("material", "neo_hookean"), settings["horizon"], settings["points"]
+
     lines = []
     rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
-    for horizon, points in sorted({(row["settings"]["horizon"], row["settings"]["points"]) for row in rows}):
-        some = [row for row in rows if (row["settings"]["horizon"], row["settings"]["points"]) == (horizon, points)]
+    for material, horizon, points in sorted({kind(row) for row in rows}):
+        some = [row for row in rows if kind(row) == (material, horizon, points)]
         cells = []
-        for advance in (3, 10):
-            values = [row[f"onset_{advance}"] for row in some if row[f"onset_{advance}"] is not None]
+        for number in ("onset_3", "onset_10", "released_ratio"):
+            values = [row[number] for row in some if row[number] is not None]
             known = (min(values), sum(values) / len(values), max(values)) if values else ()
-            cells.append(", ".join(f"{value:.2f}" for value in known))
+            cells.append(", ".join(f"{value:.3f}" for value in known))
         worst = max((row["worst_energy_balance"] or 0.0 for row in some), default=0.0)
         ended = sum(row["status"] == "finished" for row in some)
-        lines.append([f"{horizon:g}", f"{points}", f"{len(some)}", f"{ended}", *cells, f"{100.0 * worst:.2f} %"])
-    head = ["horizon", "rows", "strips", "finished", "G / Gc after 3 spacings", "after 10", "worst energy balance"]
+        lines.append(
+            [material, f"{horizon:g}", f"{points}", f"{len(some)}", f"{ended}", *cells, f"{100.0 * worst:.2f} %"]
+        )
+    head = ["material", "horizon", "rows", "strips", "finished", "G / Gc after 3 spacings", "after 10", "released"]
+    head.append("worst energy balance")
     return table(head, lines)
 
 
@@ -200,6 +221,18 @@ def flaws_table(rows: Sequence[Row]) -> list[str]:
     return table([*head, "G / Gc"], lines)
 
 
+def perforated_table(rows: Sequence[Row]) -> list[str]:
+    """One line each: torn energy over Gc times what is not cut, the largest pull, and whether a note tells of it."""
+    lines = []
+    for row in (row for row in rows if row["scene"] == PERFORATED):
+        settings = row["settings"]
+        numbers = map(shown, (row["torn_ratio"], row["peak"], row["worst_energy_balance"]))
+        spacing = 64.0 / (settings["points"] - 1)
+        lines.append([f"{1e3 * settings['size']:g}", f"{spacing:g}", *numbers, "yes" if row["notes"] else "no"])
+    head = ["slits and bridges (mm)", "spacing (mm)", "torn energy / (Gc uncut area)", "largest pull (N)"]
+    return table([*head, "energy balance", "note"], sorted(lines))
+
+
 def apart(values: Sequence[float | None]) -> str:
     """How far values lie apart, over their mean; of those that there are."""
     known = [value for value in values if value is not None]
@@ -211,14 +244,23 @@ def shown(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
+KINDS = {
+    "strips": (strips, strips_table), "scenes": (tears, scenes_table), "flaws": (flaws, flaws_table),
+    "perforated": (perforated, perforated_table),
+}  # fmt: skip
+
+
 def main() -> None:
     """Run, keep the rows, print the table."""
     parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, commit=None)
-    parser.add_argument("kind", choices=("strips", "scenes", "flaws"))
+    parser.add_argument("kind", choices=tuple(KINDS))
     parser.add_argument("--rows", type=at_least_one, nargs="+", default=[20, 40, 80], help="of points in a strip")
     parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
     parser.add_argument("--energies", type=float, nargs="+", default=[0.5, 1.0, 2.0, 4.0, 8.0], help="Gc [J/m^2]")
     parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
+    parser.add_argument("--materials", nargs="+", default=["neo_hookean"], help="names of pure_shear_tear")
+    parser.add_argument("--sample", type=at_least_one, help="run so many of all combinations, chosen at random")
+    parser.add_argument("--seed", type=int, default=0, help="of this choice")
     names = [tear.scene for tear in TEARS]
     parser.add_argument("--only", nargs="+", default=names, choices=names, help="scenes to run")
     parser.add_argument("--coarsest", type=at_least_one, help="run each scene at so many spacings alone")
@@ -227,14 +269,14 @@ def main() -> None:
     path: Path | None = options.out
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
-        chosen = [*{"strips": strips, "scenes": tears, "flaws": flaws}[options.kind](options)]
+        chosen = [*KINDS[options.kind][0](options)]
         made = provenance(device_title(options.device), options.commit)
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
             print(json.dumps(rows[-1]), flush=True)
             if path is not None:
                 save_rows(path, rows)
-    print("\n".join({"strips": strips_table, "scenes": scenes_table, "flaws": flaws_table}[options.kind](rows)))
+    print("\n".join(KINDS[options.kind][1](rows)))
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from warp_pd import (
     Motion,
     NeoHookean,
     Nodal,
+    Ogden,
     Prony,
     Sheet,
     Simulation,
@@ -31,6 +32,7 @@ from warp_pd.scenes import running_crack
 LAWS = [
     BondAssociated(NEO, weights="plain"), BondAssociated(TensionField(NEO), weights="corrected", horizon=3.15),
     BondAssociated(NEO, fast=False), Visco(Yeoh(500.0, 10.0)), Nodal(NEO, horizon=2.015),
+    BondAssociated(TensionField(Ogden((700.0, 12.0), (1.8, 4.0)))),
 ]  # fmt: skip
 
 

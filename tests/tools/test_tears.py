@@ -7,6 +7,7 @@ from warp_pd.scenes import flaw_sensitivity
 
 class Options:
     rows, horizons, energies, grids, set = [8], [2.015], [2.0], ["45"], ["duration=0.2"]
+    materials, sample, seed = ["neo_hookean"], None, 0
 
 
 def test_a_strip_has_an_onset_and_a_balance():
@@ -17,7 +18,7 @@ def test_a_strip_has_an_onset_and_a_balance():
     assert row["settings"]["turn"] == 45.0
     assert found([row], "pure_shear_tear", row["settings"]) is row
     assert {f"onset_{n}" for n in (1, 3, 6, 10)} < set(row)
-    assert strips_table([row])[-1].startswith("| 2.015 | 8 | 1 | 1 |")
+    assert strips_table([row])[-1].startswith("| neo_hookean | 2.015 | 8 | 1 | 1 |")
 
 
 def test_the_spread_over_grids_and_the_last_change_are_told_where_there_are_runs():

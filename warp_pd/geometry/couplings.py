@@ -65,15 +65,40 @@ def _width(place: np.ndarray, places: int) -> np.ndarray:
 def crack_segments(shape: Shape) -> np.ndarray:
     """Ends of the cuts of a shape and of coincident edge pairs (cracks) [m], shape (S, 2, dimensions)."""
     points = shape.points
-    dimensions = points.shape[1]
-    found = [np.asarray(shape.cuts, float).reshape(-1, 2, dimensions)] if shape.cuts else []
+    found = [np.asarray(shape.cuts, float).reshape(-1, 2, points.shape[1])] if shape.cuts else []
+    edges, faces = _boundary(shape)
+    # Each part of a crack has two faces, which run in opposite directions.
+    found.append(points[edges[faces & (_order(points[edges]) > 0)]])
+    return np.concatenate(found)
+
+
+def edge_segments(shape: Shape) -> np.ndarray:
+    """Ends of the free edges of a shape, without cracks [m], shape (S, 2, dimensions)."""
+    if shape.whole_lattice is not None:
+        (left, low), (right, high) = shape.points.min(axis=0), shape.points.max(axis=0)
+        corners = np.array([[left, low], [right, low], [right, high], [left, high]])
+        return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    edges, faces = _boundary(shape)
+    return np.asarray(shape.points[edges[~faces]])
+
+
+def _order(pairs: np.ndarray) -> np.ndarray:
+    """1 where the first end of a pair comes first in the order of x, y, z, otherwise -1; pairs (S, 2, dimensions)."""
+    apart = pairs[:, 1] - pairs[:, 0]
+    first = np.argmax(apart != 0.0, axis=1)
+    return np.asarray(np.sign(apart[np.arange(len(apart)), first]))
+
+
+def _boundary(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the boundary, (B, 2), and whether each is a face of a crack, (B,); none of a whole lattice."""
     edges = shape.barriers if shape.frames is None else boundary_edges(shape.triangles)
-    if edges is not None and len(edges):
-        places = np.round(points[edges] / (1e-6 * shape.spacing)).astype(np.int64)
-        there = {tuple(pair.ravel().tolist()) for pair in places}
-        faces = [k for k, pair in enumerate(places) if tuple(pair[::-1].ravel().tolist()) in there]
-        found.append(points[edges[faces]])
-    return np.concatenate(found) if found else np.zeros((0, 2, dimensions))
+    if edges is None and shape.whole_lattice is None:
+        edges = boundary_edges(shape.triangles)
+    if edges is None or not len(edges):
+        return np.zeros((0, 2), np.int32), np.zeros(0, bool)
+    places = np.round(shape.points[edges] / (1e-6 * shape.spacing)).astype(np.int64)
+    there = {tuple(pair.ravel().tolist()) for pair in places}
+    return edges, np.array([tuple(pair[::-1].ravel().tolist()) in there for pair in places])
 
 
 def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: float) -> np.ndarray:

@@ -17,7 +17,7 @@ from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
 from .context import Context
 from .frame import Body
-from .law import BuiltLaw
+from .law import BuiltLaw, Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,6 +341,10 @@ class Rupture(Part, Protocol):
     is_field: ClassVar[bool] = False
     layers: ClassVar[int] = 0
     spared: Any
+
+    def law(self, force: Law, context: Context) -> Law:
+        """The force law of the scene as the criterion needs it; by default unchanged."""
+        return force
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""

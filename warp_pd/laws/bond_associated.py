@@ -18,7 +18,7 @@ from ..kernels.bond_associated import family_energies
 from ..kernels.factories import FunctionFactory
 from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
-from ..materials import Material, capabilities, check_material, energy_density
+from ..materials import Material, capabilities, check_material, largest_energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import require_one_material
 from .force_paths import PATHS, FamilyBlocks, force_path
@@ -213,9 +213,7 @@ class BondAssociatedForce(BondAssociatedLaw):
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""
-        materials = capabilities(self.material).materials or (self.material,)
-        found = [energy_density(each, stretch, across, self.context.device) for each in materials]
-        return np.asarray(np.max(found, axis=0))
+        return largest_energy_density(self.material, stretch, across, self.context.device)
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the row sums of the stiffness [N/m].

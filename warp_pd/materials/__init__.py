@@ -2,7 +2,8 @@
 
 from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
-from .energy import borne, energy_density, stretch_of_density, tension_energy_density
+from .continuation import continued
+from .energy import borne, energy_density, largest_energy_density, stretch_of_density, tension_energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .pairwise import Bimodular
 from .plane_stress import PlaneStress
@@ -31,7 +32,9 @@ __all__ = [
     "borne",
     "capabilities",
     "check_material",
+    "continued",
     "energy_density",
+    "largest_energy_density",
     "padded_constants",
     "stretch_of_density",
     "tension_energy_density",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..device.cores import load_kernel, start_warp
-from .protocols import Material, check_material, padded_constants
+from .protocols import Material, capabilities, check_material, padded_constants
 
 
 def energy_density(material: Material, first: Any, second: Any, device: Any = None) -> np.ndarray:
@@ -39,6 +39,12 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     load_kernel(kernel, wp.get_device(device))
     wp.launch(kernel, first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
+
+
+def largest_energy_density(material: Material, first: Any, second: Any, device: Any = None) -> np.ndarray:
+    """As `energy_density`; of a ByRegion the largest of its materials."""
+    materials = capabilities(material).materials or (material,)
+    return np.asarray(np.max([energy_density(each, first, second, device) for each in materials], axis=0))
 
 
 def tension_energy_density(material: Material, stretch: Any, device: Any = None) -> np.ndarray:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
 from ..device.checks import InputError
-from ..interfaces import BuiltLaw
+
+# Energy density [J/m^3] at principal stretches.
+Density: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 # Default length divided by the spacing, and its minimum divided by the horizon; see docs/tearing-energy.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
@@ -45,6 +50,7 @@ class FieldConstants:
         units: Energy density of the field [J/m^3]: 3 Gc / (8 length), divided by `bias`; a number, or one value per
             point of the whole sheet, (N,).
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
+        largest_limit: The maximum [J/m^3].
         steepness: -dg/dd at d = 0, see kernels/stiffness_left.py; 2 if the strength follows from the length.
 
     Args:
@@ -52,9 +58,11 @@ class FieldConstants:
         length: `TearingEnergy.length` [m], or None.
         strength: `TearingEnergy.strength` [J/m^3], or None.
         stretch_at_break: `TearingEnergy.stretch_at_break` [-], or None.
-        law: The law.
+        horizon: Horizon [m].
+        density: Energy density of the sheet [J/m^3] at principal stretches, see `BuiltLaw.energy_density`.
         spacing: Spacing of the sheet [m].
         extent: Diagonal of the sheet [m].
+        longest: Length that cuts near each other have room for [m].
     """
 
     def __init__(
@@ -63,14 +71,16 @@ class FieldConstants:
         length: float | None,
         strength: float | None,
         stretch_at_break: float | None,
-        law: BuiltLaw,
+        horizon: float,
+        density: Density,
         spacing: float,
         extent: float,
+        longest: float = float("inf"),
     ) -> None:
-        self._least_energy, self._horizon, self._spacing = float(np.min(energy)), law.families.horizon, spacing
-        self._strength = strength if stretch_at_break is None else energy_at_break(law, stretch_at_break)
+        self._least_energy, self._horizon, self._spacing = float(np.min(energy)), horizon, spacing
+        self._strength = strength if stretch_at_break is None else energy_at_break(density, stretch_at_break)
         self._given_length = length
-        self.resolved = max(DEFAULT_LENGTH * spacing, LEAST_DEFAULT * self._horizon)
+        self.resolved = max(min(DEFAULT_LENGTH * spacing, longest), LEAST_DEFAULT * self._horizon)
         least = MIN_LENGTH * self._horizon
         if length is not None and length < least:
             raise InputError(
@@ -94,6 +104,7 @@ class FieldConstants:
                 )
             self.limit = self._strength
         self.steepness = unit / self.limit
+        self.largest_limit = self.limit * float(np.max(self.units)) / unit
 
     def softened(self, damage: np.ndarray) -> np.ndarray:
         """1 - sqrt(g) for an array of damage, see kernels/damage_field.py."""
@@ -134,7 +145,7 @@ class FieldConstants:
         return said
 
 
-def energy_at_break(law: BuiltLaw, stretch: float) -> float:
+def energy_at_break(density: Density, stretch: float) -> float:
     """Energy density at a uniaxial stretch [J/m^3]: the minimum over the transverse stretch."""
     widths = np.geomspace(1.0 / stretch, 1.0, 2000)
-    return float(np.nanmin(law.energy_density(np.full_like(widths, stretch), widths)))
+    return float(np.nanmin(density(np.full_like(widths, stretch), widths)))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import warp as wp
@@ -13,17 +13,21 @@ import warp as wp
 from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
-from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends, points_near
+from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import ByPoint, Sheet
-from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, OtherFamilies
+from ..kernels.damage_field import NEAR as SEVERED_NEAR
+from ..kernels.damage_field import OtherFamilies
 from ..kernels.damage_list import TOGETHER, field_tables
 from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
+from ..materials import continued, largest_energy_density
+from .cut_profiles import NEAR, Facing, damage_of_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
-from .field_constants import FieldConstants, relaxations
+from .field_constants import DEFAULT_LENGTH, Density, FieldConstants, relaxations
+from .field_screen import screen_of
 from .rupture import AT_REST, Damaged
 from .weak_seams import narrow_seam
 
@@ -33,16 +37,12 @@ MOST_AT_START, GROWN = 0.98, 1e-3
 SEVERED = 0.96
 # Distance from initial damage up to which intact material may start above its strength, in lengths of the field.
 BESIDE = 4.0
-# Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
-SCREEN = 0.8
 # The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
 # from there; see docs/tearing-energy.md for the effect of more sweeps.
 INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
 # Factor of the sweeps over length / spacing with `every_step`; more change nothing.
 CLOSER = 4.0
-# Members that the screen looks at one by one, and the margin for round-off when it does.
-FEW, ROUND_OFF = 4, 1e-4
 # Threads that share the list of points: as many as a GPU holds at once, and few on a CPU, where they take turns.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # The number of neighbours is a multiple of it.
@@ -95,6 +95,9 @@ class TearingEnergy(Rupture):
         every_step: Whether to find the damage in every step and by more sweeps, instead of in every second step. Damage
             then does not lag behind cracks that run faster than half a shear wave; see docs/tearing-energy.md. Static
             solvers refuse it.
+        stiffens: Whether the energy of the material stiffens beyond the strength, as its formula says, rather than go
+            on as that of a neo-Hookean sheet (kernels/continuation.py). Intact material is the same; tears of rubber
+            that stiffens then take more than the tearing energy, the more the finer the spacing.
 
     Raises:
         InputError: if a value is not positive, both strength and stretch_at_break are given, or one of them is given
@@ -110,6 +113,7 @@ class TearingEnergy(Rupture):
     initial_damage: np.ndarray | None = None
     screened: bool = True
     every_step: bool = False
+    stiffens: bool = False
 
     divides: ClassVar[bool] = True
     is_field: ClassVar[bool] = True
@@ -136,6 +140,37 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.cut_profile", self.cut_profile, (True, False))
         one_of("TearingEnergy.screened", self.screened, (True, False))
         one_of("TearingEnergy.every_step", self.every_step, (True, False))
+        one_of("TearingEnergy.stiffens", self.stiffens, (True, False))
+
+    def law(self, force: Law, context: Context) -> Law:
+        """The law whose material does not stiffen beyond the strength."""
+        material: Any = getattr(force, "material", None)
+        if self.stiffens or not hasattr(material, "functions"):
+            return force
+
+        def density(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+            return largest_energy_density(material, first, second, context.device)
+
+        limit = self.constants(context, force.horizon * context.whole.spacing, density).largest_limit
+        stiffness = context.whole.stiffness
+        softest = 1.0 if stiffness is None else float(stiffness.min())
+        law: Any = force
+        return cast(Law, replace(law, material=continued(material, limit / softest, context.device)))
+
+    def constants(self, context: Context, horizon: float, density: Density) -> FieldConstants:
+        """Constants of the field at a horizon [m] and an energy density [J/m^3]; see `FieldConstants`."""
+        points = context.given.points
+        return FieldConstants(
+            by_point("TearingEnergy.energy", self.energy, points), self.length, self.strength, self.stretch_at_break,
+            horizon, density, context.sheet.spacing, float(np.linalg.norm(np.ptp(points, axis=0))),
+            self._length_of_cuts(context.whole),
+        )  # fmt: skip
+
+    def _length_of_cuts(self, sheet: Sheet) -> float:
+        """Largest length that cuts near each other have room for [m]."""
+        if not self.cut_profile or self.length is not None:
+            return float("inf")
+        return Facing.of(sheet, NEAR * DEFAULT_LENGTH * sheet.spacing).length
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""
@@ -166,20 +201,18 @@ class DamageField(Damaged):
                 "TearingEnergy.every_step = True: expected False with a static solver, which finds the damage in "
                 "equilibrium"
             )
-        points, whole, real = context.given.points, context.whole, context.types.real
-        self._energy = by_point("TearingEnergy.energy", rupture.energy, points)
-        self.constants = FieldConstants(
-            self._energy, rupture.length, rupture.strength, rupture.stretch_at_break, law, context.sheet.spacing,
-            float(np.linalg.norm(np.ptp(points, axis=0))),
-        )  # fmt: skip
+        whole, real = context.whole, context.types.real
+        self._energy = by_point("TearingEnergy.energy", rupture.energy, context.given.points)
+        self.constants = rupture.constants(context, law.families.horizon, law.energy_density)
         self.length, self.limit = self.constants.length, self.constants.limit
         self.tear_energy = 0.25 * float(np.min(self._energy)) * self.length * context.whole.mean_thickness
         self._fastest = self.constants.steepness
         weak = self._fastest > 2.0
         self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
         self._own = slice(0, context.sheet.size) if self._ghosts is None else self._ghosts.own
-        profile, ahead = self._profile(whole)
-        self._profile_mean, self._least = float(profile.mean()), context.here(profile)
+        self._facing: Facing | None = None
+        self._at_start, ahead = self._profile(whole)
+        self._least = context.here(self._at_start)
         self._declare(self._least)
         self._declare_couplings(self._least)
         self._declare_severing(self._least, context.here(ahead))
@@ -190,7 +223,7 @@ class DamageField(Damaged):
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
         self.sweeps *= 1 if context.features.dynamic else SWEEPS_AT_REST
         factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
-        screen, few = self._screen_of(law)
+        screen, few = screen_of(law, context, self.owner, self.limit)
         self._tables = with_values(field_tables(context.bits)(), {
             **screen, "spared_mask": self.spared, "scale": self._scale, "fastest": self._fastest, "ahead": self._ahead,
             "neighbours": self._neighbours, "couplings": self._couplings, "squared_reach": self._reach,
@@ -279,7 +312,7 @@ class DamageField(Damaged):
         self._severed_at = context.array(
             "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
         )
-        reach = (NEAR * spacing / self.law.families.horizon) ** 2
+        reach = (SEVERED_NEAR * spacing / self.law.families.horizon) ** 2
         self._reach = context.array("severed_reach", self.owner, real, reach)
 
     def assign(self, damage: np.ndarray) -> None:
@@ -291,12 +324,8 @@ class DamageField(Damaged):
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
         """Initial damage, (N,), including that around cuts, and a mask of the points beyond the ends of cuts."""
         damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
-        segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
-        if len(segments):
-            apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
-            damage = np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2
-            from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
-            ahead = from_end <= apart * (1.0 + 1e-9)
+        if self.rupture.cut_profile:
+            damage, ahead, self._facing = damage_of_cuts(sheet, self.length)
         if self.rupture.initial_damage is not None:
             given = numbers("TearingEnergy.initial_damage", self.rupture.initial_damage)
             if given.shape != damage.shape or given.min() < 0.0 or given.max() > 1.0:
@@ -309,47 +338,6 @@ class DamageField(Damaged):
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage, ahead
-
-    def _screen_of(self, law: BuiltLaw) -> tuple[dict[str, Any], int]:
-        """Tables by which `wake` looks at bonds, and the number of members that it checks without families, or 0."""
-        members, shortest, longest = self._looked_at(law)
-        checked = self.context.array("looked_at", self.owner, wp.int32, members, per="table")
-        values: dict[str, Any] = {"members": checked, "shortest": shortest, "longest": longest}
-        families, few = law.families, 0
-        if families.shift is not None and families.bonds is not None and len(members) <= FEW:
-            few, at, vector = len(members), np.resize(members, 4), self.context.types.parameters
-            x, y = families.horizon * families.bonds[at].T
-            squared = x**2 + y**2
-            values["shifts"] = wp.vec4i(families.shift[at].tolist())
-            values["x"], values["y"] = vector(x.tolist()), vector(y.tolist())
-            values["least"] = vector(((1.0 - ROUND_OFF) * shortest * squared).tolist())
-            values["most"] = vector(((1.0 + ROUND_OFF) * longest * squared).tolist())
-        return values, few
-
-    def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
-        """Members to check for high energy, and the squared stretches between which the energy is low.
-
-        On a lattice the shortest bonds in four directions are enough: every direction is within 22.5 degrees of one of
-        them.
-        """
-        stiffness = self.context.whole.stiffness
-        stiffest = 1.0 if stiffness is None else float(stiffness.max())
-        allowed = SCREEN * self.limit / stiffest
-        steps, shorter = law.families.steps, np.geomspace(1.0, 1e-3, 400)
-        over = ~(law.energy_density(shorter, shorter) <= allowed)
-        low = float(shorter[max(int(np.argmax(over)) - 1, 0)]) if over.any() else 0.0
-        first, second = np.meshgrid(np.geomspace(1.0, 30.0, 400), np.append(np.linspace(low, 1.0, 60), np.inf))
-        second = np.asarray(np.where(np.isinf(second), first, np.minimum(second, first)))
-        high = ~(law.energy_density(first.ravel(), second.ravel()).reshape(first.shape) <= allowed)
-        along = np.cos(np.pi / 8.0) ** 2
-        if steps is not None and self.context.layout.kind == "lattice":
-            members = [k for k, step in enumerate(steps.tolist()) if step in ([1, 0], [0, 1], [1, 1], [-1, 1])]
-            seen = along * first**2 + (1.0 - along) * second**2
-            longest = float(seen[high].min()) if high.any() else np.inf
-            if len(members) == 4 and longest > 1.05:
-                return np.array(members), along * low**2 if low > 0.0 else 0.0, longest
-        longest = float((first**2)[high].min()) if high.any() else np.inf
-        return np.arange(law.families.members), low**2, longest
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase."""
@@ -546,7 +534,7 @@ class DamageField(Damaged):
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         if (driving * self._fastest > 1.0).any():
             whole = self.context.whole
-            damaged = self._profile(whole)[0] > 0.0
+            damaged = self._at_start > 0.0
             driving[self.context.here(points_near(whole.points, damaged, BESIDE * self.length))] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
@@ -583,10 +571,14 @@ class DamageField(Damaged):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
         said = self.constants.notes()
+        if self._facing is not None:
+            said += self._facing.notes(
+                self.length, self.context.whole.spacing, self._at_start, self.context.whole.points
+            )
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
-        gained = history[-1]["mean_damage"] - self._profile_mean
+        gained = history[-1]["mean_damage"] - self._at_start.mean()
         if gained > MUCH_DAMAGE:
             said.append(
                 f"the mean damage grew by {gained:.0%}: most of the sheet, not only a tear, exceeds its strength of "

@@ -95,7 +95,8 @@ def compose(
     if runs:
         begin_loading_common(context)
     constraints = constraints_here(constraints, context)
-    law = with_bending(scene.force.build(context), context, scene.bending)
+    force = scene.force if scene.damage is None else scene.damage.law(scene.force, context)
+    law = with_bending(force.build(context), context, scene.bending)
     built = [part.build(context, law) for part in parts_here(parts, context)]
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if is_load(part, scene)]

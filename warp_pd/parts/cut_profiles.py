@@ -1,0 +1,197 @@
+"""Damage at the start around the cuts of a sheet with a damage field: the profile of a crack, shared by near cuts.
+
+A crack of length a has the damage d = (1 - r / 2 l)^2 at the distance r. Its energy is Gc a and, around each end, that
+of half a disc: a cap of pi l / 4 times Gc. A tear from one cut to another, or to an edge, needs no caps, so it would
+take theirs less than Gc times its way. Where the ends of two cuts face each other or an edge, the damage therefore ends
+before the cut does, by the recess with which the tear takes Gc times its way. Caps that overlap are counted once; an
+edge counts as the mirror image of the cut.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.couplings import (
+    crack_segments,
+    distance_from_segments,
+    edge_segments,
+    gradient_couplings,
+    loose_ends,
+)
+from ..geometry.sheet import Sheet
+from ..geometry.topology import components
+
+# Gap between two cuts, in lengths of the field, beyond which the caps matter little; cosine of the angle from the
+# direction of a cut within which it faces another.
+NEAR, AHEAD = 8.0, np.cos(np.pi / 4.0)
+# Recess of an end far from others, and least gap between cuts, in lengths, with which bridges start nearly intact.
+CAP, OPEN = np.pi / 4.0, 1.5
+# Energy of a tear over that of its way, and damage of a bridge at the start, from which a note says so.
+ENOUGH, HURT = 0.9, 0.2
+# Change of the damage below which the field at the start is at rest.
+SETTLED = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Facing:
+    """The ends of cuts that face other cuts or an edge.
+
+    Attributes:
+        segments: Segments of all cuts [m], shape (S, 2, dimensions).
+        ends: Ends of cuts that face another cut or an edge [m], shape (E, dimensions).
+        gaps: Distance of each from that cut, or twice that from the edge [m], shape (E,).
+        rooms: Length of its cut [m], divided by the number of its ends that face others, shape (E,).
+    """
+
+    segments: np.ndarray
+    ends: np.ndarray
+    gaps: np.ndarray
+    rooms: np.ndarray
+
+    @staticmethod
+    def of(sheet: Sheet, within: float) -> Facing:
+        """The ends whose gap is less than a distance [m]."""
+        segments = crack_segments(sheet)
+        dimensions = segments.shape[-1]
+        found = []
+        if len(segments):
+            edges = edge_segments(sheet)
+            _, corner = np.unique(np.round(segments.reshape(-1, dimensions), 12), axis=0, return_inverse=True)
+            corner = corner.reshape(-1, 2)
+            cut = components(int(corner.max()) + 1, corner)[corner[:, 0]]
+            for end in _inner(loose_ends(segments), edges, sheet):
+                which, direction = _tip(segments, end)
+                others = segments[cut != cut[which]]
+                gap = min(_gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction))
+                if gap < within:
+                    found.append((end, gap, int(cut[which])))
+        own = np.array([index for *_, index in found], int)
+        lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+        rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
+        ends = np.array([end for end, *_ in found]).reshape(-1, dimensions)
+        return Facing(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms))
+
+    @property
+    def length(self) -> float:
+        """Largest length of a field that every cut has room for, and with which bridges start nearly intact [m]."""
+        return float(np.min([self.rooms / CAP, self.gaps / OPEN], initial=np.inf))
+
+    def recesses(self, length: float) -> np.ndarray:
+        """Recess of each end [m], shape (E,), of a field of a length [m]."""
+        gaps, ways = _ways()
+        wanted = 0.5 * (np.interp(self.gaps / length, ways, gaps) - self.gaps / length)
+        return np.asarray(np.minimum(length * np.where(self.gaps > ways[-1] * length, CAP, wanted), self.rooms))
+
+    def shortened(self, length: float) -> np.ndarray:
+        """The segments without what the recesses take [m], shape (S, 2, dimensions)."""
+        segments = self.segments.copy()
+        for end, recess in zip(self.ends, self.recesses(length), strict=True):
+            left = recess
+            while left > 1e-9 * recess:
+                which, side = np.argwhere(np.linalg.norm(segments - end, axis=2) < 1e-9)[0]
+                other = segments[which, 1 - side]
+                whole = float(np.linalg.norm(other - end))
+                taken = min(left, whole)
+                segments[which, side] = end + taken / whole * (other - end)
+                left -= taken
+                if left > 1e-9 * recess:
+                    end = other  # noqa: PLW2901
+                    segments = np.delete(segments, which, axis=0)
+        return segments
+
+    def notes(self, length: float, spacing: float, damage: np.ndarray, points: np.ndarray) -> list[str]:
+        """A note on the bridge whose tear takes least of what it should, or that starts most damaged.
+
+        Args:
+            length: Length of the field [m].
+            spacing: Spacing of the sheet [m].
+            damage: Damage at the start, (N,).
+            points: Points of the sheet [m], (N, dimensions).
+        """
+        if not len(self.ends):
+            return []
+        recesses = self.recesses(length)
+        gaps, ways = _ways()
+        taken = length * np.interp((self.gaps + 2.0 * recesses) / length, gaps, ways) / self.gaps
+        worst = int(np.argmin(taken))
+        middle = self.ends[worst] + 0.5 * self.gaps[worst] * _tip(self.segments, self.ends[worst])[1]
+        hurt = float(damage[np.argmin(np.linalg.norm(points - middle, axis=1))])
+        if taken[worst] >= ENOUGH and hurt <= HURT:
+            return []
+        place = ", ".join(f"{x:.4g}" for x in middle)
+        return [
+            f"the damage fields of two cuts {self.gaps[worst]:.3g} m apart overlap: the bridge at ({place}) m starts "
+            f"with a damage of {hurt:.2g}, and its tear takes some {taken[worst]:.0%} of the tearing energy, at less "
+            f"force than that of an intact one; expected a length of at most {self.length:.3g} m, which needs a "
+            f"spacing of {spacing * self.length / length:.2g} m"
+        ]
+
+
+def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray, Facing]:
+    """Damage around the cuts of a sheet, (N,), a mask of the points beyond their ends, and the ends that face cuts."""
+    facing = Facing.of(sheet, NEAR * length)
+    damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
+    if len(facing.segments):
+        segments = facing.shortened(length) if len(facing.ends) else facing.segments
+        apart = distance_from_segments(sheet.points, segments, 2.0 * length)
+        damage = np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2
+        from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), length)
+        ahead = from_end <= apart * (1.0 + 1e-9)
+    if len(facing.ends):
+        damage = _at_rest(sheet, damage, length)
+    return damage, ahead, facing
+
+
+def _inner(ends: np.ndarray, edges: np.ndarray, sheet: Sheet) -> np.ndarray:
+    """The ends that lie in the sheet, away from its edges."""
+    inside = ((ends > sheet.points.min(axis=0)) & (ends < sheet.points.max(axis=0))).all(axis=1)
+    if sheet.frames is not None:
+        inside[:] = True
+    apart = distance_from_segments(ends, edges, sheet.spacing)
+    return np.asarray(ends[inside & (apart > 0.5 * sheet.spacing)])
+
+
+def _tip(segments: np.ndarray, end: np.ndarray) -> tuple[int, np.ndarray]:
+    """The segment with this loose end, and the direction in which it points there, a unit vector."""
+    which, side = np.argwhere(np.linalg.norm(segments - end, axis=2) < 1e-9)[0]
+    along = end - segments[which, 1 - side]
+    return int(which), along / np.linalg.norm(along)
+
+
+def _gap_ahead(segments: np.ndarray, end: np.ndarray, direction: np.ndarray) -> float:
+    """Distance from an end of a cut to the nearest of other segments ahead of it [m]."""
+    begin, along = segments[:, 0], segments[:, 1] - segments[:, 0]
+    squared = np.maximum((along**2).sum(axis=1), 1e-300)
+    fraction = (((end - begin) * along).sum(axis=1) / squared).clip(0.0, 1.0)
+    apart = begin + fraction[:, None] * along - end
+    gaps = np.linalg.norm(apart, axis=1)
+    return float(gaps[apart @ direction >= AHEAD * gaps].min(initial=np.inf))
+
+
+@functools.cache
+def _ways() -> tuple[np.ndarray, np.ndarray]:
+    """Gaps between two damaged lines, and the way whose energy a tear through each of them takes, in lengths."""
+    places = (np.arange(400) + 0.5) / 200.0 - 1.0
+    x, y = np.meshgrid(1.0 + places, 2.0 * places)
+    stored = 0.75 * np.maximum(1.0 - 0.5 * np.hypot(x, y), 0.0) ** 2
+    half = np.concatenate([[0.0], np.cumsum(stored.sum(axis=0)) * 0.005 * 0.01])
+    gaps = np.append(0.01 * np.arange(401), 2.0 * NEAR)
+    return gaps, gaps - 2.0 * np.append(half, half[-1])
+
+
+def _at_rest(sheet: Sheet, damage: np.ndarray, length: float) -> np.ndarray:
+    """The least energy of the field above a damage, both (N,), without a load: kinks between near cuts smooth out."""
+    near = np.flatnonzero(damage > 0.0).astype(np.int32)
+    neighbours, couplings = gradient_couplings(sheet, near)
+    couplings = couplings * 2.0 * length**2 / sheet.areas[near]
+    least, total, found = damage[near], np.maximum(couplings.sum(axis=0), 1e-300), damage.copy()
+    for _ in range(int(20.0 * (length / sheet.spacing) ** 2) + 20):
+        new = np.maximum(least, np.minimum((couplings * found[neighbours]).sum(axis=0) / total - 1.0 / total, 1.0))
+        change = np.abs(new - found[near]).max()
+        found[near] = new
+        if change < SETTLED:
+            break
+    return found
