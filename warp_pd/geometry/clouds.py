@@ -9,6 +9,7 @@ import numpy as np
 from ..device import checks
 from ..device.checks import InputError, corners, positions, positive
 from .lines import region, ring
+from .seams import notes_on_pieces, require_distinct, require_met
 from .shape import Shape
 from .topology import boundary_edges, ring_names
 from .triangulation import counter_clockwise, delaunay, point_areas, refuse_coincident, signed_areas, triangles_of
@@ -27,7 +28,8 @@ def cloud(
     """A cloud of points; arguments as for `Sheet.from_points`."""
     points = positions("points", points)
     spacing = None if spacing is None else positive("spacing", spacing)
-    refuse_coincident(points)
+    if triangles is None:
+        refuse_coincident(points)
     if outline is not None and triangles is not None:
         raise InputError("outline and triangles: expected only one of them")
     if outline is not None:
@@ -35,6 +37,8 @@ def cloud(
     elif triangles is None:
         triangles = delaunay(points, spacing)
     triangles = counter_clockwise(points, corners("triangles", triangles, len(points)))
+    require_distinct("points", points, triangles)
+    require_met("triangles", points, triangles)
     areas = checks.one_each("areas", point_areas(points, triangles) if areas is None else areas, len(points))
     edges = boundary_edges(triangles)
     return Shape(
@@ -44,6 +48,7 @@ def cloud(
         spacing=spacing if spacing is not None else float(np.sqrt(areas.mean())),
         barriers=None if _is_convex(points, triangles) else edges,
         parts=ring_names(points, edges),
+        notes=tuple(notes_on_pieces("triangles", points, triangles)),
     )
 
 

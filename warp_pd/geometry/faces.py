@@ -38,6 +38,25 @@ def triangulate(
     return np.concatenate(triangles)[order], joined[order]
 
 
+def sides_of(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Sides of faces, pairs of points, shape (sum of counts, 2); arguments as for `triangulate`."""
+    end = np.cumsum(counts)
+    following = np.arange(1, len(corners) + 1)
+    following[end - 1] = end - counts
+    return np.column_stack([corners, corners[following]])
+
+
+def repeated_faces(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Mask of the faces with the same corners as an earlier one, shape (P,); arguments as for `triangulate`."""
+    start, again = np.cumsum(counts) - counts, np.zeros(len(counts), bool)
+    for count in np.unique(counts):
+        faces = np.flatnonzero(counts == count)
+        sets = np.sort(corners[start[faces, None] + np.arange(count)], axis=1)
+        again[faces] = True
+        again[faces[np.unique(sets, axis=0, return_index=True)[1]]] = False
+    return again
+
+
 def _refuse_crossed(where: str, faces: np.ndarray) -> None:
     if len(faces):
         raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross: expected simple polygons")

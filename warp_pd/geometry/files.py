@@ -13,9 +13,10 @@ import numpy as np
 
 from ..device.checks import InputError, one_of
 from .clouds import cloud
-from .faces import triangulate
+from .faces import repeated_faces, sides_of, triangulate
 from .file_checks import existing_file, library_reads, meters
 from .mesh_checks import require_closed, require_faces, require_surface, require_unfolded
+from .seams import merged, notes_on_pieces, require_met
 from .shape import Shape
 from .topology import boundary_edges, pieces, ring_names
 from .triangulation import counter_clockwise, voronoi_areas
@@ -35,11 +36,13 @@ class Mesh:
         vertices: Positions [m], float64, shape (V, 3); every vertex belongs to a triangle.
         triangles: Consistently oriented triangles, int32, shape (F, 3).
         parts: Vertex indices of the file's named groups of points and lines, by name.
+        notes: What reading changed or left out, and what may be a mistake of the mesh, one line each.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     parts: dict[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def flat(self) -> bool:
@@ -63,8 +66,8 @@ def read_mesh(
     """Read the triangulated surface from a file.
 
     Quadrilaterals and polygons are divided into triangles. Second-order elements are reduced to their corners. Points
-    without a triangle are dropped, as are line and point elements, but their named groups become `parts`. Coincident
-    corners in STL files are merged.
+    without a triangle are dropped, as are line and point elements, but their named groups become `parts`. Points
+    nearer than 0.001 of the shortest edge at either are merged, and faces listed twice are read once; `notes` say so.
 
     Args:
         path: A USD file (.usd, .usda, .usdc), or any file that meshio reads: .msh, .stl, .obj, .ply, .vtu, .vtk, .off,
@@ -76,8 +79,8 @@ def read_mesh(
 
     Raises:
         InputError: if the file is missing or unreadable, or the unit is missing. Also, naming the indices: for no
-            triangles, missing points, coordinates that are not finite, triangles without area, coincident points, edges
-            with more than two triangles, flipped or folded triangles, or volume elements.
+            triangles, missing points, coordinates that are not finite, triangles without area, hanging nodes, edges
+            with more than two triangles, flipped or folded triangles, pieces that overlap, or volume elements.
     """
     file = existing_file(path)
     one_of("closed", closed, (True, False))
@@ -91,14 +94,22 @@ def read_mesh(
         faces = read_usd(file, part) if is_usd else _read_meshio(file, part)
     scale = faces.meters if unit is None and faces.meters is not None else meters(unit)
     require_faces(where, faces.points, faces.counts, faces.corners)
-    triangles, face_of = triangulate(where, faces.points, faces.counts, faces.corners)
+    one = merged(faces.points, sides_of(faces.counts, faces.corners))
+    corners = one.index[faces.corners]
+    notes = one.note(where)
+    triangles, face_of = triangulate(where, faces.points, faces.counts, corners)
+    again = repeated_faces(faces.counts, corners)
+    if again.any():
+        notes.append(f"{where}: {int(again.sum())} faces with the corners of another one were left out")
+        triangles, face_of = triangles[~again[face_of]], face_of[~again[face_of]]
     require_surface(where, faces.points, triangles, face_of)
     if closed:
         require_closed(where, triangles)
     used = np.unique(triangles)
     renumber = np.full(len(faces.points), -1)
     renumber[used] = np.arange(len(used))
-    parts = {name: renumber[indices][renumber[indices] >= 0].astype(np.int32) for name, indices in faces.parts.items()}
+    parts = {name: np.unique(renumber[one.index[indices]]) for name, indices in faces.parts.items()}
+    parts = {name: indices[indices >= 0].astype(np.int32) for name, indices in parts.items()}
     mesh = Mesh(
         vertices=scale * faces.points[used],
         triangles=renumber[triangles].astype(np.int32),
@@ -106,7 +117,9 @@ def read_mesh(
     )
     if mesh.flat:
         require_unfolded(where, faces.points, triangles, face_of)
-    return mesh
+    places = faces.points[:, :2] if mesh.flat else faces.points
+    require_met(where, places, triangles)
+    return replace(mesh, notes=(*notes, *notes_on_pieces(where, places, triangles)))
 
 
 def flat_shape(mesh: Mesh) -> Shape:
@@ -118,6 +131,7 @@ def flat_shape(mesh: Mesh) -> Shape:
         cloud(points, triangles, voronoi_areas(points, triangles), None),
         barriers=edges,
         parts={**ring_names(points, edges), **mesh.parts},
+        notes=mesh.notes,
     )
 
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from ..device.checks import InputError
 from .file_checks import listed
-from .topology import boundary_edges, crowded_edges, flipped, pieces
-from .triangulation import coincident_pairs, doubled_normals, signed_areas
+from .seams import near_pairs
+from .topology import boundary_edges, crowded_edges, directed_edges, flipped, pieces
+from .triangulation import doubled_normals, signed_areas
 
 # Least area of a triangle over the mean.
 LEAST_AREA = 1e-12
@@ -41,8 +42,8 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
     areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
     _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
-    used = np.unique(triangles)
-    _refuse(where, "pair", used[coincident_pairs(points[used])], "of coincident points: expected distinct points")
+    pairs = near_pairs(points, directed_edges(triangles))
+    _refuse(where, "pair", pairs, "of coincident points: expected distinct points")
     crowded = crowded_edges(triangles)
     _refuse(where, "edge", crowded, "with more than two triangles: expected one or two")
     turned = flipped(triangles)

@@ -98,6 +98,7 @@ def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Sh
         parts=parts,
         pieces=np.repeat(np.arange(1, len(shapes) + 1, dtype=np.int32), np.diff(first)),
         origins=moves,
+        notes=tuple(dict.fromkeys(note for shape in shapes for note in shape.notes)),
     )
 
 

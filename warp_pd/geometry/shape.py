@@ -35,6 +35,8 @@ class Shape:
         pieces: Index (from 1) of the piece of each point, int32, shape (N,); None for a single piece. Bonds join only
             points of one piece.
         origins: Position of the origin of each piece [m], shape (pieces, 2); of a curved shape (pieces, 3); or None.
+        notes: What may be a mistake of the shape, and what its reader changed, one line each; the summary of a run has
+            them.
     """
 
     points: np.ndarray
@@ -52,6 +54,7 @@ class Shape:
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     pieces: np.ndarray | None = None
     origins: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

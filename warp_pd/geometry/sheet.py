@@ -269,7 +269,7 @@ class Sheet(Shape):
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
             curved = Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
-            return replace(curved, parts={**curved.parts, **mesh.parts})
+            return replace(curved, parts={**curved.parts, **mesh.parts}, notes=mesh.notes)
         return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     @staticmethod

@@ -6,9 +6,10 @@ import numpy as np
 
 from ..device.checks import InputError, corners, count, counts, positions, positive
 from .enclosure import volume_of
+from .seams import notes_on_pieces, require_distinct, require_met
 from .shape import Shape
 from .topology import boundary_edges, require_one_side
-from .triangulation import cell_triangles, doubled_normals, refuse_coincident
+from .triangulation import cell_triangles, doubled_normals
 
 # Arc of an edge of the icosahedron [rad].
 EDGE_ARC = float(np.arctan(2.0))
@@ -19,7 +20,6 @@ ROUNDS = 10
 def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) -> Shape:
     """A surface of triangles in space; arguments as for `Sheet.from_surface`."""
     points = positions("vertices", vertices, components=3)
-    refuse_coincident(points, "vertices")
     triangles = corners("triangles", triangles, len(points))
     doubled = doubled_normals(points, triangles)
     sizes = np.linalg.norm(doubled, axis=1)
@@ -27,10 +27,12 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
         flat = int(np.argmin(sizes))
         raise InputError(f"triangles[{flat}] = {triangles[flat].tolist()}: expected corners that span an area")
     rim = _rim(points, triangles)
+    require_met("triangles", points, triangles)
     areas = _point_sums(np.repeat(sizes[:, None] / 6.0, 3, axis=1), triangles, len(points))
     unused = np.flatnonzero(areas == 0.0)
     if len(unused):
         raise InputError(f"vertices[{unused[0]}] belongs to no triangle: expected every vertex in a triangle")
+    require_distinct("vertices", points, triangles)
     normals = vertex_normals(points, triangles)
     lengths = np.linalg.norm(normals, axis=1)
     if (folded := np.flatnonzero(lengths <= 1e-6 * np.median(lengths))).size:
@@ -44,6 +46,7 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
         spacing=float(np.sqrt(areas.mean())) if spacing is None else positive("spacing", spacing),
         frames=tangents(normals),
         parts={"rim": rim} if len(rim) else {},
+        notes=tuple(notes_on_pieces("triangles", points, triangles)),
     )
 
 

@@ -153,7 +153,7 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         given = [np.ones(sheet.size) if sheet.stiffness is None else sheet.stiffness for sheet in sheets]
         factors = np.asarray(mean(np.concatenate(given), areas * thickness))
     made = Sheet.of(
-        replace(shape, areas=np.bincount(own, areas), parts=parts),
+        replace(shape, areas=np.bincount(own, areas), parts=parts, notes=(*first.notes, *second.notes)),
         thickness=mean(thickness, areas),
         density=mean(_joined("density", sheets), areas * thickness),
     )

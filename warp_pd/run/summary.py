@@ -34,7 +34,7 @@ class Seconds:
 def notes_of(recorder: Recorder) -> list[str]:
     """Notes for the user on this run, one line each."""
     built = recorder.built
-    notes = list(built.simulation.notes)
+    notes = [*built.simulation.notes, *built.simulation.sheet.notes]
     if not built.law.has_energy:
         notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
     unbalanced = [type(load).__name__ for load in built.simulation.loads if load.unbalanced]

@@ -9,7 +9,8 @@ from pxr import Gf, Usd, UsdGeom
 from warp_pd import InputError, Sheet
 from warp_pd.families.visibility import severed
 from warp_pd.geometry.files import read_mesh
-from warp_pd.geometry.triangulation import signed_areas
+from warp_pd.geometry.topology import boundary_edges
+from warp_pd.geometry.triangulation import cell_triangles, signed_areas
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 # A rectangle of 3 x 2 in four triangles around (1, 1); point 5 belongs to none.
@@ -292,9 +293,27 @@ BAD = {
     "nan": (bad(changed(2, np.nan, 1)), "point 2 with coordinates that are NaN or infinite"),
     "no area": (bad(changed(4, [3.0, 1.0, 0.0])), "face 1 without area: expected more than 1e-12 of the mean"),
     "corner twice": (bad(cells=[*FAN, [0, 1, 1]]), "face 4 without area"),
-    "coincident": (
-        bad(np.vstack([spatial(CORNERS[:5]), [[3, 2, 0]]]), [[0, 1, 4], [1, 5, 4], [2, 3, 4], [3, 0, 4]]),
-        "pair (2, 5) of coincident points: expected distinct points",
+    "hanging": (
+        bad(
+            [[0, 0, 0], [1, 0, 0], [1, 2, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0]],
+            [[0, 1, 2], [1, 3, 5], [3, 4, 5], [5, 4, 2]],
+        ),
+        "point 5 at (1, 1) lies in the middle of the edge of another triangle, from point 1 to point 2 (a hanging",
+    ),
+    "hanging and bent": (
+        bad(
+            [[0, 0, 1], [1, 0, 0], [1, 2, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0]],
+            [[0, 1, 2], [1, 3, 5], [3, 4, 5], [5, 4, 2]],
+        ),
+        "point 5 at (1, 1, 0) lies in the middle of the edge of another triangle, from point 1 to point 2 (a hanging",
+    ),
+    "crossing": (
+        bad(np.vstack([spatial(CORNERS[:5]), spatial(CORNERS[:5] + [2.5, 0.5])]), [*FAN, *(FAN + 5)]),
+        "the edge from point 1 to point 2 crosses another one at (3, 0.5): expected a flat mesh that covers each",
+    ),
+    "covered": (
+        bad(np.vstack([spatial(CORNERS[:5]), spatial(0.1 * CORNERS[:5] + [0.4, 0.3])]), [*FAN, *(FAN + 5)]),
+        "two pieces overlap at",
     ),
     "crowded": (
         bad(changed(5, [1.0, 1.0, 1.0]), [*FAN, [0, 4, 5], [2, 5, 4]]),
@@ -408,3 +427,77 @@ def test_a_large_mesh_is_read_whole(tmp_path):
     points = np.column_stack([x.ravel(), y.ravel(), np.sin(3.0 * x.ravel())])
     mesh = read_mesh(write(tmp_path / "large.vtu", points, [("quad", quads)]), unit="m")
     assert len(mesh.triangles) == 2 * n * n and mesh.pieces == 1
+
+
+def halves(step=0.0, nodes=5):
+    """Two squares of 1 that meet at x = 1, but for `step`; each has its own points, `nodes` along every edge."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, nodes), np.linspace(0.0, 1.0, nodes))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    cells = cell_triangles(np.ones((nodes - 1, nodes - 1), bool))
+    return spatial(np.vstack([points, points + [1.0 + step, 0.0]])), np.vstack([cells, cells + len(points)])
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-7, 1e-4, -1e-4])
+@pytest.mark.parametrize("away", [0.0, 1e3])
+def test_patches_that_meet_within_the_digits_of_a_file_are_one_sheet(tmp_path, step, away):
+    points, triangles = halves(step)
+    points = points.astype(np.float32) + np.float32(away)
+    sheet = Sheet.from_file(write(tmp_path / "a.vtu", points, [("triangle", triangles)]), unit="m", **FLAT)
+    assert sheet.size == 45 and len(sheet.triangles) == 64 and sheet.areas.sum() == pytest.approx(2.0, rel=2e-4)
+    assert len(boundary_edges(sheet.triangles)) == 24 and list(sheet.parts) == ["outline"]
+    assert len(sheet.notes) == 1 and "5 points at the place" in sheet.notes[0] and "1 seam of" in sheet.notes[0]
+
+
+def test_curved_patches_are_merged_too(tmp_path):
+    points, triangles = halves(1e-5)
+    points[:, 2] = 0.1 * points[:, 0] ** 2
+    sheet = Sheet.from_file(write(tmp_path / "a.vtu", points, [("triangle", triangles)]), unit="m", **FLAT)
+    assert sheet.size == 45 and "1 seam of no width" in sheet.notes[0]
+
+
+@pytest.mark.parametrize("step", [0.01, 0.5])
+def test_patches_that_do_not_meet_are_pieces_in_a_note(tmp_path, step):
+    points, triangles = halves(step)
+    sheet = Sheet.from_file(write(tmp_path / "a.vtu", points, [("triangle", triangles)]), unit="m", **FLAT)
+    assert sheet.size == 50 and "2 pieces, which nothing connects" in sheet.notes[0]
+    gap = [note for note in sheet.notes if "a gap narrower than 0.1" in note]
+    assert len(gap) == (1 if step < 0.1 else 0) and all("at 10 points, 0.01 at (1.01, 0)" in n for n in gap)
+
+
+def test_triangles_with_corners_of_their_own_are_joined(tmp_path):
+    points, triangles = halves()
+    own = np.arange(3 * len(triangles)).reshape(-1, 3)
+    for name in ("a.obj", "a.vtu", "a.ply"):
+        path = write(tmp_path / name, points[triangles.ravel()], [("triangle", own)])
+        assert Sheet.from_file(path, unit="m", **FLAT).size == 45
+    own = own.astype(np.int32)
+    with refused(match=r"points\[\d+\] and points\[\d+\] coincide"):
+        Sheet.from_points(points[triangles.ravel(), :2], triangles=own, **FLAT)
+
+
+def test_faces_listed_twice_are_read_once(tmp_path):
+    quads = np.array([[0, 1, 2, 3]])
+    points = np.vstack([SQUARE, SQUARE])
+    path = write(tmp_path / "a.vtu", points, [("quad", quads), ("quad", np.roll(quads, 1) + 4)])
+    mesh = read_mesh(path, unit="m")
+    assert len(mesh.triangles) == 2 and len(mesh.vertices) == 4
+    assert any("1 faces with the corners of another one were left out" in note for note in mesh.notes)
+
+
+def test_points_and_triangles_that_do_not_meet_are_refused():
+    points = np.array([[0, 0], [1, 0], [1, 2], [2, 0], [2, 1], [1, 1]], float)
+    triangles = np.array([[0, 1, 2], [1, 3, 5], [3, 4, 5], [5, 4, 2]])
+    with refused(match="triangles: point 5 at .* hanging node"):
+        Sheet.from_points(points, triangles=triangles, **FLAT)
+    with refused(match="triangles: point 5 at .* hanging node"):
+        Sheet.from_surface(spatial(points) + [[0, 0, 1], *5 * [[0, 0, 0]]], triangles, **FLAT)
+    with refused(match=r"triangles\[4\] = .* is listed twice"):
+        Sheet.from_points(CORNERS[:5], triangles=[*FAN, FAN[0]], **FLAT)
+
+
+def test_sharp_corners_are_no_gaps(tmp_path):
+    """Two triangles that meet in a corner of 3 degrees."""
+    points = np.array([[0, 0], [4, 0], [4, -1], [3, 0.15], [4, 1.2]], float)
+    cells = np.array([[0, 2, 1], [0, 3, 4]])
+    sheet = Sheet.from_file(write(tmp_path / "a.vtu", spatial(points), [("triangle", cells)]), unit="m", **FLAT)
+    assert sheet.notes == ()

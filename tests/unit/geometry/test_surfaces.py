@@ -89,13 +89,14 @@ def broken_surfaces():
     mixed, inward = sphere.triangles.copy(), sphere.triangles[:, ::-1]
     mixed[0] = mixed[0, ::-1]
     alone = np.vstack([sphere.points, [(3.0, 0.0, 0.0)]])
-    double = np.vstack([sphere.points, sphere.points[:1]])
+    double, opened = np.vstack([sphere.points, (1.0 + 1e-5) * sphere.points[:1]]), sphere.triangles.copy()
+    opened[tuple(np.argwhere(opened == 0)[0])] = 162
     thin = np.vstack([sphere.triangles, [(0, 1, 1)]])
     return {
         "two of them run along the edge": (sphere.points, mixed),
         "counter-clockwise seen from outside, got clockwise": (sphere.points, inward),
         r"vertices\[162\] belongs to no triangle": (alone, sphere.triangles),
-        r"vertices\[0\] and vertices\[162\] coincide": (double, sphere.triangles),
+        r"vertices\[0\] and vertices\[162\] coincide": (double, opened),
         "expected corners that span an area": (sphere.points, thin),
         r"vertices: expected shape \(N, 3\).* got \(162, 2\)": (sphere.points[:, :2], sphere.triangles),
         "whole numbers of shape .* with F >= 1": (sphere.points, sphere.triangles[:0]),
