@@ -6,6 +6,7 @@ Each command imports its dependencies when it runs, so that help texts appear wi
 from __future__ import annotations
 
 import atexit
+import contextlib
 import gc
 import inspect
 import os
@@ -29,8 +30,12 @@ class OneLineGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
+        from .run.processes import processes_here
+        from .run.stopping import SIGNALS, deadline
+
         try:
-            return super().invoke(ctx)
+            with deadline.within(SIGNALS) if processes_here() == 1 else contextlib.nullcontext():
+                return super().invoke(ctx)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
             ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
+from ..interfaces.solver import FINISHED, STOPPED
 from .data import Curve, Test
 from .sensitivity import Build
 
@@ -52,7 +53,9 @@ class RunsModel:
     def _history(self, constants: Mapping[str, Any]) -> tuple[list[dict[str, float]], float]:
         scene = self.build(**{**self.settings, **constants})
         result = scene.run(device=self.device, precision=self.precision)
-        if result.status != "finished":
+        if result.status == STOPPED:
+            raise KeyboardInterrupt
+        if result.status != FINISHED:
             raise InputError(f"the run of the scene {result.status}: {result.summary['message']}")
         return result.history, scene.solver.duration
 

@@ -18,7 +18,7 @@ from ..kernels.bond_associated import family_energies
 from ..kernels.factories import FunctionFactory
 from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
-from ..materials import Material, capabilities, check_material, largest_energy_density
+from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import require_one_material
 from .force_paths import PATHS, FamilyBlocks, force_path
@@ -215,6 +215,11 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""
         return largest_energy_density(self.material, stretch, across, self.context.device)
 
+    def _stiffness_scale(self) -> float:
+        """A positive modulus of the material [Pa]."""
+        first = float(next(iter(self.material.constants), 0.0))
+        return first if first > 0.0 else modulus_in_tension(self.material, self.context.device)
+
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the row sums of the stiffness [N/m].
 
@@ -234,7 +239,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         )  # fmt: skip
         stage.launch(
             "Relaxation", total, self.points, family=self.struct, row=self.pairs, own=own,
-            least=1e-3 * material.constants[0] * self.thickness, density=density,
+            least=1e-3 * self._stiffness_scale() * self.thickness, density=density,
         )  # fmt: skip
         return density
 

@@ -16,7 +16,7 @@ from ..interfaces import Solve
 from ..interfaces.context import Context
 from ..kernels.bond_associated_tangent import bond_associated_tangent
 from ..kernels.tangent_matrix import tangent_matrix
-from ..materials import capabilities
+from ..materials import capabilities, modulus_in_tension
 from .sparse import factorised
 from .variational import BondAssociatedLaw
 
@@ -119,8 +119,12 @@ class BondAssociatedTangent:
         return bool(np.abs(self.stress.numpy()).max() < SLACK_STRESS * self.modulus())
 
     def modulus(self) -> float:
-        """Mean of dS11/dC11 over the sheet [Pa], at the last linearisation."""
-        return float(self.moduli.numpy()[..., 0].sum() / self.force.points)
+        """Mean of dS11/dC11 over the sheet [Pa], at the last linearisation; of a slack sheet what it has when taut."""
+        return float(self.moduli.numpy()[..., 0].sum() / self.force.points) or self._taut_modulus
+
+    @functools.cached_property
+    def _taut_modulus(self) -> float:
+        return modulus_in_tension(self.force.material, self.context.device)
 
     def mean_tension(self) -> float:
         """Mean of (S11 + S22) / 2 over the sheet [Pa], at the last linearisation."""

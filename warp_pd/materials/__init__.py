@@ -3,7 +3,14 @@
 from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
 from .continuation import continued
-from .energy import borne, energy_density, largest_energy_density, stretch_of_density, tension_energy_density
+from .energy import (
+    borne,
+    energy_density,
+    largest_energy_density,
+    modulus_in_tension,
+    stretch_of_density,
+    tension_energy_density,
+)
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .pairwise import Bimodular
 from .plane_stress import PlaneStress
@@ -35,6 +42,7 @@ __all__ = [
     "continued",
     "energy_density",
     "largest_energy_density",
+    "modulus_in_tension",
     "padded_constants",
     "stretch_of_density",
     "tension_energy_density",

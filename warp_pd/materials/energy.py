@@ -10,6 +10,9 @@ import numpy as np
 from ..device.cores import load_kernel, start_warp
 from .protocols import Material, capabilities, check_material, padded_constants
 
+# Strain at which a material of tension field theory is taut, whatever it was at rest.
+SMALL_STRAIN = 0.01
+
 
 def energy_density(material: Material, first: Any, second: Any, device: Any = None) -> np.ndarray:
     """Energy per reference volume of a sheet in plane stress [J/m^3], float64; NaN where it is undefined.
@@ -45,6 +48,11 @@ def largest_energy_density(material: Material, first: Any, second: Any, device: 
     """As `energy_density`; of a ByRegion the largest of its materials."""
     materials = capabilities(material).materials or (material,)
     return np.asarray(np.max([energy_density(each, first, second, device) for each in materials], axis=0))
+
+
+def modulus_in_tension(material: Material, device: Any = None) -> float:
+    """dS11/dC11 at a small stretch [Pa], of a ByRegion the largest: the scale of stress of a sheet that is slack."""
+    return float(largest_energy_density(material, 1.0 + SMALL_STRAIN, 1.0, device)) / SMALL_STRAIN**2
 
 
 def tension_energy_density(material: Material, stretch: Any, device: Any = None) -> np.ndarray:

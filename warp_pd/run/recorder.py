@@ -15,6 +15,7 @@ from ..device.fields import Array
 from ..interfaces import FrameReport, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..output.progress import Progress
+from . import stopping
 from .built import Built
 from .divergence import Soundness
 from .frame_points import FramePoints
@@ -23,8 +24,6 @@ from .scene import Measure, Reported
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
-# Seconds after which a frame is aborted if the user asked to stop.
-PATIENCE = 5.0
 
 
 class FineHistory:
@@ -79,6 +78,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
+        finishing: Whether a frame is being recorded, after which a run that was asked to stop ends; or the run ends.
         repeated: Number of times that a frame was computed again.
         missing: For each measure that failed, the number of frames and the first reason.
         points: The points stored in frames.
@@ -101,6 +101,7 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
+    finishing: bool = False
     repeated: int = 0
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
     points: FramePoints = field(init=False)
@@ -137,7 +138,7 @@ class Recorder:
 
     def keep_going(self) -> None:
         """Abort a long frame after the user asked to stop; a resumed run repeats its computation."""
-        if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
+        if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > stopping.PATIENCE):
             raise KeyboardInterrupt
 
     def repeat(self) -> None:
@@ -154,6 +155,15 @@ class Recorder:
             DivergedError: if it is not sound; it is then not recorded.
             UnbalancedError: if `strict` and the energy balance changed much since the last frame; likewise.
         """
+        self.finishing = True
+        try:
+            self._frame(index, now, steps, dt, strict)
+        finally:
+            self.finishing = False
+        if self.stop_asked:
+            raise KeyboardInterrupt
+
+    def _frame(self, index: int, now: float, steps: int, dt: float, strict: bool) -> None:
         communicator = self.built.context.communicator
         self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
@@ -167,8 +177,6 @@ class Recorder:
             self.fine.forget()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
-        if self.stop_asked:
-            raise KeyboardInterrupt
 
     def _take(self, index: int, now: float, dt: float, strict: bool) -> tuple[dict[str, float], Frame, Frame]:
         """The row of the history without measures, the frame to write, and the frame of all points for the measures."""

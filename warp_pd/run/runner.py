@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import signal
-import sys
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -17,7 +13,7 @@ from typing import Any
 from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import DivergedError, History, Writer
-from ..interfaces.frame import format_time
+from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..materials import capabilities
 from ..output.beside import begun, wait_for_pictures
@@ -34,6 +30,7 @@ from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
 from .scene_context import partition_of
+from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
 
@@ -44,6 +41,8 @@ LIMIT_POINT = (
     "follow the jump with Explicit and damping; "
     "otherwise try more load_steps"
 )
+
+STOPPED_MESSAGE = "interrupted: continue with --resume"
 
 
 def run(
@@ -150,19 +149,30 @@ def _run(
     communicator.root(lambda: add_files(recorder, folder, known, files, fields, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
-    status, message = _march(recorder, saved is not None)
+
+    def result_of(status: str, message: str, last: Frame) -> Result:
+        seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
+        result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
+        result.fine_history = [] if recorder.fine is None else recorder.fine.rows
+        if known is not None:
+            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources}
+        return result
+
+    def last_words() -> None:
+        if folder is not None and recorder.last is not None:
+            _write_summary(result_of(STOPPED, STOPPED_MESSAGE, recorder.last), folder)
+
+    with stopping_at_frames(recorder, last_words):
+        status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had already finished: nothing to do"
     last = communicator.broadcast(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
-    seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
 
     def finish() -> tuple[dict[str, Any], History, History, Path | None]:
-        result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
-        result.fine_history = [] if recorder.fine is None else recorder.fine.rows
-        if folder is not None and known is not None:
-            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources}
+        result = result_of(status, message, last)
+        if folder is not None:
             _finish(result, folder, files)
         return result.summary, result.history, result.fine_history, folder
 
@@ -206,7 +216,6 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     """Run to the end and return the status and a message."""
     built, status, message = recorder.built, FINISHED, ""
-    restore_signal = _stop_at_frames(recorder)
     try:
         recorder.start_clock()
         if resumed:
@@ -227,9 +236,9 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
-        status, message = STOPPED, "interrupted: continue with --resume"
+        status, message = STOPPED, STOPPED_MESSAGE
     finally:
-        restore_signal()
+        recorder.finishing = True
         for writer in recorder.writers:
             writer.close()
         if recorder.reporter is not None:
@@ -238,13 +247,29 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 
 
 def _finish(result: Result, folder: Path, files: Files) -> None:
-    """Write the summary, draw the pictures, write the page, the animation and the bodies."""
+    """Write the summary, draw the pictures, write the page, the animation and the bodies.
+
+    Of an interrupted run only the summary, so that it ends at once.
+    """
+    if result.status == STOPPED:
+        _write_summary(result, folder)
+        return
     solver = result.built.simulation.solver
     equal = solver.duration / solver.frame_count if solver.equal_frames else None
     with contextlib.ExitStack() as after:
         if files.vtkhdf:
             after.callback(begun(write_derived, folder, files.usd, equal))
         _show(result, folder, files)
+
+
+def _write_summary(result: Result, folder: Path) -> None:
+    if result.status == STOPPED:
+        result.summary["pictures"] = []
+        result.summary["notes"].append(
+            f"files: pictures, page and animation of an interrupted run are not written; `warp-pd draw {folder}` and "
+            f"`warp-pd view {folder}` do, or --resume"
+        )
+    write_atomically(folder / "summary.json", json.dumps(result.summary, indent=2) + "\n")
 
 
 def _show(result: Result, folder: Path, files: Files) -> None:
@@ -260,7 +285,7 @@ def _show(result: Result, folder: Path, files: Files) -> None:
         )
     frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
-    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    _write_summary(result, folder)
     if files.pictures:
         try:
             draw(scene, result.history, folder, summary, files.pictures)
@@ -271,7 +296,7 @@ def _show(result: Result, folder: Path, files: Files) -> None:
                 f"pictures: some were not drawn because `fields` omits a field that they show: {error}"
             )
     summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
-    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    _write_summary(result, folder)
     if frames is not None:
         write_page(folder, read=frames)
 
@@ -338,27 +363,3 @@ def _not_converged(recorder: Recorder) -> str:
             "(Fixed, Motion) that prevent them"
         )
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 and not recorder.solve.get("lost") else text
-
-
-def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
-    """Make Ctrl-C (or SIGTERM) end the run at the next frame, a second one immediately; return a function to undo."""
-    if threading.current_thread() is not threading.main_thread():
-        return lambda: None
-    earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
-
-    def ask(number: int, stack: Any) -> None:
-        # Several processes get one signal twice, from the terminal and from torchrun, and stop together.
-        if recorder.stop_asked and recorder.built.context.communicator.size == 1:
-            raise KeyboardInterrupt
-        recorder.ask_to_stop()
-        # By SIGTERM torchrun ends those that are left when one is killed; the launcher says why.
-        if recorder.reporter is not None and number == signal.SIGINT:
-            os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
-
-    def undo() -> None:
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
-
-    for number in earlier:
-        signal.signal(number, ask)
-    return undo

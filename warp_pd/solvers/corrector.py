@@ -16,6 +16,7 @@ from ..interfaces.solver import ENDED, NOT_CONVERGED
 from .descent import UNTURNED
 from .newton_settings import PathSettings
 from .stability import stability
+from .static_rounds import MAX_ROUNDS
 from .static_system import StaticSystem
 from .turning_points import Point
 
@@ -156,7 +157,7 @@ class Corrector(StaticSystem):
         there = origin.displacement + length * origin.direction
         residuals: list[float] = []
         fractions: list[float] = []
-        converged, begin, first = False, 0, 0
+        converged, begin, first, rounds = False, 0, 0, 0
         while True:
             iteration = len(residuals) - begin
             self.set_loads(factor)
@@ -168,9 +169,12 @@ class Corrector(StaticSystem):
             if converged:
                 self.sizes.largest = max(self.sizes.largest, sums[1])
                 if self.rounds.update_multipliers():
-                    begin = len(residuals)
+                    begin, rounds = len(residuals), rounds + 1
                     first = first or begin
-                    continue
+                    if rounds < MAX_ROUNDS:
+                        continue
+                    converged = False
+                    break
             grows = iteration > 1 and residuals[-1] > residuals[-2] > residuals[-3]
             if converged or grows or not math.isfinite(relative) or iteration == self.settings.most_iterations:
                 break

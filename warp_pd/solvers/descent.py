@@ -128,6 +128,8 @@ class Descent:
             self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
             if not sizes.modulus:
                 sizes.modulus = level.tangent.modulus()
+                if sizes.modulus == 0.0 or not math.isfinite(sizes.modulus):
+                    return None
                 if not self.constant and level.tangent.is_slack():
                     self.tension = SLACK_TENSION * sizes.modulus
                     continue

@@ -17,6 +17,7 @@ from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from .corrector import Origin, mean_product, norm
 from .newton_settings import PathSettings
+from .static_rounds import MAX_ROUNDS
 from .tear_steps import TearSteps
 from .turning_points import Change, Point, changes
 
@@ -231,12 +232,14 @@ class BuiltArcLength(TearSteps):
     def _equilibrium(self, factor: float, sink: FrameSink) -> dict[str, Any]:
         """Find equilibrium at a load factor, with the multipliers of contact; return a report entry."""
         found = self._descend(0, factor, sink, self.tolerance)
-        while found["converged"] and self.rounds.update_multipliers():
+        for _ in range(MAX_ROUNDS):
+            if not found["converged"] or not self.rounds.update_multipliers():
+                return found
             further = self._descend(0, factor, sink, self.tolerance, "a round of contact")
             for name in ("residuals", "shares", "products"):
                 further[name] = found[name] + further[name]
             found = further
-        return found
+        return {**found, "converged": False}
 
     def _accept(self, origin: Origin, factor: float, length: float, sink: FrameSink) -> bool:
         """Accept the current equilibrium as the next point unless it is on another branch; return whether it was.

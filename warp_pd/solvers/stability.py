@@ -91,8 +91,10 @@ def _lowest(
     further: list[float] = []
     found = first = _extreme(deflated, size, number, "SR")
     while found is not None and (found[0] < 0.0).any() and basis.shape[1] < size // 2:
-        vectors = found[1][:, found[0] < 0.0]
+        vectors, known = found[1][:, found[0] < 0.0], basis.shape[1]
         basis = orth(np.column_stack([basis, vectors.real, vectors.imag]), rcond=SAME)
+        if basis.shape[1] == known:
+            return None
         found = _extreme(deflated, size, number, "SR")
         further += [] if found is None else found[0][found[0] < 0.0].tolist()
     if first is None or found is None:
