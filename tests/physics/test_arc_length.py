@@ -179,6 +179,18 @@ def test_places_between_two_points_of_a_path():
     assert changes(at(1.5, 3, None, []), at(2.0, 4, None, []), 0.5) == []
 
 
+@pytest.mark.parametrize(("first", "other"), [(0.99, -0.005), (0.01, 1.005), (0.5, -0.4), (0.5, 1.4)])
+def test_the_limit_point_is_the_one_between_two_points_of_a_path(first, other):
+    """A cubic with two extrema, of which one lies just outside."""
+    before, after = (
+        Point(step, x**3 / 3.0 - 0.5 * (first + other) * x**2 + first * other * x, (x - first) * (x - other), None, [])
+        for step, x in ((1, 0.0), (2, 1.0))
+    )
+    (found,) = changes(before, after, 1.0)
+    assert found.place == pytest.approx(first, abs=1e-12)
+    assert found.kind == ("minimum" if first > other else "maximum")
+
+
 def test_what_no_path_can_follow_is_told():
     sheet = square(5)
     with refused(match="expected a load or a motion that changes with the load factor"):

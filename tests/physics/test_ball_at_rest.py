@@ -148,6 +148,16 @@ def test_points_rest_on_the_ball_and_it_carries_what_they_pull():
     assert abs(row["body_torque_z"]) < 1e-12
 
 
+def test_a_ball_without_friction_is_turned_by_no_torque_wherever_it_rests():
+    """All pressures point to its centre; about the origin the force would have a moment of its own."""
+    off = np.array([0.3 * RADIUS, -0.2 * RADIUS, height(0.3)])
+    path = BodyPath([0.0, 1.0], [(*off[:2], ABOVE), off])
+    row = lowered(*disc(15), motion=path, solver=Newton(load_steps=3)).run(device="cpu", precision=64).history[-1]
+    force, torque = (np.array([row[f"body_{what}_{c}"] for c in "xyz"]) for what in ("force", "torque"))
+    assert np.abs(np.cross(off, force)[:2]).min() > 0.05 * FORCE * RADIUS
+    assert np.abs(torque).max() < 1e-12 * FORCE * RADIUS
+
+
 def test_relaxation_finds_the_same_contact():
     """Measured: 1e-6 apart."""
     relaxed = at_rest(solver=Relaxation(load_steps=2, ramp_steps=10))

@@ -312,6 +312,14 @@ def test_bodies_are_in_files_and_pictures(tmp_path):
     assert found == {"Sphere", "Capsule", "Cylinder", "Mesh"}
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert [error.GetMessage() for error in UsdValidation.ValidationContext(validators).Validate(stage)] == []
+    for shape in shapes:
+        # What USD draws from the sizes is as large as the body, in its frame.
+        drawn = UsdGeom.Boundable.ComputeExtentFromPlugins(
+            UsdGeom.Boundable(stage.GetPrimAtPath(f"/World/Bodies/{shape.kind}")), Usd.TimeCode(0)
+        )
+        corners = shape.outline(1.0)[0]
+        if shape.bounded:
+            np.testing.assert_allclose(drawn, [corners.min(axis=0), corners.max(axis=0)], rtol=5e-3)
     placed = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Bodies/box")).ComputeLocalToWorldTransform(2)
     np.testing.assert_allclose(placed.ExtractTranslation(), (0.05, 0.05, -0.101), atol=1e-9)
     np.testing.assert_allclose(placed.ExtractRotationQuat().GetReal(), TURNED[3], atol=1e-6)

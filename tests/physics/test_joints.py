@@ -115,6 +115,30 @@ def test_grids_that_do_not_match_open_by_the_law_and_release_its_energy(share, d
     assert max(abs(row["balance_error"]) for row in history) < 2e-3
 
 
+@pytest.mark.parametrize("tilt", [20.0, -40.0, 200.0], ids=["tilted", "far", "turned over"])
+@pytest.mark.parametrize("sheared", [False, True], ids=["peel", "shear"])
+def test_tilted_sheets_peel_along_the_mean_of_their_normals(tilt, sheared):
+    """Whichever way a sheet lies: half of the tilt is peel without shear, and across it shear without peel."""
+    lower, upper = square(9), square(6, 0.03)
+    sheet = together(lower, upper)
+    start = placed(sheet, Place(), Place((0.05, 0.035, 0.03), (0.0, 1.0, 0.0), tilt))
+    half = np.radians(tilt if abs(tilt) < 90.0 else tilt - 180.0) / 2.0
+    mean = np.array([np.sin(half), 0.0, np.cos(half)])
+    direction = np.array([np.cos(half), 0.0, -np.sin(half)]) if sheared else mean
+    strength, energy = (SHEAR_STRENGTH, SHEAR) if sheared else (STRENGTH, PEEL)
+    begin = strength / STIFFNESS
+    end, points = 2.0 * energy / strength, sheet.edges("sheet 2")
+    moves = [
+        Motion([int(p)], [0.0, 1.0], **{c: [at[k], at[k] + 0.5 * (begin + end) * direction[k]]
+                                        for k, c in enumerate("xyz")})
+        for p, at in zip(points, start[points].tolist(), strict=True)
+    ]  # fmt: skip
+    loads = [Fixed(sheet.edges("sheet 1")), *moves, glue(sheet, reach=0.1)]
+    row = run(sheet, Explicit(1.0, frames=1), loads=loads, initial_displacement=start).history[-1]
+    assert row["joint_released"] == pytest.approx(0.5 * energy * 0.03**2, rel=1e-9)
+    assert row["joint_damage"] == pytest.approx(end / (begin + end), rel=1e-9)
+
+
 def test_a_joint_that_is_pressed_does_not_break_and_one_that_closes_does_not_heal():
     pressed = run(**held_apart((0.0, 0.0, -1.0), 5e-3)).history[-1]
     assert pressed["joint_damage"] == pressed["joint_released"] == 0.0

@@ -10,7 +10,18 @@ from resumed_runs import require_same_when_stopped
 from scipy.spatial import cKDTree
 from small_runs import simulate
 
-from warp_pd import Explicit, InputError, Place, SelfContact, Sheet, placed, together
+from warp_pd import (
+    BodyForce,
+    Explicit,
+    InputError,
+    Motion,
+    NeoHookean,
+    Place,
+    SelfContact,
+    Sheet,
+    placed,
+    together,
+)
 from warp_pd.geometry.topology import directed_edges, undirected
 from warp_pd.parts import sheet_surface
 
@@ -169,3 +180,34 @@ def test_crack_faces_touch():
         assert max(abs(row["balance_error"]) for row in result.history) < 1e-3
     assert opening[CONTACT] > -1e-3
     assert opening[None] < -0.5
+
+
+@pytest.mark.parametrize(("friction", "damping", "load"), [(0.0, 40.0, 40.0), (0.3, 40.0, 0.0), (0.3, 0.0, 40.0)])
+def test_the_balance_of_energy_has_the_work_of_loads_damping_and_supports_to_round_off(friction, damping, load):
+    """Sheets without stiffness leave no error of the strain energy: all that is lost, and all work, is of contact.
+
+    A sheet is pulled, damped and thrown on another one, of which one half moves upwards on a support and the other,
+    held along x alone, gets what the impacts give.
+    """
+    sheet = together(square(9), square(6, 0.058))
+    start = placed(sheet, Place(), Place((0.017, 0.012, 1.2 * sheet.spacing), degrees=20.0))
+    velocity = np.zeros((sheet.size, 3))
+    velocity[sheet.pieces == 2] = (0.1 * WAVES, 0.0, -0.5 * WAVES)
+    lower, left = sheet.pieces == 1, sheet.points[:, 0] < 0.05
+    velocity[lower & left] = (0.05 * WAVES, 0.0, 0.2 * WAVES)
+    velocity[lower & ~left] = (0.05 * WAVES, 0.02 * WAVES, 0.1 * WAVES)
+    speed, end = 0.05 * WAVES, 20 * 0.2 * STABLE
+    loads = [
+        Motion(np.flatnonzero(lower & left), [0.0, 1.0], x=[0.0, speed], y=0.0, z=[0.0, 0.2 * WAVES]),
+        Motion(np.flatnonzero(lower & ~left), [0.0, 1.0], x=[0.0, speed]),
+    ]
+    if load:
+        loads.append(BodyForce((300.0 * load, 200.0 * load, -1000.0 * load)))
+    rows = simulate(
+        sheet, Explicit(end, frames=20, step=0.2 * STABLE, damping=damping), material=NeoHookean(1e-9, 1e-7),
+        contact=SelfContact(surface=True, friction=friction), initial_displacement=start, initial_velocity=velocity,
+        loads=loads,
+    ).run(device="cpu", precision=64).history  # fmt: skip
+    lost = rows[-1]["contact"] + rows[-1].get("sheet_friction", 0.0)
+    assert lost > 0.05 * rows[0]["kinetic"] and abs(rows[-1]["external"]) > 0.01 * rows[0]["kinetic"]
+    assert max(abs(row["balance_error"]) for row in rows) < 1e-12

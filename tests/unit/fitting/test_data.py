@@ -29,6 +29,10 @@ def test_units_agree_with_each_other():
     """By definition: standard gravity, the inch, the pound and the density of mercury."""
     si = {unit: factor for unit, (factor, _) in UNITS.items()}
     gravity, pound, mercury = 9.80665, 0.45359237, 13595.1
+    base = {"1", "-", "m", "Pa", "N", "s", "m^3", "J", "J/m^2", "m/s", "Hz", "degrees", "deg"}
+    assert {unit for unit, factor in si.items() if factor == 1.0} == base
+    assert (si["mm"], si["cm"], si["um"], si["µm"], si["mJ"]) == (1e-3, 1e-2, 1e-6, 1e-6, 1e-3)
+    assert si["mm/s"] == pytest.approx(si["mm"] / si["s"], rel=1e-12)
     assert si["kgf"] == pytest.approx(gravity, rel=1e-9) and si["gf"] == pytest.approx(1e-3 * gravity, rel=1e-9)
     assert si["lbf"] == pytest.approx(pound * gravity, rel=1e-9)
     assert si["psi"] == pytest.approx(si["lbf"] / si["in"] ** 2, rel=1e-9)

@@ -59,3 +59,28 @@ def test_where_takes_one_truth_value_per_point(condition):
 
 def test_within_a_radius_are_the_points_at_the_radius_too():
     assert len(square(11).within((0.05, 0.05), 0.02)) == 13
+
+
+@pytest.mark.parametrize("centred", [False, True])
+@pytest.mark.parametrize("layers", [(0, 0), (2, 1)])
+def test_a_rectangle_begins_at_its_origin(centred, layers):
+    """Its points stand for the cells from the origin to the opposite corner, and for the layers around them."""
+    origin, size, points = np.array([0.3, -0.2]), np.array([0.12, 0.05]), np.array([6, 5])
+    sheet = Sheet.rectangle(
+        *size, thickness=1e-3, density=1.0, points=tuple(points), origin=tuple(origin), layers=layers, centred=centred
+    )
+    spacing = size / (points if centred else points - 1)
+    beyond = spacing * layers
+    margin = 0.5 * spacing if centred else 0.0
+    np.testing.assert_allclose(sheet.points.min(axis=0), origin - beyond + margin, atol=1e-15)
+    np.testing.assert_allclose(sheet.points.max(axis=0), origin + size + beyond - margin, atol=1e-15)
+    assert sheet.areas.sum() == pytest.approx(np.prod(size + 2.0 * beyond), rel=1e-12)
+    middle = sheet.areas @ sheet.points / sheet.areas.sum()
+    np.testing.assert_allclose(middle, origin + 0.5 * size, atol=1e-15)
+
+
+@pytest.mark.parametrize("points", [4, 5])
+def test_a_line_is_cells_from_zero_to_its_length(points):
+    sheet = Sheet.line(0.3, 1e-4, density=1.0, points=points)
+    assert sheet.areas.sum() == pytest.approx(0.3, rel=1e-12)
+    assert sheet.areas @ sheet.points[:, 0] == pytest.approx(0.3 * 0.15, rel=1e-12)

@@ -77,6 +77,22 @@ def test_inertia_is_that_of_the_fine_mesh_and_outlines_are_closed(shape):
     assert mesh.radius() == pytest.approx(shape.radius(), rel=0.01)
 
 
+@pytest.mark.parametrize("shape", [Sphere(1.0), Capsule(0.6, 0.5), Cylinder(0.7, 1.4)])
+def test_inertia_of_a_round_body_is_the_sum_over_its_discs(shape):
+    """Their radii are where the distance from the surface is 0."""
+    half = 0.5 * np.ptp(shape.outline(0.0)[0][:, 2])
+    z = half * (2.0 * np.arange(4000) + 1.0 - 4000.0) / 4000.0
+    inner, outer = np.zeros_like(z), np.full_like(z, 2.0 * half)
+    for _ in range(40):
+        middle = 0.5 * (inner + outer)
+        inside = measured(shape, np.column_stack([middle, 0.0 * z, z]))[:, 3] < 0.0
+        inner, outer = np.where(inside, middle, inner), np.where(inside, outer, middle)
+    squares = inner**2
+    along = 0.5 * (squares**2).sum() / squares.sum()
+    across = 0.5 * along + (squares * z**2).sum() / squares.sum()
+    np.testing.assert_allclose(shape.inertia(), np.diag([across, across, along]), rtol=1e-5)
+
+
 def test_a_mesh_moved_from_the_origin_has_its_centroid():
     vertices, triangles = Box((1.0, 2.0, 3.0)).outline(0.0)
     mesh = TriangleMesh(vertices + [5.0, 6.0, 7.0], triangles)
