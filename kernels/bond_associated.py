@@ -239,6 +239,29 @@ def energy_of_intersections(layout: Layout, form: str, density: wp.Function) -> 
 
 
 @functools.cache
+def represented_area(layout: Layout) -> wp.Function:
+    """Function (family, displacement, i) -> area of the intact bonds of a family that store energy, over the reference.
+
+    It includes the factor on the energy, and is that of the variational form.
+    """
+    real, vec3 = layout.types.real, layout.types.vec3
+    f, law = family_functions(layout), family_mechanics(layout, "variational")
+    Family = f.struct
+
+    @wp.func
+    def represented(family: Family, displacement: wp.array(dtype=vec3), i: int):
+        undamaged = f.is_undamaged(family, i)
+        total = real(0.0)
+        for j in range(family.members):
+            there, _H1, _H2, _inverse, weight, _tilt = law.visit(family, displacement, i, j, undamaged)
+            if there:
+                total += weight
+        return total
+
+    return represented
+
+
+@functools.cache
 def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[wp.Function, wp.Function]:
     """Warp functions `earlier_energy`, as for `energy_of_families`, and `partial_energy`.
 

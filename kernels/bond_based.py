@@ -37,6 +37,7 @@ class BondBasedKernels:
     Attributes:
         pair_force: Internal force [points], N.
         earlier_energy: Warp function of the energy of a family, as for `energy_of_families`.
+        represented: Warp function of the sum of the weights of its intact bonds, as for `represented_volumes`.
         principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
         wrinkle_level: Fraction of compressed bonds [points].
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
@@ -44,6 +45,7 @@ class BondBasedKernels:
 
     pair_force: Kernel
     earlier_energy: wp.Function
+    represented: wp.Function
     principal_stress: Kernel
     wrinkle_level: Kernel
     row_sums: Kernel
@@ -182,6 +184,15 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
+    @wp.func
+    def represented(family: Family, displacement: wp.array(dtype=vec3), i: int):
+        """Sum of the weights of the intact bonds."""
+        total = real(0.0)
+        for k in range(family.members):
+            if f.is_intact(family, i, k):
+                total += f.weight(family, i, k)
+        return total
+
     @kernel(gathers=("displacement",))
     def principal_stress(
         family: Family,
@@ -233,7 +244,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
     pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
-    return BondBasedKernels(pair_force, earlier_energy, principal_stress, wrinkle_level, row_sums)
+    return BondBasedKernels(pair_force, earlier_energy, represented, principal_stress, wrinkle_level, row_sums)
 
 
 @functools.cache

@@ -80,6 +80,40 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
 
 
 @functools.cache
+def represented_volumes(layout: Layout, represented: wp.Function, stiffened: bool) -> Kernel:
+    """Kernel that updates the volume `out` [points] that the intact bonds of damaged families represent, m^3.
+
+    Args:
+        layout: Layout of the families.
+        represented: Warp function (family, displacement, i) -> represented area over the reference area, times the
+            factor on the energy of the family.
+        stiffened: Whether `stiffness` [points] is a part of this factor; another is the relative thickness.
+    """
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout)
+    Family = f.struct
+
+    @kernel(gathers=("displacement",))
+    def represented_volume(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        unit_volume: real,
+        stiffness: wp.array(dtype=real),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        if not f.is_undamaged(family, i):
+            volume = unit_volume * represented(family, displacement, i)
+            if wp.static(stiffened):
+                volume /= stiffness[i]
+            out[i] = wp.float64(volume)
+
+    return represented_volume
+
+
+@functools.cache
 def sums_of_bonds(
     layout: Layout, Constants: Any, force_of: wp.Function, stiffness_of: wp.Function
 ) -> tuple[Kernel, Kernel]:

@@ -78,10 +78,10 @@ def point_gradient(layout: Layout) -> wp.Function:
 
 
 @functools.cache
-def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
-    """Kernel that fills bond_force [members, points], N; Warp function of the energy, as for `energy_of_families`.
+def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function, wp.Function]:
+    """Kernel that fills bond_force [members, points], N; Warp functions of the energy and the represented area.
 
-    `material` is a factory of (stress, energy).
+    These are those of `energy_of_families` and `represented_volumes`. `material` is a factory of (stress, energy).
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -112,6 +112,18 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
             )
         return stored
 
+    @wp.func
+    def represented(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        i: int,
+    ):
+        _G1, _G2, inverse, size = gradient(family, displacement, displacement, real(0.0), i)
+        area = real(0.0)
+        if inverse[0] > real(0.0):
+            area = f.area(family, i) * size / f.family_area(family, i)
+        return area
+
     @kernel(gathers=("displacement",))
     def family_force(
         family: Family,
@@ -139,4 +151,4 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function]:
                 force = c * (xi[0] * A1 + xi[1] * A2)
             bond_force[k, i] = force
 
-    return family_force, family_energy
+    return family_force, family_energy, represented

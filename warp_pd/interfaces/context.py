@@ -198,14 +198,14 @@ class Context:
         own_exchange: bool = False,
         intermediate: bool = False,
         output: str = "",
-        density: bool = False,
+        volume: Array | None = None,
     ) -> Array:
         """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`.
 
         Raises:
             ValueError: for a field of points that has not an entry for each of them.
         """
-        declared = Field(name, owner, per, restart, halo, own_exchange, intermediate, output, density)
+        declared = Field(name, owner, per, restart, halo, own_exchange, intermediate, output, volume)
         array = self.fields.allocate(declared, dtype, values, shape)
         if per == "point" and self.sheet.size not in array.shape:
             raise ValueError(

@@ -14,7 +14,7 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.bond_associated import family_energies
+from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
 from ..kernels.memory import remembered
 from ..kernels.relaxation import row_sums
@@ -130,12 +130,14 @@ class BondAssociatedForce(BondAssociatedLaw):
         tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
         families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
+        self._areas = sheet.areas if self.weights == "published" else self._summed(weights)
         if own_values:
             self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
         self.key = (self.layout, law.material.functions, law.form)
         self.earlier_energy, self.partial_energy = family_energies(*self.key)
+        self.represented = None if self.weights == "published" else represented_area(self.layout)
         self.path = force_path(self, inverse, weights)
         self.other_families = self.path.other_families
 
@@ -210,6 +212,10 @@ class BondAssociatedForce(BondAssociatedLaw):
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with TearingEnergy")
         self.damage, self.near_damage = damage, near
+
+    def represented_areas(self) -> np.ndarray:
+        """Area represented by the bonds of each point of the undamaged sheet [m^2], shape (N,)."""
+        return self._areas
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""

@@ -98,7 +98,10 @@ class BondBasedForce(FamilyLaw):
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
         self.kernels = bond_based(context.layout, law.material.pairwise)
-        self.earlier_energy = self.kernels.earlier_energy
+        self.earlier_energy, self.represented = self.kernels.earlier_energy, self.kernels.represented
+        # Weights are W_ik = (g/2) times the area that a bond represents.
+        self.represented_share = 2.0 / STIFFNESS[law.state]
+        self._areas = self.represented_share * self._summed(weights)
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: BondsOnce | None = None
@@ -168,6 +171,10 @@ class BondBasedForce(FamilyLaw):
             **self._forces_once(self.context.state.displacement), nearly=NEARLY * squared_stretch, exceeding=exceeding,
         )  # fmt: skip
         return True
+
+    def represented_areas(self) -> np.ndarray:
+        """Area represented by the bonds of each point of the undamaged sheet [m^2], shape (N,)."""
+        return self._areas
 
     @property
     def force_path(self) -> str:

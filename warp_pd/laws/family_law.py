@@ -20,10 +20,10 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import soften
 from ..kernels.effects import Kernel
-from ..kernels.family_sums import energy_of_families, gather_pairs
+from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
 from ..materials import Material, capabilities, padded_constants
 from .family_struct import family_struct
-from .point_fields import ShownFields, grouped, offered, refuse_other
+from .point_fields import ShownFields, factors, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
@@ -64,6 +64,9 @@ class FamilyLaw(BuiltLaw):
         unit_force: The same over the horizon [m^2], that of forces.
         unit_stiffness: The same over the squared horizon [m], that of stiffnesses.
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
+        represented: Warp function of the area that the intact bonds of a family represent, see
+            kernels/family_sums.py; None if it is the area of the point whatever breaks.
+        represented_share: Factor on what `represented` returns.
         shown_stress: Material for the stress fields of frames, or None if the law has none.
         shown: Point fields requested for frames, or None.
         damage: Damage of the points that softens their families, (N,), or None.
@@ -83,6 +86,8 @@ class FamilyLaw(BuiltLaw):
     slack_frequency: float | None = None
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
+    represented: wp.Function | None = None
+    represented_share: float = 1.0
     shown_stress: Material | None = None
     shown: ShownFields | None = None
     damage: Array | None = None
@@ -127,7 +132,6 @@ class FamilyLaw(BuiltLaw):
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
             self.struct.intact = self.intact
         self.thickness = context.whole.mean_thickness
-        self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
         varies = {"by_point": known.by_point, "remembers": known.remembers, "regions (ByRegion)": known.regions or None}
@@ -166,8 +170,15 @@ class FamilyLaw(BuiltLaw):
         if not self.has_energy:
             return None
         return self.context.array(
-            "strain_energy", self.owner, wp.float64, shape=self.points, output="strain_energy_density", density=True
-        )
+            "strain_energy", self.owner, wp.float64, shape=self.points, output="strain_energy_density",
+            volume=self._represented_volume,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def _represented_volume(self) -> Array:
+        """Volume that the intact bonds of each family represent at the last frame [m^3], (N,) float64."""
+        volumes = self.represented_areas() * self.context.sheet.thickness
+        return self.context.array("represented_volume", self.owner, wp.float64, volumes)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the internal force in a step, and of the strain energy at frames."""
@@ -177,6 +188,14 @@ class FamilyLaw(BuiltLaw):
         elif phase is Phase.FRAME and self.strain_energy is not None:
             self.add_energy(stage, state.displacement, self.strain_energy)
             self._add_softened(stage, self.strain_energy)
+            if self.intact is not None and self.represented is not None:
+                stiffness = factors(self.context)
+                kernel = represented_volumes(self.context.layout, self.represented, stiffness is not None)
+                stage.launch(
+                    self.owner, kernel, self.points, family=self.struct, displacement=state.displacement,
+                    unit_volume=self.represented_share * self.unit_volume, stiffness=stiffness,
+                    out=self._represented_volume,
+                )  # fmt: skip
         if phase is Phase.FRAME and self.shown is not None:
             self.add_shown(stage, self.shown)
             for stress in self.shown.stresses():
@@ -221,11 +240,14 @@ class FamilyLaw(BuiltLaw):
         raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
 
     def represented_areas(self) -> np.ndarray:
-        """Area represented by the bonds of each point [m^2], shape (N,): the sum of their weights."""
-        assert self._weights is not None
-        areas = self.families.rows_of_points(self._weights.sum(axis=1)) * self.families.reference_area
-        factors = self.families.factors
-        return np.asarray(areas if factors is None else areas / self.families.rows_of_points(factors))
+        """Area represented by the bonds of each point of the undamaged sheet [m^2], shape (N,)."""
+        return self.context.sheet.areas
+
+    def _summed(self, weights: np.ndarray) -> np.ndarray:
+        """Sum of the weights of each point [m^2], shape (N,), without factors on the energy, from those by row."""
+        areas = self.families.rows_of_points(weights.sum(axis=1)) * self.families.reference_area
+        scaled = self.families.factors
+        return np.asarray(areas if scaled is None else areas / self.families.rows_of_points(scaled))
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""

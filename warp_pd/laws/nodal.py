@@ -75,7 +75,7 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context, law.weights)
         self.material = self.shown_stress = law.material
-        self._force, self.earlier_energy = nodal(context.layout, law.material.functions)
+        self._force, self.earlier_energy, self.represented = nodal(context.layout, law.material.functions)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
@@ -85,10 +85,6 @@ class NodalForce(PointLaw):
     def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,)."""
         self.damage, self.near_damage = damage, near
-
-    def represented_areas(self) -> np.ndarray:
-        """Area of each point [m^2], shape (N,)."""
-        return self.context.sheet.areas
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material [J/m^3], in pure shear by default."""

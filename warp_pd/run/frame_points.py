@@ -79,11 +79,6 @@ class FramePoints:
             bodies=tuple(body for contact in self.built.contacts if (body := contact.outline()) is not None),
         )
 
-    @property
-    def _volume(self) -> np.ndarray:
-        """Volume of each of these points [m^3]."""
-        return self.built.volume[self._chosen]
-
     @functools.cached_property
     def _placement(self) -> np.ndarray | None:
         """Displacement of these points before the sheet was clamped [m], or None."""
@@ -108,7 +103,10 @@ class FramePoints:
         built, shown = self.built, {}
         for stored in built.context.fields.shown():
             values = self._values(stored.array)
-            shown[stored.field.output] = values / self._volume if stored.field.density else values
+            if stored.field.volume is not None:
+                volume = self._values(stored.field.volume)
+                values = np.divide(values, volume, out=np.zeros_like(values), where=volume > 0.0)
+            shown[stored.field.output] = values
         rupture, displacement = built.rupture, shown.pop("displacement")
         if self._placement is not None:
             # From the sheet as it was clamped, in the same precision.
