@@ -89,9 +89,9 @@ def differs(folder: Path, whole: Path) -> str:
                 continue
             if name not in one.files or name not in other.files or one[name].tobytes() != other[name].tobytes():
                 return f"{name} differs"
-    if (folder / "history.csv").read_text() != (whole / "history.csv").read_text():
+    if (folder / "history.csv").read_text("utf-8") != (whole / "history.csv").read_text("utf-8"):
         return "history.csv differs"
-    status = json.loads((folder / "summary.json").read_text())["status"]
+    status = json.loads((folder / "summary.json").read_text("utf-8"))["status"]
     return "" if status == "finished" else f"status {status}"
 
 

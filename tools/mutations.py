@@ -76,7 +76,7 @@ class Reach:
         codes = [code for code in self.seen.values() if code.co_filename.startswith(str(self.tree))]
         names = {(c.co_filename[len(str(self.tree)) + 1 :], c.co_qualname.replace(".<locals>", "")) for c in codes}
         short = {(file.replace("warp_pd/kernels/", "kernels/"), name) for file, name in names}
-        self.out.write_text(json.dumps(sorted(short)))
+        self.out.write_text(json.dumps(sorted(short)), "utf-8")
 
 
 def pytest(files: Sequence[str], tree: Path, seconds: float, plugins: Sequence[object] = ()) -> tuple[str, float]:
@@ -139,7 +139,7 @@ def reach(options: argparse.Namespace) -> None:
             continue
         # Tracing is slow, and a file that is ended would count as one that reaches nothing.
         said, seconds = pytest([file], tree, 400.0, [plugin])
-        functions = json.loads(plugin.out.read_text())
+        functions = json.loads(plugin.out.read_text("utf-8"))
         plugin.out.unlink()
         out.parent.mkdir(exist_ok=True)
         write_atomically(out, json.dumps({"file": file, "seconds": seconds, "functions": functions}))
@@ -151,7 +151,7 @@ def tests_of(row: Row, work: Path) -> list[tuple[str, float]]:
     found = []
     stem, folder = Path(row["file"]).stem, Path(row["file"]).parent.name
     for path in (work / "reach").glob("*.json"):
-        run = json.loads(path.read_text())
+        run = json.loads(path.read_text("utf-8"))
         reached = {name for file, name in run["functions"] if file == row["file"]}
         # Outside functions any of the file will do.
         if row["function"] in reached or (reached and not row["function"]):

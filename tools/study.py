@@ -72,7 +72,7 @@ class Case:
     def summary(self, work: Path) -> dict[str, Any] | None:
         """Content of its summary.json, or None if it has not ended yet."""
         path = work / self.name / "summary.json"
-        return json.loads(path.read_text()) if path.is_file() else None
+        return json.loads(path.read_text("utf-8")) if path.is_file() else None
 
 
 def execute(case: Case, work: Path, device: str) -> None:
@@ -149,7 +149,7 @@ def load_rows(path: Path) -> list[Row]:
     """Rows of earlier calls; none if there is no file."""
     if not path.is_file():
         return []
-    stored = json.loads(path.read_text())
+    stored = json.loads(path.read_text("utf-8"))
     rows = [dict(zip(stored["columns"], row, strict=True)) for row in stored["rows"]]
     for row in rows if "origins" in stored else ():
         row["made"] = stored["origins"][row["made"]]
@@ -200,7 +200,7 @@ def renew(path: Path, sections: Mapping[str, Sequence[str]]) -> None:
         sections: Lines by heading, such as "## Verdicts". A section ends at the next heading. One that the page does
             not have comes at its end.
     """
-    text = path.read_text() if path.is_file() else ""
+    text = path.read_text("utf-8") if path.is_file() else ""
     for heading, lines in sections.items():
         section = "\n".join([heading, "", *lines]).rstrip() + "\n\n"
         found = re.search(rf"^{re.escape(heading)}\n.*?(?=^#|\Z)", text, re.DOTALL | re.MULTILINE)

@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-from .device.checks import InputError, OutputError, count, one_of
+from .device.checks import InputError, OutputError, count, one_of, said
 from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
 from .run.scene_help import SceneCommand
 
@@ -299,7 +299,7 @@ def plan(
 
 @main.command("draw")
 @click.argument("folder", metavar="FOLDER|SCENE", type=click.Path(path_type=Path))
-@click.option("--scene", help="The scene's Python file, if it has moved.")
+@click.option("--scene", help="The scene's Python file, which is run; nothing in FOLDER is.")
 @click.option("--shape", is_flag=True, help="Draw the undeformed sheet of SCENE.")
 @click.option("--points", type=int, help="With --shape: points along x.")
 @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
@@ -338,7 +338,13 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
         raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run, or --shape")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
-    simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
+    own = summary["scene"] if summary.get("file") is None and summary["scene"] in scene_names() else None
+    if scene is None and own is None:
+        raise InputError(
+            f"folder = {str(folder)!r}: its scene is {said(summary.get('file') or summary['scene'])}, and a folder's "
+            "word is not enough to run a file: expected --scene FILE.py"
+        )
+    simulation = build_scene(scene or own, summary["settings"])
     draw_pictures(simulation, read_history(folder / "history.csv"), folder, summary, picture_formats(pictures))
     for path in pictures_in(folder):
         click.echo(f"  {path.name}")

@@ -76,7 +76,7 @@ def test_pages_run(page, kind, text, folders, monkeypatch, default_pictures):
     monkeypatch.chdir(folders[page])
     if kind == "save":
         name, code = text.split("\n", 1)
-        Path(name).write_text(code)
+        Path(name).write_text(code, encoding="utf-8")
     elif kind == "python":
         monkeypatch.syspath_prepend(str(folders[page]))
         exec(compile(text.split("\n", 1)[1], "page", "exec"), {"__name__": "page"})

@@ -200,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def write(path: Path, content: dict[str, Any]) -> None:
     """Write numbers as JSON and say so."""
-    path.write_text(json.dumps(content, indent=1) + "\n")
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     print(f"wrote {path}")
 
 

@@ -14,7 +14,7 @@ from study import Row, build_scene, device_title, provenance
 
 from warp_pd import Simulation
 
-TEXTS = tomllib.loads(Path(__file__).with_name("rows.toml").read_text())
+TEXTS = tomllib.loads(Path(__file__).with_name("rows.toml").read_text("utf-8"))
 
 
 @dataclass(frozen=True)

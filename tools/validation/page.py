@@ -147,4 +147,4 @@ def make() -> None:
     SPREAD_PICTURE.write_bytes(shrunk(SPREAD_PICTURE, limit(SPREAD_PICTURE)))
     renew(PAGE, sections(found))
     line = re.compile(r"^Against \d+ published .*\n", re.MULTILINE)
-    write_page(README, line.sub(lambda _: summary(found) + "\n", README.read_text()))
+    write_page(README, line.sub(lambda _: summary(found) + "\n", README.read_text("utf-8")))

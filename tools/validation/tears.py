@@ -66,7 +66,7 @@ def notch_factors(points: int, device: str | None) -> Sequence[float]:
 
 def by_elements(points: int, device: str | None) -> Mapping[str, float]:
     """Finite elements of a neo-Hookean strip over the formula, a notch of 0.15 of the width."""
-    torn = json.loads((DATA.parent / "torn.json").read_text())
+    torn = json.loads((DATA.parent / "torn.json").read_text("utf-8"))
     found = dict(zip(torn["stretches"], torn["full_energy"]["0.15"], strict=True))
     return {
         f"finite elements over the formula at {stretch:g}": found[stretch] / lindley(stretch)

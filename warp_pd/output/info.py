@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..device.checks import InputError
 from ..interfaces.frame import format_time
+
+NUMBER = int | float
+# Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, and
+# those of a measure.
+ENTRIES = {"scene": str, "status": str, "message": str, "settings": dict, "measures": dict}
+MORE = {
+    "file": str | None, "section": str, "points": int, "horizon": NUMBER, "weights": str, "wall_s": NUMBER,
+    "units": dict, "pictures": list, "notes": list, "identity": dict,
+}  # fmt: skip
+OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}
 
 
 def describe(path: Path) -> str:
@@ -47,16 +59,32 @@ def _vtkhdf(path: Path) -> str:
     return "\n".join(lines)
 
 
-def _summary(path: Path) -> str:
+def read_summary(path: Path) -> dict[str, Any] | None:
+    """The contents of a summary.json; None if it cannot be read, or lacks an entry that the package needs."""
     try:
-        summary = json.loads(path.read_text())
-    except (ValueError, UnicodeDecodeError):
-        raise InputError(f"file = {str(path)!r}: expected a summary.json of a run") from None
-    if not isinstance(summary, dict) or "scene" not in summary:
+        found = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not _has(found, ENTRIES) or not _has(found, {name: kind for name, kind in MORE.items() if name in found}):
+        return None
+    return found if all(_has(measure, OF_A_MEASURE) for measure in found["measures"].values()) else None
+
+
+def _has(found: Any, entries: Mapping[str, Any]) -> bool:
+    """Whether `found` is a dict with these entries, of these types."""
+    return isinstance(found, dict) and all(
+        name in found and isinstance(found[name], kind) for name, kind in entries.items()
+    )
+
+
+def _summary(path: Path) -> str:
+    summary = read_summary(path)
+    if summary is None:
         raise InputError(f"file = {str(path)!r}: expected a summary.json of a run")
-    section = f" ({summary['section']})" if summary["section"] else ""
+    section = f" ({summary['section']})" if summary.get("section") else ""
     lines = [f"{path}: {summary['scene']}{section}, {summary['status']}"]
-    lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")
+    if {"points", "horizon", "weights"} <= summary.keys():
+        lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")
     for name, measure in summary["measures"].items():
         value = "none" if measure["value"] is None else f"{measure['value']:.6g} {measure['unit']}".removesuffix(" 1")
         lines.append(f"  {name} = {value}")

@@ -6,7 +6,6 @@ import contextlib
 import csv
 import io
 import itertools
-import json
 import math
 import os
 import shutil
@@ -15,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError, OutputError, said
+from ..geometry.picture_files import pictures_in
 from ..interfaces import History
 from ..output.file_writers import ANIMATION, BODIES, FRAMES
+from ..output.info import read_summary
 from . import restart
 
 try:
@@ -78,11 +79,7 @@ def results_in(folder: Path) -> list[str]:
 
 def run_summary(folder: Path) -> dict[str, Any] | None:
     """The summary of the run in a folder, or None if there is none."""
-    try:
-        found = json.loads((folder / "summary.json").read_text())
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) and {"scene", "settings", "status"} <= set(found) else None
+    return read_summary(folder / "summary.json")
 
 
 def _numbered(wanted: Path) -> Iterator[Path]:
@@ -140,9 +137,9 @@ def sole_use(folder: Path | None) -> Iterator[None]:
 
 def clear(folder: Path) -> None:
     """Remove the results of an earlier run, so that they are not mistaken for those of this one."""
-    drawn = (run_summary(folder) or {}).get("pictures", [])
-    for name in (*RESULTS, *drawn):
-        (folder / Path(name).name).unlink(missing_ok=True)
+    drawn = {str(name) for name in (run_summary(folder) or {}).get("pictures", [])}
+    for path in (*(folder / name for name in RESULTS), *(path for path in pictures_in(folder) if path.name in drawn)):
+        path.unlink(missing_ok=True)
 
 
 def clear_unfinished(folder: Path) -> None:
@@ -156,7 +153,7 @@ def clear_unfinished(folder: Path) -> None:
 def read_history(path: Path) -> History:
     """Read the history that `write_history` wrote. Raises InputError if it is missing or damaged."""
     try:
-        with path.open(newline="") as stream:
+        with path.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
         history = [{key: float("nan" if text == "" else text) for key, text in row.items()} for row in rows]
     except (OSError, ValueError, TypeError):

@@ -20,6 +20,7 @@ from .built import Built
 from .divergence import Soundness
 from .frame_points import FramePoints
 from .scene import Measure, Reported
+from .version import code_version
 
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
@@ -81,6 +82,7 @@ class Recorder:
         finishing: Whether a frame is being recorded, after which a run that was asked to stop ends; or the run ends.
         repeated: Number of times that a frame was computed again.
         missing: For each measure that failed, the number of frames and the first reason.
+        codes: Versions of the code that computed the run, each with the time from which on.
         points: The points stored in frames.
     """
 
@@ -104,6 +106,7 @@ class Recorder:
     finishing: bool = False
     repeated: int = 0
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
+    codes: list[list[str]] = field(default_factory=list)
     points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:
@@ -115,6 +118,13 @@ class Recorder:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
         self._saved_at = -math.inf
+        self.note_code()
+
+    def note_code(self) -> None:
+        """Remember the code that computes the run from now on."""
+        now = code_version()
+        if not self.codes or self.codes[-1][0] != now:
+            self.codes.append([now, format_time(self.time, self.built.simulation.load_duration)])
 
     def start_clock(self) -> None:
         """Start counting the seconds spent in steps."""

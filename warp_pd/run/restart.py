@@ -24,7 +24,7 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 8
+VERSION = 9
 # Numbers of the recorder that a restart keeps.
 NUMBERS = (
     "frame_index",
@@ -38,6 +38,7 @@ NUMBERS = (
     "history",
     "missing",
     "repeated",
+    "codes",
 )
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
@@ -195,3 +196,4 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
     for name in NUMBERS:
         setattr(recorder, name, numbers[name])
     built.solver.restore(numbers["solver"])
+    recorder.note_code()

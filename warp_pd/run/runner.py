@@ -155,7 +155,8 @@ def _run(
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if known is not None:
-            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources}
+            code = recorder.codes[-1][0]
+            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources, "code": code}
         return result
 
     def last_words() -> None:
@@ -264,9 +265,11 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
 
 def _write_summary(result: Result, folder: Path) -> None:
     if result.status == STOPPED:
+        file = result.summary["file"]
+        draw_again = f"warp-pd draw {folder}" + (f" --scene {file}" if file else "")
         result.summary["pictures"] = []
         result.summary["notes"].append(
-            f"files: pictures, page and animation of an interrupted run are not written; `warp-pd draw {folder}` and "
+            f"files: pictures, page and animation of an interrupted run are not written; `{draw_again}` and "
             f"`warp-pd view {folder}` do, or --resume"
         )
     write_atomically(folder / "summary.json", json.dumps(result.summary, indent=2) + "\n")
@@ -285,6 +288,7 @@ def _show(result: Result, folder: Path, files: Files) -> None:
         )
     frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
     # First, so that a picture that cannot be drawn does not take the numbers with it.
+    summary["pictures"] = []
     _write_summary(result, folder)
     if files.pictures:
         try:

@@ -17,6 +17,7 @@ from ..interfaces import History
 from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Outcome, Reported
+from .version import commit_of
 
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
 WORST_BALANCE, WORST_GAIN = 0.01, 0.01
@@ -45,6 +46,9 @@ def notes_of(recorder: Recorder) -> list[str]:
     for name, found in recorder.missing.items():
         frames = "one frame" if found["frames"] == 1 else f"{found['frames']} frames"
         notes.append(f"Measure {name!r}: missing in {frames}, {found['why']}")
+    if len(recorder.codes) > 1:
+        versions = "; ".join(f"{code} from {when} on" for code, when in recorder.codes)
+        notes.append(f"resumed by another version: {versions}; the bits may differ from those of one version alone")
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
@@ -111,26 +115,6 @@ def _rows_for(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History
             f"{outcome.name}: computed from frames only; history_every (--history-every) adds rows between frames"
         )
     return recorder.history
-
-
-def commit_of(checkout: Path) -> str | None:
-    """The git commit of a checkout, which may be a worktree of another one; None for another folder."""
-    git = common = checkout / ".git"
-    try:
-        if git.is_file():
-            git = checkout / git.read_text().removeprefix("gitdir:").strip()
-            common = git / (git / "commondir").read_text().strip()
-        head = (git / "HEAD").read_text().strip()
-        name = head.removeprefix("ref: ")
-        if name == head:
-            return head
-        loose = common / name
-        if loose.is_file():
-            return loose.read_text().strip()
-        packed = (common / "packed-refs").read_text().splitlines()
-        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
-    except OSError:
-        return None
 
 
 def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:

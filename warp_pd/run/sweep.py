@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import click
 
@@ -21,8 +23,11 @@ from . import restart
 from .built import compose
 from .folder import remove_if_empty, run_summary, writable_folder, write_csv
 from .scene_files import build_scene, load_scene
+from .version import code_version
 
 REFUSED = "refused"
+# Length of the name of a folder whose values take more; file systems take 255 bytes.
+LONGEST_NAME = 200
 # Runs that are over: to run them again would give the same.
 OVER = (FINISHED, DIVERGED, NOT_CONVERGED, ENDED)
 
@@ -60,8 +65,16 @@ def combinations(choices: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str
 
 
 def folder_name(values: Mapping[str, str]) -> str:
-    """Name of the folder of a run."""
-    return ",".join(f"{key}={value}" for key, value in values.items()).replace("/", "_").replace(" ", "")
+    """Name of the folder of a run: no two runs share one.
+
+    Characters of a value that a file system may refuse or take for others are percent-encoded. A name that is too long
+    ends with a hash of its values, and only such names have that length.
+    """
+    name = ",".join(f"{key}={quote(value, safe='()[]+')}" for key, value in values.items())
+    if len(name) < LONGEST_NAME:
+        return name
+    number = hashlib.sha256(name.encode()).hexdigest()[:32]
+    return f"{name[: LONGEST_NAME - len(number) - 1]}-{number}"
 
 
 def sweep(
@@ -87,11 +100,16 @@ def sweep(
         One row per run, in order. A failed run does not stop the others. If the user stops a run, its row is the last.
     """
     everything = list(combinations(choices))
-    for values in everything if not overwrite else ():
-        _require_same(build, values, out / folder_name(values), options)
+    # Of all folders first, so that a refused sweep leaves them and the table as they are.
+    same = {
+        folder_name(values)
+        for values in (everything if not overwrite else ())
+        if _require_same(build, values, out / folder_name(values), options)
+    }
     rows = []
     for number, values in enumerate(everything, start=1):
-        row = _run(build, values, out / folder_name(values), options, overwrite)
+        name = folder_name(values)
+        row = _run(build, values, out / name, options, overwrite, known=name in same)
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
@@ -102,29 +120,40 @@ def sweep(
 
 def _require_same(
     build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any]
-) -> None:
-    """Check that a run in the folder has the same settings and code as these values give now."""
+) -> bool:
+    """Check that a run in the folder has the same settings and code as these values give now; False without a run."""
     earlier = run_summary(folder)
     if earlier is None:
-        return
+        return False
     simulation = build(values)
     here = restart.identity(simulation, compose(simulation, options["device"], options["precision"]))
-    told = earlier.get("identity", {"parts": {}, "sources": {}})
+    told = {"parts": {}, "sources": {}, "code": "unknown", **earlier.get("identity", {})}
     other = restart.difference(restart.Identity(told["parts"], earlier["settings"]), here)
     sources = {**told["sources"], **simulation.sources}
     changed = [name for name in sources if told["sources"].get(name) != simulation.sources.get(name)]
-    if other or changed:
-        what = f"other settings ({other})" if other else f"other code ({', '.join(changed)} has changed)"
-        raise InputError(f"{str(folder)!r} contains a run with {what}; expected another folder (--out) or --overwrite")
+    began, now = told["code"], code_version()
+    if other:
+        what = f"other settings ({other})"
+    elif changed:
+        what = f"other code ({', '.join(changed)} has changed)"
+    elif began != now:
+        what = f"other code ({began}, here {now})"
+    else:
+        return True
+    raise InputError(f"{str(folder)!r} contains a run with {what}; expected another folder (--out) or --overwrite")
 
 
 def _run(
     build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any],
-    overwrite: bool,
+    overwrite: bool, known: bool,
 ) -> Row:  # fmt: skip
+    """Run one combination, or take over its results; `known` tells whether those were compared with the values."""
     try:
         earlier = None if overwrite else run_summary(folder)
         if earlier is not None and earlier["status"] in OVER:
+            # A file system may take two names for one.
+            if not known:
+                _require_same(build, values, folder, options)
             return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
         simulation = build(values)
         goes_on = not overwrite and (folder / restart.NAME).is_file()

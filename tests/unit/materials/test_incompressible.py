@@ -58,7 +58,7 @@ def test_the_docs_show_the_material_of_the_tests():
     own = Path(isihara.__file__)
     page = (own.parents[1] / "docs" / "materials.md").read_text()
     code = re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1)
-    assert code.strip() == own.read_text().split('"""\n', 1)[1].strip()
+    assert code.strip() == own.read_text(encoding="utf-8").split('"""\n', 1)[1].strip()
 
 
 def test_ogden_takes_pairs_of_negative_numbers():

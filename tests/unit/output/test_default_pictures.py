@@ -60,9 +60,10 @@ def test_a_static_scene_is_drawn_over_the_load_factor(tmp_path, default_pictures
 
 def test_no_pictures(tmp_path, default_pictures):
     assert run(tmp_path, "Explicit(0.01, frames=1)", PULL, "--no-pictures") == []
-    drawn = cli("draw", tmp_path / "out", "--pictures", "svg")
+    again = ("draw", tmp_path / "out", "--scene", tmp_path / "mine.py", "--pictures")
+    drawn = cli(*again, "svg")
     assert drawn.exit_code == 0 and "sheet.svg" in drawn.output
-    refused = cli("draw", tmp_path / "out", "--pictures", "jpg")
+    refused = cli(*again, "jpg")
     assert refused.exit_code == 2 and "pictures = 'jpg': expected one of 'png', 'pdf', 'svg'" in refused.output
 
 

@@ -1,5 +1,6 @@
 """Pictures: what they show, and damaged frames that cannot be drawn."""
 
+import json
 import os
 import shutil
 
@@ -42,8 +43,28 @@ def test_a_scene_of_ones_own_is_drawn_from_its_file(tmp_path):
     done = cli("run", tmp_path / "pressure.py", "--device", "cpu", "--quiet", "--no-usd", "--out", out)
     assert done.exit_code == 0, done.output
     (out / "mine.png").unlink()
-    done = cli("draw", out)
+    done = cli("draw", out, "--scene", tmp_path / "pressure.py")
     assert done.exit_code == 0 and [p.name for p in out.glob("*.png")] == ["mine.png"]
+
+
+@pytest.mark.parametrize(
+    "named", [{"file": "trap.py"}, {"scene": "trap.py"}, {"scene": "trap", "file": None}, {"scene": "../trap.py"}]
+)
+def test_draw_runs_no_file_that_a_results_folder_names(ball, tmp_path, monkeypatch, named):
+    """Neither a file, nor a scene whose name is a file's, nor a module beside the folder."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "theirs"
+    shutil.copytree(ball, folder)
+    (tmp_path / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\ndef build(**given): ...\n")
+    summary = json.loads((folder / "summary.json").read_text("utf-8"))
+    summary |= {name: value and value.replace("trap.py", str(tmp_path / "trap.py")) for name, value in named.items()}
+    (folder / "summary.json").write_text(json.dumps(summary), "utf-8")
+    for command in ("draw", "info", "view"):
+        done = cli(command, folder)
+        assert not (tmp_path / "sprung").exists(), command
+        assert (done.exit_code, "expected --scene FILE.py" in done.output) == (
+            (2, True) if command == "draw" else (0, False)
+        )
 
 
 @pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: os.truncate(path, 5000)])

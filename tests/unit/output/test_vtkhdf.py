@@ -291,7 +291,7 @@ def test_a_file_that_does_not_go_on_is_refused_in_one_line(tmp_path: Path, first
 
 
 def not_hdf5(path: Path) -> None:
-    path.write_text("time,damage\n0,0\n")
+    path.write_text("time,damage\n0,0\n", encoding="utf-8")
 
 
 def cut_short(path: Path) -> None:

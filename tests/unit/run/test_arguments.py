@@ -103,7 +103,7 @@ def test_a_scene_with_tuples_and_without_defaults(tmp_path, monkeypatch):
     assert settings == {"points": 7, "centre": [0.25, 0.5]}
     refused = cli("run", "mine.py")
     assert refused.exit_code == 2 and "points has no default: expected --set points=VALUE" in refused.output
-    assert cli("draw", "runs/mine").exit_code == 0, "from the settings of the summary"
+    assert cli("draw", "runs/mine", "--scene", "mine.py").exit_code == 0, "from the settings of the summary"
 
 
 NEVER_IMPORTED = (

@@ -99,7 +99,7 @@ def rows(folder):
 
 def workers(launcher):
     """The processes that a process started."""
-    listed = Path(f"/proc/{launcher}/task/{launcher}/children").read_text()
+    listed = Path(f"/proc/{launcher}/task/{launcher}/children").read_text(encoding="utf-8")
     return sorted(map(int, listed.split()))
 
 

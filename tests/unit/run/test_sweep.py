@@ -5,7 +5,11 @@ import json
 import sys
 
 import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 from small_runs import cli
+
+from warp_pd.run.sweep import folder_name
 
 SCENE = """
 from warp_pd import *
@@ -90,6 +94,78 @@ def test_other_settings_in_the_folder_are_refused(scene):
     assert changed.exit_code == 2 and "contains a run with other settings (load = 1.0, here 3.0)" in changed.output
     assert sweep("--points", "7", "--overwrite").exit_code == 0
     assert float(rows(scene / "runs" / "mine-sweep")[0]["stretched"]) == pytest.approx(0.03)
+
+
+TEXTS = (
+    "a/b",
+    "a_b",
+    "a b",
+    "ab",
+    "a%2Fb",
+    "H\u00f6he",
+    "(1,2)",
+    "(1",
+    "",
+    ".",
+    "a\\b",
+    "a:b",
+    "a=b",
+    "x" * 300,
+    "x" * 299 + "y",
+)
+
+
+@settings(deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    one=st.dictionaries(st.sampled_from("abc"), st.text(), min_size=1),
+    two=st.dictionaries(st.sampled_from("abc"), st.text()),
+)
+@example({"a": "1,b=2"}, {"a": "1", "b": "2"})
+def test_names_of_folders_are_injective_and_fit_every_file_system(one, two):
+    names = [folder_name(values) for values in (one, two)]
+    assert (names[0] == names[1]) == (list(one.items()) == list(two.items()))
+    assert all(len(name.encode()) <= 200 and not set(name) & set('/\\:*?"<>|\0') for name in names)
+
+
+def test_every_value_has_its_own_folder(scene):
+    names = [folder_name({"name": text}) for text in TEXTS]
+    assert len(set(names)) == len(TEXTS)
+    (scene / "mine.py").write_text(
+        SCENE.replace("load=1.0):", "load=1.0, name='a'):").replace(
+            "frame.displacement[:, 0].max()", "float(len(name))"
+        ),
+        "utf-8",
+    )
+    done = sweep("--set", "name=a/b,a_b,abc/" + "x" * 300)
+    assert done.exit_code == 0, done.output
+    assert [float(row["stretched"]) for row in rows(scene / "runs" / "mine-sweep")] == [3.0, 3.0, 304.0]
+    assert "done before" not in done.output
+
+
+def test_a_file_system_that_takes_two_names_for_one_does_not_mix_their_results(scene, monkeypatch):
+    """As those of Windows and macOS do with capitals."""
+    monkeypatch.setattr("warp_pd.run.sweep.folder_name", lambda values: "one")
+    done = sweep("--points", "7,9")
+    assert done.exit_code == 2 and "other settings (points = 7, here 9)" in done.output
+    assert [row["status"] for row in rows(scene / "runs" / "mine-sweep")] == ["finished", "refused"]
+
+
+def test_results_of_another_version_are_refused(scene, monkeypatch):
+    assert sweep("--points", "7").exit_code == 0
+    monkeypatch.setattr("warp_pd.run.sweep.code_version", lambda: "warp-pd 9.0 abc, Warp 1.19.0")
+    upgraded = sweep("--points", "7")
+    assert upgraded.exit_code == 2 and "here warp-pd 9.0 abc" in upgraded.output
+    assert len(upgraded.output.strip().splitlines()) == 1
+
+
+def test_a_damaged_summary_is_one_line(scene):
+    assert sweep("--points", "7").exit_code == 0
+    path = scene / "runs" / "mine-sweep" / "points=7" / "summary.json"
+    whole = json.loads(path.read_text("utf-8"))
+    for name in whole:
+        path.write_text(json.dumps({key: value for key, value in whole.items() if key != name}), "utf-8")
+        done = sweep("--points", "7")
+        assert "Traceback" not in done.output and not isinstance(done.exception, KeyError | TypeError), name
 
 
 @pytest.mark.parametrize(
