@@ -214,15 +214,18 @@ def run(
     from .interfaces.solver import FINISHED, STOPPED, DivergedError
     from .output.beside import number_beside, processes_beside
     from .output.progress import Progress
-    from .run.folder import free_folder, newest_folder
+    from .run.folder import claimed_folder, newest_folder
     from .run.result import report
 
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
-    if out is None and not overwrite:
-        folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
+    if out is None and resume:
+        folder = newest_folder(Path(folder))
     drawn = is_first() and not (no_pictures or no_vtkhdf)
     try:
-        with processes_beside(number_beside(simulation.sheet.size) if drawn else 0):
+        with contextlib.ExitStack() as stack:
+            if out is None and not resume and not overwrite and is_first():
+                folder = stack.enter_context(claimed_folder(Path(folder)))
+            stack.enter_context(processes_beside(number_beside(simulation.sheet.size) if drawn else 0))
             result = simulation.run(
                 out=folder,
                 device=device,
@@ -328,26 +331,23 @@ def draw(
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
-    from .geometry.picture_files import pictures_in
-    from .run.folder import read_history, run_summary
-    from .run.runner import draw as draw_pictures
-    from .run.runner import picture_formats
+    from .run.folder import run_summary
+    from .run.runner import picture_formats, redraw
 
     summary = run_summary(folder)
     if summary is None:
         raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run, or --shape")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
-    own = summary["scene"] if summary.get("file") is None and summary["scene"] in scene_names() else None
-    if scene is None and own is None:
+    if scene is None and (summary.get("file") is not None or summary["scene"] not in scene_names()):
         raise InputError(
             f"folder = {str(folder)!r}: its scene is {said(summary.get('file') or summary['scene'])}, and a folder's "
             "word is not enough to run a file: expected --scene FILE.py"
         )
-    simulation = build_scene(scene or own, summary["settings"])
-    draw_pictures(simulation, read_history(folder / "history.csv"), folder, summary, picture_formats(pictures))
-    for path in pictures_in(folder):
-        click.echo(f"  {path.name}")
+    simulation = build_scene(scene or summary["scene"], summary["settings"])
+    redraw(simulation, folder, summary, picture_formats(pictures))
+    for name in summary["pictures"]:
+        click.echo(f"  {name}")
 
 
 @main.command("view")

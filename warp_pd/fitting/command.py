@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError, one_of
+from ..geometry.picture_files import Drawing, drawing, pictures_in
 from ..run.arguments import converted
-from ..run.folder import free_folder, remove_if_empty, results_in, writable_folder
+from ..run.folder import claimed_folder, remove_if_empty, results_in, sole_use, writable_folder
 from ..run.scene_files import load_scene
 from .columns import read_tests
 from .data import Test
@@ -38,26 +40,35 @@ def fit_scene(
         tests += found
         yield from notes
     names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
-    folder = _free_folder(free_folder(Path("runs") / f"{Path(scene).stem}-fit") if out is None else Path(out))
-    try:
+    with _folder(Path("runs") / f"{Path(scene).stem}-fit" if out is None else Path(out), out is None) as folder:
         result = fit(
             SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
         )
         run = run_line(scene, given, result)
-        result.save(folder, run)
-    finally:
-        remove_if_empty(folder)
+        with drawing(Drawing(others=frozenset(path.name for path in pictures_in(folder)))):
+            result.save(folder, run)
     yield result.table()
     yield f"results in {folder}"
     yield f"run the fitted scene: {run}"
 
 
-def _free_folder(folder: Path) -> Path:
-    """The folder, created. Raises InputError before anything is fitted if it cannot take the results."""
-    if left := results_in(folder):
-        raise InputError(f"out = {str(folder)!r}: it contains {left[0]}; expected a folder without results (--out)")
-    writable_folder(folder, resume=False)
-    return folder
+@contextlib.contextmanager
+def _folder(wanted: Path, numbered: bool) -> Iterator[Path]:
+    """Context with the folder of the results, or the next number of it, and its lock; removed at the end if empty.
+
+    Raises InputError before anything is fitted if it cannot take the results.
+    """
+    if numbered:
+        with claimed_folder(wanted) as folder:
+            yield folder
+        return
+    with contextlib.ExitStack() as stack:
+        writable_folder(wanted, resume=False)
+        stack.callback(remove_if_empty, wanted)
+        stack.enter_context(sole_use(wanted))
+        if left := results_in(wanted):
+            raise InputError(f"out = {str(wanted)!r}: it contains {left[0]}; expected a folder without results (--out)")
+        yield wanted
 
 
 def run_line(scene: str, given: Mapping[str, Any], result: Fit) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import itertools
 import os
+import re
 from collections.abc import Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -29,11 +31,13 @@ class Drawing:
         title: Title of each picture, or "".
         formats: Suffixes of the files, from FORMATS; empty to use the suffix of each path.
         load_duration: Load time of the full load of a static run [s], or None.
+        others: Names of pictures in the folder that are not of the run; a number keeps its own apart from them.
     """
 
     title: str = ""
     formats: tuple[str, ...] = ()
     load_duration: float | None = None
+    others: frozenset[str] = frozenset()
 
 
 _drawing: ContextVar[Drawing | None] = ContextVar("_drawing", default=None)
@@ -118,7 +122,7 @@ def save(figure: Any, path: Path, **options: Any) -> None:
         OutputError: if it cannot be written.
     """
     for suffix in current().formats or (path.suffix[1:].lower(),):
-        target = path.with_suffix(f".{suffix}")
+        target = _beside_others(path.with_suffix(f".{suffix}"))
         aside = target.with_name(f".{target.name}.unfinished")
         dots = RESOLUTION if suffix == "png" else RESOLUTION_IN_VECTORS
         try:
@@ -126,3 +130,15 @@ def save(figure: Any, path: Path, **options: Any) -> None:
             os.replace(aside, target)
         except OSError as error:
             raise OutputError(f"{str(target)!r} cannot be written: {error.strerror or error}") from error
+
+
+def _beside_others(path: Path) -> Path:
+    """The path, or that with the first number from 2 on that is no picture of others."""
+    others = current().others
+    numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in itertools.count(2))
+    return next(found for found in itertools.chain([path], numbered) if found.name not in others)
+
+
+def unnumbered(name: str) -> str:
+    """The name of a picture without the number that keeps it apart from pictures of others."""
+    return re.sub(r"-\d+(?=\.\w+$)", "", name)

@@ -9,9 +9,13 @@ import itertools
 import math
 import os
 import shutil
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from ..device.checks import InputError, OutputError, said
 from ..geometry.picture_files import pictures_in
@@ -20,16 +24,20 @@ from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
 from . import restart
 
-try:
-    import fcntl
-except ImportError:  # Windows has no such lock: there two runs at once are not noticed.
-    fcntl = None  # type: ignore[assignment]
-
-
 PAGE = "view.html"
 FINE = "fine_history.csv"
 FIT = "fit.json"
+# The first columns of a history.
+HISTORY_BEGINS = b"time,step"
 RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, FRAMES, BODIES, ANIMATION, PAGE, FIT)
+
+
+# The folder that `claimed_folder` holds for a run.
+_claimed: ContextVar[Path | None] = ContextVar("_claimed", default=None)
+
+
+class BusyError(InputError):
+    """Another run writes into the folder."""
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -49,27 +57,43 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
         raise InputError(
             f"resume from {str(folder)!r}: the folder does not exist; expected the folder of an earlier run"
         )
-    try:
+    with _writing_in(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".probe"
-        probe.write_text("")
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"out = {str(folder)!r}: expected a writable folder ({error.strerror})") from None
-    if not resume:
-        _require_free(folder, overwrite)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     return folder
 
 
-def _require_free(folder: Path, overwrite: bool) -> None:
+@contextlib.contextmanager
+def _writing_in(folder: Path) -> Iterator[None]:
+    """Context in which the first files are made in a folder. Raises InputError if it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"out = {str(folder)!r}: expected a writable folder ({error.strerror})") from None
+
+
+def require_free(folder: Path, overwrite: bool) -> None:
+    """Check that a new run may write into a folder: it has no results, or those of a run that it may replace."""
     left = results_in(folder)
     if left and not overwrite:
         raise InputError(
             f"out = {str(folder)!r}: it contains {left[0]}; expected a folder without results, overwrite (--overwrite) "
             "or resume (--resume)"
         )
-    if "summary.json" in left and run_summary(folder) is None:
-        raise InputError(f"out = {str(folder)!r}: its summary.json does not belong to a run; expected another folder")
+    for name in left:
+        if not _is_of_a_run(folder / name):
+            raise InputError(f"out = {str(folder)!r}: its {name} does not belong to a run; expected another folder")
+
+
+def _is_of_a_run(path: Path) -> bool:
+    """Whether a result file is one of ours, as far as its name leaves that open."""
+    if path.name == "summary.json":
+        return run_summary(path.parent) is not None
+    if path.name in ("history.csv", FINE):
+        with path.open("rb") as stream:
+            return stream.read(len(HISTORY_BEGINS)) == HISTORY_BEGINS
+    return True
 
 
 def results_in(folder: Path) -> list[str]:
@@ -95,9 +119,32 @@ def remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def free_folder(wanted: Path) -> Path:
-    """The first of wanted, wanted-2, wanted-3, ... without results."""
-    return next(folder for folder in _numbered(wanted) if not results_in(folder))
+@contextlib.contextmanager
+def claimed_folder(wanted: Path) -> Iterator[Path]:
+    """Context with the first of wanted, wanted-2, ... without results, and its lock: one run takes it, and no other.
+
+    The folder is removed at the end if it is empty.
+    """
+    for folder in _numbered(wanted):
+        if results_in(folder):
+            continue
+        with contextlib.ExitStack() as stack:
+            with _writing_in(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+            stack.callback(remove_if_empty, folder)
+            try:
+                stack.enter_context(sole_use(folder))
+            except BusyError:
+                continue
+            # A run may have ended here meanwhile.
+            if results_in(folder):
+                continue
+            token = _claimed.set(folder)
+            try:
+                yield folder
+            finally:
+                _claimed.reset(token)
+            return
 
 
 def newest_folder(wanted: Path) -> Path:
@@ -118,21 +165,31 @@ def require_room(folder: Path, needed: int) -> None:
 @contextlib.contextmanager
 def sole_use(folder: Path | None) -> Iterator[None]:
     """Context in which no other run can write into the folder; the system releases the lock of a run that died."""
-    if folder is None or fcntl is None:
+    if folder is None:
         yield
         return
-    path = folder / ".lock"
-    with path.open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(
-                f"out = {str(folder)!r}: another run is writing there; expected a different folder"
-            ) from None
+    if folder == _claimed.get():
+        token = _claimed.set(None)
         try:
             yield
         finally:
-            path.unlink(missing_ok=True)
+            _claimed.reset(token)
+        return
+    lock = FileLock(folder / ".lock", timeout=0)
+    with _writing_in(folder):
+        try:
+            lock.acquire()
+        except Timeout:
+            raise BusyError(
+                f"out = {str(folder)!r}: another run is writing there; expected a different folder"
+            ) from None
+    try:
+        yield
+    finally:
+        # Windows removes no open file; there it stays.
+        with contextlib.suppress(OSError):
+            (folder / ".lock").unlink()
+        lock.release()
 
 
 def clear(folder: Path) -> None:

@@ -82,6 +82,7 @@ class Recorder:
         finishing: Whether a frame is being recorded, after which a run that was asked to stop ends; or the run ends.
         repeated: Number of times that a frame was computed again.
         missing: For each measure that failed, the number of frames and the first reason.
+        others: Names of pictures that were in the folder before the run.
         codes: Versions of the code that computed the run, each with the time from which on.
         points: The points stored in frames.
     """
@@ -106,6 +107,7 @@ class Recorder:
     finishing: bool = False
     repeated: int = 0
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
+    others: list[str] = field(default_factory=list)
     codes: list[list[str]] = field(default_factory=list)
     points: FramePoints = field(init=False)
 

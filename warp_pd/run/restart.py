@@ -39,6 +39,7 @@ NUMBERS = (
     "missing",
     "repeated",
     "codes",
+    "others",
 )
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
-from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
+from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in, unnumbered
 from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
@@ -23,7 +23,17 @@ from . import restart
 from .built import Built, compose
 from .divergence import free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
-from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
+from .folder import (
+    PAGE,
+    clear,
+    clear_unfinished,
+    read_history,
+    remove_if_empty,
+    require_free,
+    sole_use,
+    writable_folder,
+    write_atomically,
+)
 from .frame_points import FramePoints
 from .processes import communicator_here
 from .recorder import Recorder
@@ -112,6 +122,8 @@ def run(
         if new and folder is not None:
             stack.callback(remove_if_empty, folder)
         communicator.barrier(lambda: stack.enter_context(sole_use(folder)))
+        if not resume:
+            communicator.barrier(lambda: None if folder is None else require_free(folder, overwrite))
         begin = perf_counter()
         if communicator.size > 1:
             communicator.set_partition(communicator.barrier(lambda: partition_of(scene, communicator)))
@@ -144,6 +156,8 @@ def _run(
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
     recorder.points = points
+    if folder is not None:
+        recorder.others = [path.name for path in pictures_in(folder)]
     communicator.barrier(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
     communicator.root(lambda: add_files(recorder, folder, known, files, fields, append_from))
@@ -174,7 +188,7 @@ def _run(
     def finish() -> tuple[dict[str, Any], History, History, Path | None]:
         result = result_of(status, message, last)
         if folder is not None:
-            _finish(result, folder, files)
+            _finish(result, folder, files, recorder.others)
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = communicator.broadcast(communicator.root(finish)) or ({}, [], [], None)
@@ -247,8 +261,8 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     return status, message
 
 
-def _finish(result: Result, folder: Path, files: Files) -> None:
-    """Write the summary, draw the pictures, write the page, the animation and the bodies.
+def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:
+    """Write the summary, draw the pictures beside those of others, write the page, the animation and the bodies.
 
     Of an interrupted run only the summary, so that it ends at once.
     """
@@ -260,7 +274,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     with contextlib.ExitStack() as after:
         if files.vtkhdf:
             after.callback(begun(write_derived, folder, files.usd, equal))
-        _show(result, folder, files)
+        _show(result, folder, files, others)
 
 
 def _write_summary(result: Result, folder: Path) -> None:
@@ -275,7 +289,7 @@ def _write_summary(result: Result, folder: Path) -> None:
     write_atomically(folder / "summary.json", json.dumps(result.summary, indent=2) + "\n")
 
 
-def _show(result: Result, folder: Path, files: Files) -> None:
+def _show(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:
     """Write the summary, draw the pictures, write the page."""
     from ..output.view import page_frames
 
@@ -292,7 +306,7 @@ def _show(result: Result, folder: Path, files: Files) -> None:
     _write_summary(result, folder)
     if files.pictures:
         try:
-            draw(scene, result.history, folder, summary, files.pictures)
+            draw(scene, result.history, folder, summary, files.pictures, others)
         except InputError as error:
             if scene.chosen_fields is None:
                 raise
@@ -300,6 +314,10 @@ def _show(result: Result, folder: Path, files: Files) -> None:
                 f"pictures: some were not drawn because `fields` omits a field that they show: {error}"
             )
     summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
+    for name in summary["pictures"]:
+        wanted = unnumbered(name)
+        if wanted in others:
+            summary["notes"].append(f"pictures: {name} instead of {wanted}, which is not of this run")
     _write_summary(result, folder)
     if frames is not None:
         write_page(folder, read=frames)
@@ -324,12 +342,16 @@ def picture_formats(pictures: bool | str) -> tuple[str, ...]:
 
 
 def draw(
-    scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",)
-) -> None:
-    """Draw the scene's pictures, or the default pictures if the scene has no function for them."""
+    scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",),
+    others: Collection[str] = (),
+) -> None:  # fmt: skip
+    """Draw the scene's pictures, or the default pictures if the scene has no function for them.
+
+    `others` are names of pictures that are not of this run; they are not replaced.
+    """
     with (
         user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
-        drawing(Drawing(scene.scene, formats, scene.load_duration)),
+        drawing(Drawing(scene.scene, formats, scene.load_duration, frozenset(others))),
     ):
         try:
             if scene.pictures is not None:
@@ -338,6 +360,16 @@ def draw(
                 _draw_default(scene, history, folder, summary)
         finally:
             wait_for_pictures()
+
+
+def redraw(scene: Scene, folder: Path, summary: dict[str, Any], formats: tuple[str, ...]) -> None:
+    """Draw the pictures of an earlier run again, and add them to the list in its summary."""
+    ours = set(summary.get("pictures", []))
+    there = {path.name: path.stat().st_mtime_ns for path in pictures_in(folder)}
+    draw(scene, read_history(folder / "history.csv"), folder, summary, formats, there.keys() - ours)
+    drawn = (path.name for path in pictures_in(folder) if path.stat().st_mtime_ns != there.get(path.name))
+    summary["pictures"] = sorted(ours.union(drawn))
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
 
 
 def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping[str, Any]) -> None:

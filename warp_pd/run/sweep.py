@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import hashlib
 import itertools
@@ -21,7 +22,7 @@ from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPE
 from ..output.curves import draw_sweep
 from . import restart
 from .built import compose
-from .folder import remove_if_empty, run_summary, writable_folder, write_csv
+from .folder import remove_if_empty, require_free, run_summary, sole_use, writable_folder, write_csv
 from .scene_files import build_scene, load_scene
 from .version import code_version
 
@@ -239,8 +240,18 @@ def run_sweep(
     Arguments are those of `sweep`; `quiet` prints only the table.
     """
     load_scene(scene)
-    writable_folder(folder, resume=False)
+    with contextlib.ExitStack() as stack:
+        writable_folder(folder, resume=False)
+        stack.callback(remove_if_empty, folder)
+        stack.enter_context(sole_use(folder))
+        require_free(folder, overwrite=False)
+        return _run_sweep(scene, choices, folder, options, overwrite, quiet)
 
+
+def _run_sweep(
+    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, options: Mapping[str, Any], overwrite: bool,
+    quiet: bool,
+) -> int:  # fmt: skip
     def told(number: int, count: int, row: Row) -> None:
         if not quiet:
             seconds = f" in {row.summary['wall_s']:.1f} s" if row.summary and not row.skipped else ""
@@ -260,7 +271,6 @@ def run_sweep(
             click.echo(
                 f"warp-pd: {folder / 'sweep.csv'}: not replaced: it has results that the new table lacks", err=True
             )
-        remove_if_empty(folder)
         return WRONG_INPUT
     with drawing(Drawing(Path(scene).stem)):
         drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])

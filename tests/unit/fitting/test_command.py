@@ -10,7 +10,7 @@ from helpers import refused
 
 from warp_pd.__main__ import build_scene, main
 from warp_pd.fitting import tearing_energy
-from warp_pd.run.folder import free_folder
+from warp_pd.run.folder import claimed_folder
 
 SMALL = {"points": 9, "shape": "square", "lock": 20.0, "horizon": 2.015}
 
@@ -46,7 +46,8 @@ def test_the_command_fits_a_scene_and_says_how_to_run_it(bulge_csv, tmp_path):
     assert (tmp_path / "out" / "fit.png").is_file()
     again = run("bulge_test", bulge_csv, "--vary", "mu", "--measure", "center_deflection", "--out", tmp_path / "out")
     assert again.exit_code == 2 and "it contains fit.json; expected a folder without results" in again.output
-    assert free_folder(tmp_path / "out").name == "out-2"
+    with claimed_folder(tmp_path / "out") as folder:
+        assert folder.name == "out-2"
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from small_runs import cli
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Outcome, Simulation
 from warp_pd.device.checks import OutputError
 from warp_pd.run import folder as run_folder
-from warp_pd.run.folder import free_folder, newest_folder, require_room, sole_use
+from warp_pd.run.folder import claimed_folder, newest_folder, require_room, sole_use
 
 SMALL = ["run", "pressure", "--points", "9", "--device", "cpu", "--no-pictures", "--no-usd"]
 
@@ -53,8 +53,9 @@ def test_default_folders_are_numbered(tmp_path, monkeypatch):
         done = cli(*SMALL)
         assert done.exit_code == 0 and f"results in runs/{name}" in done.output
     assert newest_folder(tmp_path / "runs" / "pressure").name == "pressure-3"
-    assert free_folder(tmp_path / "runs" / "pressure").name == "pressure-4"
-    assert free_folder(tmp_path / "runs" / "other") == newest_folder(tmp_path / "runs" / "other")
+    with claimed_folder(tmp_path / "runs" / "pressure") as folder:
+        assert folder.name == "pressure-4"
+    assert not folder.exists() and newest_folder(tmp_path / "runs" / "other").name == "other"
     done = cli(*SMALL, "--resume")
     assert done.exit_code == 0 and "results in runs/pressure-3" in done.output
     assert "the run had already finished" in done.output
@@ -62,7 +63,80 @@ def test_default_folders_are_numbered(tmp_path, monkeypatch):
     assert done.exit_code == 0 and "results in runs/pressure\n" in done.output
 
 
-@pytest.mark.skipif(os.name != "posix", reason="locks are those of POSIX")
+def test_a_second_run_at_the_same_time_takes_the_next_default_folder(tmp_path, monkeypatch):
+    """A run that has begun and written nothing yet holds its folder."""
+    monkeypatch.chdir(tmp_path)
+    holds = "from warp_pd.run.folder import *; import pathlib, sys\n"
+    holds += "with claimed_folder(pathlib.Path('runs/pressure')) as folder: print(folder, flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", holds]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as one, subprocess.Popen(command, **pipes) as two:
+        assert {one.stdout.readline().strip(), two.stdout.readline().strip()} == {"runs/pressure", "runs/pressure-2"}
+        done = cli(*SMALL)
+        assert done.exit_code == 0 and "results in runs/pressure-3" in done.output
+        one.stdin.close()
+        two.stdin.close()
+    assert os.listdir(tmp_path / "runs") == ["pressure-3"]
+
+
+def test_results_are_looked_for_once_the_folder_is_locked(tmp_path, monkeypatch):
+    """A run that ends between the two would lose its results."""
+    lock = run_folder.FileLock.acquire
+
+    def ended_meanwhile(self, *arguments, **options):
+        (tmp_path / "history.csv").write_text("time,step\n")
+        return lock(self, *arguments, **options)
+
+    monkeypatch.setattr(run_folder.FileLock, "acquire", ended_meanwhile)
+    with refused(match="it contains history.csv"):
+        simulation().run(out=tmp_path, device="cpu")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+@pytest.mark.parametrize("name", [".lock", ".probe"])
+def test_no_link_is_followed(tmp_path, name):
+    (tmp_path / "mine").write_text("mine")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / name).symlink_to(tmp_path / "mine")
+    try:
+        simulation().run(out=folder, device="cpu", usd=False)
+    except InputError as error:
+        assert "expected a writable folder" in str(error)
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_history_of_others_is_never_replaced(tmp_path, overwrite):
+    (tmp_path / "history.csv").write_text("date,event\n")
+    with refused(match=r"history\.csv"):
+        simulation().run(out=tmp_path, device="cpu", overwrite=overwrite)
+    assert (tmp_path / "history.csv").read_text() == "date,event\n"
+
+
+def test_pictures_of_others_are_never_replaced(tmp_path, default_pictures):
+    """Not by a run, nor by a later one in its place, nor by one that goes on, nor by those drawn again."""
+    (tmp_path / "sheet.png").write_text("mine")
+    scene = tmp_path / "scene.py"
+    scene.write_text(
+        "from warp_pd import *\n"
+        "def build(frames=2):\n"
+        "    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=7)\n"
+        "    pull = Motion(sheet.edges('right'), times=[0.0, 1e-3], x=[0.0, 1e-3])\n"
+        "    law = BondAssociated(NeoHookean(mu=1e3, bulk=1e5))\n"
+        "    return Simulation(sheet, law, Explicit(frames * 1e-3, frames=frames), [pull])\n"
+    )
+    run = ("run", scene, "--out", tmp_path, "--device", "cpu", "--no-usd")
+    for more in ((), ("--overwrite",), ("--resume", "--set", "frames=4")):
+        done = cli(*run, *more)
+        assert done.exit_code == 0 and "sheet-2.png instead of sheet.png" in done.output, done.output
+    drawn = sorted(p.name for p in tmp_path.glob("*.png"))
+    for _ in range(2):
+        assert cli("draw", tmp_path, "--scene", scene).exit_code == 0
+    assert sorted(p.name for p in tmp_path.glob("*.png")) == drawn and "sheet-2.png" in drawn
+    assert (tmp_path / "sheet.png").read_text() == "mine"
+
+
 def test_a_second_run_is_kept_out(tmp_path):
     with sole_use(tmp_path), pytest.raises(InputError, match="another run is writing there"):
         simulation().run(out=tmp_path, device="cpu")
