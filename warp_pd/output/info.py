@@ -13,9 +13,9 @@ from ..interfaces.frame import format_time
 NUMBER = int | float
 # Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, and
 # those of a measure.
-ENTRIES = {"scene": str, "status": str, "message": str, "settings": dict, "measures": dict}
+ENTRIES = {"scene": str, "status": str, "settings": dict, "measures": dict}
 MORE = {
-    "file": str | None, "section": str, "points": int, "horizon": NUMBER, "weights": str, "wall_s": NUMBER,
+    "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER, "weights": str, "wall_s": NUMBER,
     "units": dict, "pictures": list, "notes": list, "identity": dict,
 }  # fmt: skip
 OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}

@@ -155,7 +155,7 @@ def _run(
             # A file system may take two names for one.
             if not known:
                 _require_same(build, values, folder, options)
-            return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
+            return Row(values, folder, earlier["status"], earlier.get("message", ""), earlier, skipped=True)
         simulation = build(values)
         goes_on = not overwrite and (folder / restart.NAME).is_file()
         found = simulation.run(out=folder, resume=goes_on, overwrite=overwrite or not goes_on, **options).summary
