@@ -21,7 +21,7 @@ PLACES, DISPLACEMENTS = ("x", "y", "z"), ("u", "v", "w")
 UNITS: dict[str, tuple[float, str]] = {
     "1": (1.0, "ratio"), "-": (1.0, "ratio"), "%": (0.01, "ratio"),
     "m": (1.0, "length"), "mm": (1e-3, "length"), "cm": (1e-2, "length"), "um": (1e-6, "length"),
-    "µm": (1e-6, "length"), "in": (0.0254, "length"),  # noqa: RUF001 - the micro sign
+    "µm": (1e-6, "length"), "in": (0.0254, "length"),
     "Pa": (1.0, "pressure"), "kPa": (1e3, "pressure"), "MPa": (1e6, "pressure"), "GPa": (1e9, "pressure"),
     "bar": (1e5, "pressure"), "mbar": (1e2, "pressure"), "psi": (6894.757293168, "pressure"),
     "mmHg": (133.322387415, "pressure"), "kg/cm^2": (98066.5, "pressure"), "N/mm^2": (1e6, "pressure"),

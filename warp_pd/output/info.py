@@ -15,7 +15,8 @@ NUMBER = int | float
 # those of a measure.
 ENTRIES = {"scene": str, "status": str, "settings": dict, "measures": dict}
 MORE = {
-    "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER, "weights": str, "wall_s": NUMBER,
+    "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER,
+    "weights": str, "wall_s": NUMBER,
     "units": dict, "pictures": list, "notes": list, "identity": dict,
 }  # fmt: skip
 OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}
