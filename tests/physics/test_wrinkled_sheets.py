@@ -17,6 +17,7 @@ from warp_pd import (
     Newton,
     Nodal,
     Ogden,
+    Reaction,
     Relaxation,
     Sheet,
     Simulation,
@@ -235,3 +236,51 @@ def test_a_sheared_sheet_is_the_exact_tension_field():
     assert stress == pytest.approx(exact, rel=5e-3)
     # The sheet as it is in plane, unwrinkled, resists more: mu g.
     assert 1e3 * shear > 1.2 * exact
+
+
+# Free edges ---------------------------------------------------------------------------------------------
+
+
+def free_strip(points=15, horizon=3.15, **settings):
+    """A strip with free sides, pulled to 1.5 times its length; nothing reaches its criterion."""
+    sheet = Sheet.rectangle(0.05, 0.02, thickness=1e-3, density=1000.0, points=points)
+    left, right = sheet.edges("left"), sheet.edges("right")
+    return Simulation(
+        sheet,
+        BondAssociated(TensionField(MooneyRivlin(1e5)), horizon=horizon, **settings),
+        Explicit(0.125, frames=4, damping=100.0),
+        damage=CriticalStretch(20.0),
+        loads=[
+            Fixed(range(sheet.size), "z"),
+            Fixed(left, "x"),
+            Fixed([int(left[len(left) // 2])], "y"),
+            Motion(right, [0.0, 0.125], x=[0.0, 0.025]),
+            Reaction(right, "pull"),
+        ],
+    )
+
+
+@pytest.mark.parametrize("horizon", [2.015, 3.15])
+def test_free_strip_narrows_as_in_uniaxial_tension_beside_a_critical_stretch(horizon):
+    scene = free_strip(horizon=horizon)
+    result = scene.run(device="cpu")
+    across = (scene.sheet.positions + result.frame.displacement)[scene.sheet.edges("right"), 1]
+    assert np.ptp(across) == pytest.approx(0.02 * 1.5**-0.5, rel=2e-3)
+    assert result.history[-1]["pull_x"] == pytest.approx(2e5 * (1.5 - 1.5**-2) * 0.02e-3, rel=2e-3)
+    assert result.summary["weights"] == "corrected" and not result.summary["notes"]
+
+
+def test_strip_that_closes_like_a_curtain_is_noted():
+    notes = free_strip(weights="plain").run(device="cpu").summary["notes"]
+    assert len(notes) == 2
+    assert "turned over" in notes[0] and "of its stress-free area" in notes[1]
+    assert all("take the weights 'corrected'" in note for note in notes)
+
+
+def test_rigid_turn_by_half_a_circle_is_no_note():
+    sheet = square(5)
+    turned = sheet.positions * [1.0, -1.0, -1.0] - sheet.positions
+    scene = Simulation(
+        sheet, BondAssociated(NEO), Explicit(1e-5, frames=1), initial_displacement=turned + [0.0, 0.1, 0.0]
+    )
+    assert not scene.run(device="cpu").summary["notes"]

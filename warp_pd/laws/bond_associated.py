@@ -43,7 +43,8 @@ class BondAssociated:
             "plain": in proportion to |D_ij|. It conserves energy and is exact for uniform stress inside the sheet.
             "corrected": the weights closest to "plain" for which uniform stress is in equilibrium at the edges, too.
             "auto": "corrected", but "plain" at horizons above 4.5, and with CriticalStretch and CriticalEnergy on
-                sheets that are not graded.
+                sheets that are not graded and whose material is not a TensionField: nothing else holds the free edges
+                of a TensionField, which closes like a curtain with plain weights.
             With rupture, "corrected" applies while the family of a point is undamaged; the area of broken bonds is
             lost.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
@@ -71,7 +72,8 @@ class BondAssociated:
         """The weights with "auto" resolved; `at_once`: bonds break without prior softening by a damage field."""
         if self.weights != "auto":
             return self.weights
-        return "plain" if (at_once and not graded) or self.horizon > MAX_CORRECTED else "corrected"
+        needed = graded or capabilities(self.material).goes_slack
+        return "plain" if (at_once and not needed) or self.horizon > MAX_CORRECTED else "corrected"
 
     @property
     def form(self) -> str:

@@ -17,6 +17,7 @@ from ..interfaces import History
 from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Outcome, Reported
+from .shape_notes import shape_notes
 from .version import commit_of
 
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
@@ -52,7 +53,7 @@ def notes_of(recorder: Recorder) -> list[str]:
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
-    return notes + _energy_notes(recorder)
+    return notes + shape_notes(recorder) + _energy_notes(recorder)
 
 
 def _energy_notes(recorder: Recorder) -> list[str]:
