@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import errno
 import gc
 import inspect
 import os
@@ -46,21 +47,22 @@ class OneLineGroup(click.Group):
             if not isinstance(error, LostError):
                 raise
             if LAUNCHER_REPORTS not in os.environ:
-                click.echo(f"warp-pd: {error}", err=True)
-            sys.stderr.flush()
+                _tell(f"warp-pd: {error}", err=True)
             # What still waits for the other process would hang.
             os._exit(LOST)
         except KeyboardInterrupt:
-            from .device.checks import INTERRUPTED
-
             _say("interrupted")
-            ctx.exit(INTERRUPTED)
+            ctx.exit(deadline.exit_code)
+        except OSError as error:
+            # Python's reader of a pipe that ended, such as `head`, is click's; a full disk is told in a line.
+            if error.errno == errno.EPIPE:
+                raise
+            ctx.exit(_refused(str(error)))
         except (InputError, MemoryError) as error:
             code = _refused(str(error))
             if isinstance(error, OutputError):
                 # HDF5 crashes at the exit of a process in which a file could not be written.
-                sys.stdout.flush()
-                sys.stderr.flush()
+                _release_lost_streams()
                 os._exit(code)
             ctx.exit(code)
 
@@ -78,7 +80,30 @@ def _say(text: str) -> None:
     from .run.processes import is_first
 
     if is_first():
-        click.echo(f"warp-pd: {text}", err=True)
+        _tell(f"warp-pd: {text}", err=True)
+
+
+def _tell(line: str, err: bool = False) -> None:
+    """Print a line; a terminal or a log that is gone does not end a run, whose results are in its files."""
+    with contextlib.suppress(OSError, ValueError):
+        click.echo(line, err=err)
+
+
+def _release_lost_streams() -> None:
+    """Flush standard streams; what cannot be written goes nowhere, so that it does not change the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError, AttributeError):
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _open_closed_streams() -> None:
+    """Open what the caller closed of descriptors 0 to 2; a result file would get the number, and what is printed."""
+    while (opened := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(opened)
 
 
 @click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -86,8 +111,10 @@ def _say(text: str) -> None:
 def main() -> None:
     """Peridynamics of thin rubber sheets: stretching, wrinkling, tearing and puncture."""
     gc.set_threshold(COLLECT_AFTER)
+    _open_closed_streams()
     # What is left at the end needs no look: the system takes it back.
     atexit.register(gc.freeze)
+    atexit.register(_release_lost_streams)
 
 
 DEVICE = click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
@@ -199,7 +226,7 @@ def run(
     stride: int, no_restart: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
-    from .device.checks import DIVERGED, INTERRUPTED
+    from .device.checks import DIVERGED
     from .run.processes import communicator_here, is_first, launch, processes_here
 
     require_scene(scene)
@@ -247,11 +274,13 @@ def run(
         sys.exit(DIVERGED)
     if not quiet:
         for line in report(result):
-            click.echo(line)
+            _tell(line)
     if result.summary["message"]:
         _say(result.summary["message"])
     if result.status == STOPPED:
-        sys.exit(INTERRUPTED)
+        from .run.stopping import deadline
+
+        sys.exit(deadline.exit_code)
     if result.status != FINISHED:
         sys.exit(DIVERGED)
 

@@ -12,7 +12,7 @@ import numpy as np
 # Entries of an array, characters of a text that a message shows, and characters of a message.
 MAX_SHOWN, MAX_TEXT, MAX_MESSAGE = 6, 90, 700
 # Exit codes of the command line.
-WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
+WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
 
 class InputError(ValueError):

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+from .checks import InputError
+
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
 STDERR = 2
@@ -19,6 +21,32 @@ STDERR = 2
 GPU_COMPILERS = 4
 
 _pool: ThreadPoolExecutor | None = None
+_cuda_was_there = False
+
+
+def _after_fork() -> None:
+    """In a forked child: no thread of the pool came along, nor does CUDA work if its parent had begun to use it."""
+    global _pool, _cuda_was_there  # noqa: PLW0603 - one pool per process
+    _pool = None
+    _cuda_was_there = _cuda_was_there or _warp_has_cuda()
+
+
+def _warp_has_cuda() -> bool:
+    warp = sys.modules.get("warp")
+    return _init_warp.cache_info().currsize > 0 and warp is not None and bool(warp.is_cuda_available())
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def require_no_cuda_of_parent(device: str) -> None:
+    """Raise InputError in a forked process whose parent had begun to use CUDA."""
+    if _cuda_was_there:
+        raise InputError(
+            f"device = {device!r}: CUDA does not work in a process forked from one that uses it; expected the start "
+            "method 'spawn' or 'forkserver' of multiprocessing, or device 'cpu'"
+        )
 
 
 def available_cores() -> int:
@@ -84,8 +112,14 @@ def _without_driver_warning() -> Iterator[None]:
     if os.name != "posix" or any(os.path.exists(path) for path in NVIDIA_DEVICES):
         yield
         return
-    sys.stderr.flush()
-    kept = os.dup(STDERR)
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        sys.stderr.flush()
+    try:
+        kept = os.dup(STDERR)
+    except OSError:
+        # There is no standard error to keep it from.
+        yield
+        return
     with tempfile.TemporaryFile() as said:
         os.dup2(said.fileno(), STDERR)
         try:
@@ -96,4 +130,5 @@ def _without_driver_warning() -> Iterator[None]:
             said.seek(0)
             for line in said:
                 if NO_DRIVER not in line:
-                    os.write(STDERR, line)
+                    with contextlib.suppress(OSError):
+                        os.write(STDERR, line)

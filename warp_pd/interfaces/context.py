@@ -13,7 +13,7 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.clock import Clock
-from ..device.cores import start_warp
+from ..device.cores import require_no_cuda_of_parent, start_warp
 from ..device.fields import Array, Field, FieldRegister, Stored, to_host
 from ..device.graph import LaunchSequence, run_once
 from ..device.launches import Launch, Stage, compile_launches
@@ -40,6 +40,8 @@ def find_device(name: str | None) -> wp.Device:
     start_warp()
     present = [d.alias for d in wp.get_devices()]
     known = ", ".join(repr(alias) for alias in present)
+    if name != "cpu" and wp.is_cuda_available():
+        require_no_cuda_of_parent(name or "cuda:0")
     if name is None:
         return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
     if name == "cuda" and not wp.is_cuda_available():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 
 from ..device.checks import OutputError
 from ..interfaces.frame import Frame
@@ -37,7 +39,7 @@ class Background:
         """Wait until everything so far is written."""
         waiting, self._waiting = self._waiting, None
         if waiting is not None:
-            with _as_output_error():
+            with as_output_error():
                 waiting.result()
 
     def then(self, work: Callable[[], None]) -> None:
@@ -60,8 +62,8 @@ class Background:
 
 
 @contextlib.contextmanager
-def _as_output_error() -> Iterator[None]:
-    """Context that turns file errors into a one-line OutputError.
+def as_output_error(path: Path | None = None) -> Iterator[None]:
+    """Context that turns errors of files into a one-line OutputError; `path` names the file if the error does not.
 
     Raises:
         OutputError: for an error of the operating system, or of a library that could not write.
@@ -69,4 +71,17 @@ def _as_output_error() -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:
-        raise OutputError(f"a result file could not be written: {str(error)[:200]}") from error
+        name = "a result file" if path is None else repr(str(path))
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"{name} could not be written: {reason[:200]}") from error
+
+
+def require_room(folder: Path, needed: int) -> None:
+    """Check that the disk has room for `needed` bytes. Raises OutputError if it has not, or the folder is gone."""
+    with as_output_error(folder):
+        free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise OutputError(
+            f"out = {str(folder)!r}: {free / 1e6:.3g} MB are free, expected {needed / 1e6:.3g} MB for the next files; "
+            "free some space, then continue with --resume, or start again if no frame was written"
+        )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 from ..interfaces import FrameReport
@@ -34,8 +36,12 @@ class Progress:
         self._say(f"kernels ready after {seconds:.1f} s")
         if self.quiet:
             return
+        with self._may_be_lost():
+            self._bar = self._new_bar()
+
+    def _new_bar(self) -> Any:
         bar, width = _bar_class()
-        self._bar = bar(
+        return bar(
             total=100.0,
             file=sys.stderr,
             disable=not (sys.stderr.isatty() or in_notebook()),
@@ -66,7 +72,8 @@ class Progress:
     def close(self) -> None:
         """Close the bar, leaving it visible."""
         if self._bar is not None:
-            self._bar.close()
+            with self._may_be_lost():
+                self._bar.close()
 
     def _show(self, percent: float, text: str, every: int) -> None:
         if self.quiet or self._bar is None:
@@ -76,12 +83,22 @@ class Progress:
                 self._say(f"{percent:5.1f} %  {text}")
             self._rounds += 1
             return
-        self._bar.n = round(percent, 1)
-        self._bar.set_description_str(text)
+        with self._may_be_lost():
+            self._bar.n = round(percent, 1)
+            self._bar.set_description_str(text)
 
     def _say(self, line: str) -> None:
         if not self.quiet:
-            print(line, file=sys.stderr, flush=True)
+            with self._may_be_lost():
+                print(line, file=sys.stderr, flush=True)
+
+    @contextlib.contextmanager
+    def _may_be_lost(self) -> Iterator[None]:
+        """Context in which a terminal or a log that is gone ends the progress, and not the run."""
+        try:
+            yield
+        except (OSError, ValueError, AttributeError):
+            self.quiet, self._bar = True, None
 
 
 def _bar_class() -> tuple[Any, str]:

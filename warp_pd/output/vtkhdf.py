@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
+from .background import require_room
 from .point_fields import plain_value, point_fields, same_arrays
 
 VERSION = (2, 2)
@@ -44,6 +45,8 @@ POSITIONS = f"deformed; {REFERENCE} + displacement"
 # HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
 # file. Chunks of many frames make splits rare.
 _CHUNK_BYTES = 2**20
+# Bytes of the columns of a few rows and of the tables of chunks, at most.
+_SMALL_COLUMNS = 500_000
 # HDF5 takes no chunk of 4 GB.
 _MOST_BYTES = 2**30
 
@@ -110,6 +113,8 @@ class VtkHdfSeries:
     def write(self, frame: Frame) -> None:
         """Add the next frame, with the same fields as the one before."""
         fields = point_fields(frame, self._chosen)
+        # HDF5 does not survive a write that fails: the process ends with a segmentation fault.
+        require_room(self.path.parent, _most_bytes(self.surface, fields))
         if frame.index == 0:
             self._create(frame, fields)
         else:
@@ -307,6 +312,14 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(file, "load_times", np.float64)
     for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value
+
+
+def _most_bytes(surface: Surface, fields: Mapping[str, NDArray[Any]]) -> int:
+    """Bytes by which a file grows with a frame, at most: each column by its rows and one more chunk."""
+    points, faces = len(surface.points), len(surface.faces)
+    # Points, reference, displacement and fields of points; corners and offsets of triangles.
+    columns = [12 * points, 12 * points, *(values.nbytes for values in fields.values()), 24 * faces, 8 * (faces + 1)]
+    return _SMALL_COLUMNS + sum(2 * size + min(16 * size, _CHUNK_BYTES) for size in columns)
 
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:

@@ -10,11 +10,11 @@ from pathlib import Path
 from ..device.checks import InputError
 from ..interfaces import History
 from ..laws.point_fields import GROUPS
-from ..output.background import Background
+from ..output.background import Background, require_room
 from ..output.file_writers import FRAMES, frame_writer
 from . import restart
 from .built import Built
-from .folder import FINE, read_history, require_room, write_history
+from .folder import FINE, read_history, write_history
 from .frame_points import FramePoints
 from .recorder import Recorder
 

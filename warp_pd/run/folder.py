@@ -8,7 +8,6 @@ import io
 import itertools
 import math
 import os
-import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
@@ -17,9 +16,10 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from ..device.checks import InputError, OutputError, said
+from ..device.checks import InputError, said
 from ..geometry.picture_files import pictures_in
 from ..interfaces import History
+from ..output.background import as_output_error
 from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
 from . import restart
@@ -152,16 +152,6 @@ def newest_folder(wanted: Path) -> Path:
     return [wanted, *itertools.takewhile(results_in, _numbered(wanted))][-1]
 
 
-def require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room for `needed` bytes. Raises OutputError if it has not."""
-    free = shutil.disk_usage(folder).free
-    if free < needed:
-        raise OutputError(
-            f"out = {str(folder)!r}: {free / 1e6:.3g} MB are free, expected {needed / 1e6:.3g} MB for the next files; "
-            "free some space, then continue with --resume, or start again if no frame was written"
-        )
-
-
 @contextlib.contextmanager
 def sole_use(folder: Path | None) -> Iterator[None]:
     """Context in which no other run can write into the folder; the system releases the lock of a run that died."""
@@ -221,10 +211,16 @@ def read_history(path: Path) -> History:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a file under a temporary name and rename it when it is complete."""
+    """Write a file under a temporary name and rename it when it is complete. Raises OutputError if that fails."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="")
-    os.replace(part, path)
+    with as_output_error(path):
+        try:
+            part.write_text(text, encoding="utf-8", newline="")
+            os.replace(part, path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                part.unlink()
+            raise
 
 
 def write_csv(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..device.fields import host_shape
+from ..output.background import as_output_error
 from .built import Built
 from .recorder import Recorder
 from .scene import Scene
@@ -153,9 +154,10 @@ def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
 def save(path: Path, arrays: dict[str, Any]) -> None:
     """Write the result of `collect` atomically."""
     part = path.with_name(path.name + ".part")
-    with part.open("wb") as stream:
-        np.savez(stream, **arrays)
-    os.replace(part, path)
+    with as_output_error(path):
+        with part.open("wb") as stream:
+            np.savez(stream, **arrays)
+        os.replace(part, path)
 
 
 def load(path: Path, known: Identity) -> dict[str, Any]:

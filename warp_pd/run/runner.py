@@ -16,6 +16,7 @@ from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..materials import capabilities
+from ..output.background import as_output_error
 from ..output.beside import begun, wait_for_pictures
 from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
 from ..output.progress import Progress
@@ -188,7 +189,8 @@ def _run(
     def finish() -> tuple[dict[str, Any], History, History, Path | None]:
         result = result_of(status, message, last)
         if folder is not None:
-            _finish(result, folder, files, recorder.others)
+            with as_output_error(folder):
+                _finish(result, folder, files, recorder.others)
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = communicator.broadcast(communicator.root(finish)) or ({}, [], [], None)

@@ -1,4 +1,4 @@
-"""End a run by Ctrl-C or SIGTERM: at its next frame, soon in a long frame, and wherever it is in the end."""
+"""End a run by Ctrl-C, SIGTERM or SIGHUP: at its next frame, soon in a long frame, and wherever it is in the end."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from ..device.checks import INTERRUPTED
-
 if TYPE_CHECKING:
     from .recorder import Recorder
 
 # Seconds after the signal: when a frame is left unfinished; when the process ends, in whatever it is.
 PATIENCE, LAST = 0.8, 1.6
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Deadline:
@@ -29,10 +27,17 @@ class Deadline:
 
     Attributes:
         last_words: Called before the process ends; or None.
+        number: The signal that ended the run; Ctrl-C if none did.
     """
 
     def __init__(self) -> None:
         self.last_words: Callable[[], None] | None = None
+        self.number: int = signal.SIGINT
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of an interrupted run: 128 and the number of the signal."""
+        return 128 + self.number
 
     @contextlib.contextmanager
     def within(self, signals: tuple[int, ...]) -> Iterator[None]:
@@ -61,6 +66,7 @@ class Deadline:
     def _listen(self, heard: socket.socket, signals: tuple[int, ...], over: threading.Event) -> None:
         while number := heard.recv(1):
             if number[0] in signals:
+                self.number = number[0]
                 if not over.wait(LAST):
                     self._end()
                 return
@@ -71,10 +77,12 @@ class Deadline:
             if self.last_words is not None:
                 self.last_words()
         finally:
-            print("warp-pd: interrupted" + (": continue with --resume" if resumable else ""), file=sys.stderr)
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(INTERRUPTED)
+            # The terminal may be what was lost.
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                print("warp-pd: interrupted" + (": continue with --resume" if resumable else ""), file=sys.stderr)
+                sys.stderr.flush()
+                sys.stdout.flush()
+            os._exit(self.exit_code)
 
 
 # The process has one: a run tells it how to write its summary.
@@ -104,14 +112,18 @@ def stopping_at_frames(recorder: Recorder, last_words: Callable[[], None]) -> It
         if not recorder.stop_asked and alone:
             timer.start()
         recorder.ask_to_stop()
+        deadline.number = number
         # By SIGTERM torchrun ends those that are left when one is killed; the launcher says why.
         if recorder.reporter is not None and number == signal.SIGINT:
-            os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
 
-    earlier = {s: signal.signal(s, ask) for s in SIGNALS}
-    deadline.last_words = last_words if alone else None
+    # `nohup` ignores a lost terminal.
+    ignored = [s for s in SIGNALS if s != signal.SIGINT and signal.getsignal(s) is signal.SIG_IGN]
+    earlier = {s: signal.signal(s, ask) for s in SIGNALS if s not in ignored}
+    deadline.number, deadline.last_words = signal.SIGINT, last_words if alone else None
     try:
-        with deadline.within((signal.SIGTERM,)) if alone else contextlib.nullcontext():
+        with deadline.within(tuple(s for s in SIGNALS if s != signal.SIGINT)) if alone else contextlib.nullcontext():
             yield
     finally:
         timer.cancel()

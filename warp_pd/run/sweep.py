@@ -15,7 +15,7 @@ from urllib.parse import quote
 import click
 
 from ..device.checks import DIVERGED as DIVERGED_CODE
-from ..device.checks import INTERRUPTED, WRONG_INPUT, InputError
+from ..device.checks import WRONG_INPUT, InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces import DivergedError
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
@@ -24,6 +24,7 @@ from . import restart
 from .built import compose
 from .folder import remove_if_empty, require_free, run_summary, sole_use, writable_folder, write_csv
 from .scene_files import build_scene, load_scene
+from .stopping import deadline
 from .version import code_version
 
 REFUSED = "refused"
@@ -278,5 +279,5 @@ def _run_sweep(
     ends = {row.status for row in rows}
     if STOPPED in ends:
         click.echo("warp-pd: interrupted: repeat the command to continue", err=True)
-        return INTERRUPTED
+        return deadline.exit_code
     return DIVERGED_CODE if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0

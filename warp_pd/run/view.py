@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,10 +64,5 @@ def write_page(
     text = page(folder, Limits(POINTS if points is None else points, frames), frames=read)
     if path.is_dir():
         raise InputError(f"out = {str(path)!r}: it is a folder; expected a file")
-    try:
-        write_atomically(path, text)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            path.with_name(path.name + ".part").unlink(missing_ok=True)
-        raise InputError(f"out = {str(path)!r}: expected a writable file ({error.strerror})") from None
+    write_atomically(path, text)
     return path

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,10 +12,12 @@ import pytest
 from helpers import NEO, refused, square
 from small_runs import cli
 
-from warp_pd import BondAssociated, Explicit, Fixed, InputError, Outcome, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, InputError, Measure, Outcome, RigidBall, Simulation
 from warp_pd.device.checks import OutputError
+from warp_pd.output import background, vtkhdf
+from warp_pd.output.background import require_room
 from warp_pd.run import folder as run_folder
-from warp_pd.run.folder import claimed_folder, newest_folder, require_room, sole_use
+from warp_pd.run.folder import claimed_folder, newest_folder, sole_use
 
 SMALL = ["run", "pressure", "--points", "9", "--device", "cpu", "--no-pictures", "--no-usd"]
 
@@ -154,10 +157,56 @@ def test_a_disk_without_room_is_one_line_before_anything_is_written(tmp_path, mo
     with pytest.raises(OutputError, match=r"MB are free, expected 1e\+12 MB"):
         require_room(tmp_path, 10**18)
     # A disk that is full.
-    monkeypatch.setattr(run_folder.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000}))
+    monkeypatch.setattr(background.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000}))
     with pytest.raises(OutputError, match=r"0\.001 MB are free"):
         simulation().run(out=tmp_path, device="cpu")
     assert not (tmp_path / "frames.vtkhdf").exists()
+
+
+def test_room_is_asked_for_before_every_hdf5_file(tmp_path, monkeypatch):
+    """For the bodies, too, and for as much as the file can grow; HDF5 would end with a segmentation fault."""
+    asked, grown = [], []
+    monkeypatch.setattr(vtkhdf, "require_room", lambda folder, needed: asked.append(needed))
+    write = vtkhdf.VtkHdfSeries.write
+
+    def measured(series, frame):
+        before = series.path.stat().st_size if series.path.exists() else 0
+        write(series, frame)
+        grown.append(series.path.stat().st_size - before)
+
+    monkeypatch.setattr(vtkhdf.VtkHdfSeries, "write", measured)
+    for points in (7, 61):
+        sheet = square(points)
+        ball = RigidBall(diameter=0.05, start=(0.05, 0.05, 0.03), velocity=(0.0, 0.0, -0.1))
+        scene = Simulation(sheet, BondAssociated(NEO), Explicit(1e-4, frames=20), contact=ball)
+        scene.run(out=tmp_path / str(points), device="cpu", usd=False, view=False)
+        assert (tmp_path / str(points) / "bodies.vtkhdf").is_file()
+    assert len(asked) == len(grown) == 2 * 2 * 21
+    assert all(size <= most for size, most in zip(grown, asked, strict=True))
+
+
+@pytest.mark.parametrize("gone", ["after", "before"])
+def test_a_folder_that_is_deleted_during_a_run_is_one_line(tmp_path, gone):
+    """Before or after a frame is written."""
+    folder = tmp_path / "out"
+
+    class Deletes:
+        def write(self, frame):
+            if frame.index == 1:
+                shutil.rmtree(folder)
+
+        def save(self):
+            pass
+
+        def close(self):
+            pass
+
+    scene = simulation(
+        measures=[] if gone == "after" else [Measure("x", "m", lambda built, frame: Deletes().write(frame))]
+    )
+    with pytest.raises(OutputError, match="could not be written: No such file") as raised:
+        scene.run(out=folder, device="cpu", usd=False, writers=[Deletes()] if gone == "after" else [])
+    assert "\n" not in str(raised.value)
 
 
 def test_a_run_that_goes_on_keeps_its_files(tmp_path):

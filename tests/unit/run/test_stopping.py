@@ -28,7 +28,7 @@ def build():
 '''
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_run_that_hangs_ends_with_its_summary(number, tmp_path):
     (tmp_path / "hang.py").write_text(SCENE)
     command = [sys.executable, "-m", "warp_pd.__main__", "run", "hang.py", "--device", "cpu", "--out", "out"]
@@ -41,7 +41,7 @@ def test_a_run_that_hangs_ends_with_its_summary(number, tmp_path):
     _, errors = running.communicate(timeout=60)
     # Of the 60 s; two on an idle machine.
     assert time.monotonic() - begin < 10.0
-    assert running.returncode == 130 and "warp-pd: interrupted: continue with --resume" in errors
+    assert running.returncode == 128 + number and "warp-pd: interrupted: continue with --resume" in errors
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["status"] == "interrupted"
     assert "pictures" in summary["notes"][-1]

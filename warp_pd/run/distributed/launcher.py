@@ -13,7 +13,7 @@ from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
-from ...device.checks import INTERRUPTED, LOST
+from ...device.checks import LOST
 from ...interfaces.communicator import LAUNCHER_REPORTS
 
 
@@ -21,7 +21,7 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
     """Run `python -m warp_pd` with the same arguments in several processes of this machine.
 
     Returns 0 if all succeed; otherwise the exit code of a process that reported an error, LOST if one was killed, or
-    INTERRUPTED if a signal ended this process.
+    128 and the number of the signal that ended this process.
     """
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)
@@ -35,8 +35,8 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
         elastic_launch(config, sys.executable)("-m", "warp_pd", *arguments)
     except ChildFailedError as error:
         return _code({rank: int(failure.exitcode) for rank, failure in error.failures.items()})
-    except SignalException:
-        return INTERRUPTED
+    except SignalException as error:
+        return 128 + int(error.sigval)
     return 0
 
 
