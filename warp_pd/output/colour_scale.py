@@ -68,7 +68,7 @@ def scale_of(frames: Sequence[Shown], field: str, label: str, limits: tuple[floa
 
 
 def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
-    values = np.concatenate([f.fields[field][f.used] for f in frames])
+    values = np.concatenate([f.fields[field][f.framed] for f in frames])
     values = values[np.isfinite(values)]
     low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
     return (low, high if high > low else low + 1.0) if len(values) else (0.0, 1.0)

@@ -35,15 +35,23 @@ NOT_DRAWN = {
 
 
 def draw(
-    history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any], regions: Sequence[np.ndarray] = ()
+    history: Sequence[dict[str, float]],
+    folder: Path,
+    summary: Mapping[str, Any],
+    regions: Sequence[np.ndarray] = (),
+    held: np.ndarray | Sequence[int] = (),
 ) -> None:
     """Draw sheet.png, damage.png, energy.png and measures.png, except those for which the run has no data.
 
-    `regions` are the points of each region of another material; its outline is drawn.
+    `regions` are the points of each region of another material, whose outline is drawn; pieces without points of `held`
+    do not widen a picture.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
-    frames = [replace(frame, regions=regions) for frame in frames_at(folder, series.times[chosen].tolist())]
+    if "stride" in series.metadata:
+        # Points of the frames are not those of the sheet.
+        regions, held = (), ()
+    frames = [replace(frame, regions=regions, held=held) for frame in frames_at(folder, series.times[chosen].tolist())]
     if len(frames[0].triangles):
         _draw_sheet(folder, frames)
     if any(row.get(name) for row in history for name in ENERGIES):
@@ -82,7 +90,7 @@ def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
     """
     last = frames[-1]
     size = float(np.ptp(last.reference, axis=0).max())
-    moved = [float(np.abs(last.fields[name][last.used]).max()) for name in ("u1", "u2", "u3")]
+    moved = [float(np.abs(last.fields[name][last.framed]).max()) for name in ("u1", "u2", "u3")]
     curved, deep = (float(np.ptp(places[:, 2])) > OUT_OF_PLANE * size for places in (last.reference, last.points))
     out_of_plane = moved[2] > OUT_OF_PLANE * size
     picture = plots.surfaces if out_of_plane or curved or deep else plots.from_above

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from ..geometry.topology import joined_points
 from ..interfaces.frame import format_time
 from .point_fields import FrameFields
 from .vtkhdf import read_frame, read_outlines, read_series
+
+# Fraction of the points, at either end of each direction, that may be far from the others.
+FAR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +34,7 @@ class Shown:
         balls: Centres [m], shape (3,), and diameters [m] of those that are spheres.
         scene: Name of the scene.
         regions: Points of each region with another material, whose outline is drawn.
+        held: Points that supports hold or move.
     """
 
     when: str
@@ -40,11 +46,27 @@ class Shown:
     balls: Sequence[tuple[np.ndarray, float]] = ()
     scene: str = ""
     regions: Sequence[np.ndarray] = ()
+    held: Sequence[int] | np.ndarray = ()
 
-    @property
-    def used(self) -> np.ndarray:
-        """Points of intact triangles; loose points are excluded from the scale."""
-        return np.unique(self.triangles) if len(self.triangles) else np.arange(len(self.points))
+    @cached_property
+    def framed(self) -> np.ndarray:
+        """Points that a picture and its colours have to show.
+
+        They are those of intact triangles, without pieces that no support holds, if there are supports, and without the
+        few that are further from the others than the size of all others.
+        """
+        if not len(self.triangles):
+            return np.arange(len(self.points))
+        used = np.unique(self.triangles)
+        piece = joined_points(len(self.points), self.triangles)
+        held = np.intersect1d(used, np.asarray(self.held, int))
+        if len(held):
+            used = used[np.isin(piece[used], piece[held])]
+        places = self.points[used]
+        low, high = np.quantile(places, [FAR, 1.0 - FAR], axis=0)
+        room = float((high - low).max())
+        near = ((places >= low - room) & (places <= high + room)).all(axis=1)
+        return np.asarray(used[near])
 
 
 def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:

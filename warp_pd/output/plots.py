@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.picture_files import MOST_VECTORS, current, new_figure, new_panels, save
+from ..geometry.picture_files import MOST_VECTORS, RESOLUTION_IN_VECTORS, current, new_figure, new_panels, save
 from ..geometry.topology import boundary_sides, directed_edges
 from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
 from .colour_scale import ONE_SIGN, ColourScale, scale_of
+from .depth_buffer import DepthBuffer
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, nearest_about, places_of
+from .projection import View, material_lines, places_of
 from .quantities import ENERGIES, column_label, field_label
 
 # Triangles of a sheet above which larger ones are drawn, about half as many.
@@ -25,13 +26,16 @@ STYLES = ("-", "--", "-.", ":")
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
 NEEDLE = 0.05
-# Width of strokes, and of the rims of triangles, which close the gaps between them [points]. Matplotlib looks at each
-# width of a collection by itself, which takes a sixth of a picture.
+# Width of strokes [points].
 STROKE = 0.5
+# Sheets closer than this fraction of the picture are in contact.
+IN_CONTACT = 1e-3
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
 LOWEST, TALLEST = 0.3, 1.4
+# Shorter over longer side of a picture from above, at least; room for the label of a tick across and upwards [inches].
+THINNEST, TICK, TICK_UP = 0.15, 0.75, 0.3
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
 TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
@@ -67,14 +71,14 @@ def surfaces(
     wide = (PANEL - BESIDE) * min(1.0, TALLEST / shape)
     columns = _columns(len(frames))
     points = 72.0 * wide / float((high - low)[0])
-    grown = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", seen.grown, strict=True) if g > 1.05]
+    grown = _grown(seen.grown)
     tall = wide * shape + BELOW + TITLE_LINE * len(grown)
     figure, panels = new_panels(len(frames), columns, (wide + BESIDE, tall), (1.4, 0.3))
     for axes, frame in zip(panels, frames, strict=True):
         axes.set_axis_off()
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title("\n".join([frame.when, *grown]), fontsize=10)
-        _paint(axes, frame, field, scale, seen)
+        _paint(axes, frame, field, scale, seen, (wide, wide * shape))
         _scale_the_box(axes, seen, points)
     scale.add_bar(figure, panels, shrink=0.7)
     _name(figure, frames)
@@ -94,24 +98,32 @@ def from_above(
 
     columns = _columns(len(frames))
     scale = scale_of(frames, field, label or field_label(field), limits)
-    corners = np.concatenate([f.points[f.used, :2] for f in frames])
+    corners = np.concatenate([f.points[f.framed, :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.03 * (high - low).max()
-    width = 6.0 if columns == 1 else 4.2
-    height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
-    figure, panels = new_panels(len(frames), columns, (width, height + 0.5), (1.4, 0.4), sharex=True, sharey=True)
+    extent = high - low + 2.0 * margin
+    # The shorter side of a strip is drawn larger, so that it can be seen.
+    grown = np.maximum(1.0, THINNEST * extent.max() / extent)
+    shape = float(np.divide(*(extent * grown)[::-1]))
+    wide = (6.0 if columns == 1 else 4.2) * min(1.0, 1.5 / shape)
+    size = (wide, wide * shape)
+    told = _grown(grown)
+    # The bar of colours needs some height.
+    room = (max(wide, 1.5), max(size[1], 1.2) + 0.5 + TITLE_LINE * len(told))
+    figure, panels = new_panels(len(frames), columns, room, (1.4, 0.4), sharex=True, sharey=True)
     seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
     for axes, frame in zip(panels, frames, strict=True):
-        _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen)
+        axes.set_aspect(grown[1] / grown[0])
+        axes.set_title("\n".join([frame.when, *told]), fontsize=10)
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+        _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen, size)
         for vertices, _ in frame.bodies:
             # A larger body would hide the sheet, and the lines of this one could not be seen.
             if len(vertices) and np.ptp(vertices[:, :2], axis=0).max() < NEEDLE * (high - low).max():
                 middle = vertices[:, :2].mean(axis=0)
                 axes.plot(*middle, "o", markersize=5.0, color=BODY, markeredgecolor=EDGE, markeredgewidth=0.7)
-        axes.set(aspect="equal", title=frame.when)
-        axes.xaxis.set_major_locator(MaxNLocator(5))
-        axes.set_xlim(low[0] - margin, high[0] + margin)
-        axes.set_ylim(low[1] - margin, high[1] + margin)
+        axes.xaxis.set_major_locator(MaxNLocator(max(1, min(5, int(wide / TICK)))))
+        axes.yaxis.set_major_locator(MaxNLocator(max(1, min(8, int(size[1] / TICK_UP)))))
     figure.supxlabel("x (m)")
     figure.supylabel("y (m)")
     scale.add_bar(figure, panels)
@@ -254,6 +266,11 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     save(figure, path)
 
 
+def _grown(factors: np.ndarray) -> list[str]:
+    """Lines on the directions that are drawn larger than others."""
+    return [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", factors, strict=False) if g > 1.05]
+
+
 def _columns(panels: int) -> int:
     """Up to three panels side by side, four in a square, more in rows of three."""
     return 2 if panels == 4 else min(panels, 3)
@@ -265,30 +282,35 @@ def _name(figure: Any, frames: Sequence[Shown]) -> None:
         figure.suptitle(frames[0].scene, fontsize=10)
 
 
-def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) -> None:
-    """Draw sheet, lines and bodies, the farthest first."""
-    from matplotlib.collections import PolyCollection
+def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View, size: tuple[float, float]) -> None:
+    """Draw sheet, lines and bodies within the limits of `axes`, of that size [inches]; near ones hide far ones."""
+    from matplotlib.collections import LineCollection
 
     frame = _with_fewer_triangles(frame)
+    values = frame.fields[field][frame.triangles].mean(axis=1)
     sheet = seen.seen(frame.points[frame.triangles])
-    faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
+    # Of two sheets in contact the one with a value is shown.
+    sheet[~np.isfinite(values), :, 2] -= IN_CONTACT * seen.size
+    bodies, greys = _bodies(frame, seen)
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    buffer = DepthBuffer.of(low, high, *(max(1, round(RESOLUTION_IN_VECTORS * side)) for side in size))
+    buffer.draw(sheet, scale.colours(values))
+    buffer.draw(bodies, greys)
+    extent = (low[0], high[0], low[1], high[1])
+    axes.imshow(buffer.image, extent=extent, origin="lower", aspect=axes.get_aspect(), zorder=0.5)
     lines, owners = material_lines(frame)
     outline, rim = _outlines(frame)
+    owners = np.concatenate([owners, rim])
     ends = seen.seen(np.concatenate([lines, outline]))
-    inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
-    bodies, greys = _bodies(frame, seen)
-    # A line comes after the triangles about its own, which would hide parts of it.
-    nearest = nearest_about(sheet, frame.triangles)[np.concatenate([owners, rim])]
-    depth = np.concatenate([sheet[..., 2].mean(axis=1), nearest, bodies[..., 2].mean(axis=1)])
-    order = np.argsort(depth, kind="stable")
-    corners: Any = np.concatenate([sheet, ends[:, [0, 1, 1]], bodies])[order, :, :2]
-    inks = np.concatenate([faces, inks, greys])[order]
-    polygons = PolyCollection(
-        corners, facecolors=inks, edgecolors=inks, linewidths=STROKE, rasterized=len(corners) > MOST_VECTORS
+    ends[~np.isfinite(values[owners]), :, 2] -= IN_CONTACT * seen.size
+    pieces, line = buffer.seen(ends, sheet[owners])
+    inks = np.where(line[:, None] < len(lines), LINE, EDGE)
+    strokes = LineCollection(
+        pieces, colors=inks, linewidths=STROKE, capstyle="butt", rasterized=len(pieces) > MOST_VECTORS
     )
-    # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
-    polygons.set_in_layout(False)
-    axes.add_collection(polygons, autolim=False)
+    # Limits and layout come from elsewhere, and asking every line for its extent takes long.
+    strokes.set_in_layout(False)
+    axes.add_collection(strokes, autolim=False)
     for ball in frame.balls:
         _dash_the_ball(axes, ball, seen)
 

@@ -1,4 +1,4 @@
-"""3D drawing of sheets: projection, bounding box, material lines and depth."""
+"""3D drawing of sheets: projection, bounding box and material lines."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class View:
     @staticmethod
     def of(low: np.ndarray, high: np.ndarray, elevation: float, azimuth: float) -> View:
         """The view of a box from a direction [degrees]."""
-        extent = high - low
+        extent = (high - low).astype(float)
         longest = max(float(extent.max()), 1e-300)
         grown = np.maximum(1.0, SHORTEST * longest / np.maximum(extent, 1e-300))
         grown[extent < FLAT * longest] = 1.0
@@ -48,6 +48,11 @@ class View:
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Coordinates of points to the right, up, and towards the viewer, shape (..., 3)."""
         return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
+
+    @property
+    def size(self) -> float:
+        """Length of the diagonal of the box [m]."""
+        return float(np.linalg.norm((self.high - self.low) * self.grown))
 
     def corners(self) -> np.ndarray:
         """Corners of the box [m], shape (8, 3)."""
@@ -78,7 +83,7 @@ class View:
 
 def places_of(frame: Shown) -> np.ndarray:
     """Points of the sheet and of nearby bodies without planes [m], shape (P, 3)."""
-    sheet = frame.points[frame.used]
+    sheet = frame.points[frame.framed]
     low, high = sheet.min(axis=0), sheet.max(axis=0)
     size = float((high - low).max())
     small = [vertices for vertices, _ in frame.bodies if np.ptp(vertices, axis=0).max() <= LARGEST_BODY * size]
@@ -106,20 +111,6 @@ def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
             segments.append(np.stack(ends, axis=1))
             owners.append(cut)
     return np.concatenate(segments), np.concatenate(owners)
-
-
-def nearest_about(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Largest mean depth of the triangles that share a point with each and face the same way, shape (F,).
-
-    `corners` are right, up and depth of the corners of triangles, shape (F, 3, 3).
-    """
-    depth, size = corners[..., 2].mean(axis=1), int(triangles.max(initial=-1)) + 1
-    first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
-    away = (first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]).astype(int)
-    at_points = np.full((2, size), -np.inf)
-    for corner in triangles.T:
-        np.maximum.at(at_points, (away, corner), depth)
-    return np.asarray(at_points[away[:, None], triangles].max(axis=1))
 
 
 def _crossing(

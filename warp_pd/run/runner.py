@@ -10,6 +10,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in, unnumbered
 from ..interfaces import DivergedError, History, Writer
@@ -379,7 +381,16 @@ def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping
 
     regions = capabilities(scene.force.material).regions
     points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
-    default_pictures.draw(history, folder, summary, points)
+    default_pictures.draw(history, folder, summary, points, _held(scene))
+
+
+def _held(scene: Scene) -> np.ndarray:
+    """Points of which supports hold or move every component."""
+    bits = np.zeros(scene.sheet.size, int)
+    for load in scene.loads:
+        for constraint in load.constraints(scene.sheet):
+            bits[constraint.points] |= constraint.components
+    return np.flatnonzero(bits & 7 == 7)
 
 
 def _not_converged(recorder: Recorder) -> str:
