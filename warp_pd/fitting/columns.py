@@ -11,7 +11,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..run.simulation import Simulation
-from .data import DIMENSIONS, DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, dimension_of, read_table
+from .data import DIMENSIONS, DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, dimension_of, read_table, si_unit
 from .model import require_arguments
 
 CONTROLS = ("time", "load_factor")
@@ -47,7 +47,9 @@ def read_tests(
     values, rows = table.without_gaps([control, column])
     if len(rows) == 0:
         raise InputError(f"{table.path.name}: expected rows with both {control} and {column}")
-    return [Curve(control, values[control], name, values[column], name=table.path.stem, rows=rows)], table.notes
+    units = (si_unit(table.dimensions[control]), unit or si_unit(table.dimensions[column]))
+    curve = Curve(control, values[control], name, values[column], name=table.path.stem, rows=rows, units=units)
+    return [curve], table.notes
 
 
 def _control(table: Table, arguments: tuple[str, ...], measure: str | None) -> str | None:

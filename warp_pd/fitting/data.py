@@ -66,6 +66,7 @@ class Curve:
         sigma: Standard deviation of the noise in SI units; None to scale every test by its largest value.
         name: Name of the test, for reports.
         rows: Line numbers in its file, shape (n,), or None.
+        units: SI units of control and measure, for labels; "" if unknown.
     """
 
     control: str
@@ -75,6 +76,7 @@ class Curve:
     sigma: float | None = None
     name: str = ""
     rows: np.ndarray | None = None
+    units: tuple[str, str] = ("", "")
 
     def __post_init__(self) -> None:
         """Check the shapes."""
@@ -94,6 +96,11 @@ class Curve:
     def scale(self) -> float:
         """Divisor of the residuals."""
         return self.sigma or float(np.abs(self.values).max()) or 1.0
+
+
+def si_unit(dimension: str | None) -> str:
+    """SI unit of a dimension, "1" for a ratio; empty for an unknown dimension."""
+    return next((name for name, (factor, of) in UNITS.items() if of == dimension and factor == 1.0), "")
 
 
 @dataclass(frozen=True, eq=False)

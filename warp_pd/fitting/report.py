@@ -187,15 +187,19 @@ class Fit:
     def draw(self, path: str | Path) -> None:
         """Draw data, model and residuals of every test."""
         from ..output.plots import fitted
+        from ..output.quantities import with_unit
 
         panels = []
         for test, model, residual in zip(self.tests, self.model, self.residuals, strict=True):
             if isinstance(test, Curve):
-                panels.append((test.name, test.control, test.measure, test.at, test.values, model, residual))
+                labels = (with_unit(*pair) for pair in zip((test.control, test.measure), test.units, strict=True))
+                panels.append((test.name, *labels, test.at, test.values, model, residual))
             else:
                 size, shown = (np.linalg.norm(np.nan_to_num(u), axis=1) for u in (test.displacements, model))
                 far = np.sqrt(np.nanmean(residual**2, axis=1))
-                panels.append((test.name, "place", "displacement (m)", np.arange(len(size)) + 1.0, size, shown, far))
+                panels.append(
+                    (test.name, "number of the place", "displacement (m)", np.arange(len(size)) + 1.0, size, shown, far)
+                )
         fitted(Path(path), panels)
 
     def save(self, folder: str | Path, command: str = "") -> Path:

@@ -14,7 +14,7 @@ from ..geometry.picture_files import new_panels, save
 from . import plots
 from .beside import drawn_beside
 from .picture_frames import Shown, frames_at
-from .quantities import ENERGIES, column_label, column_unit, known_units
+from .quantities import ENERGIES, column_label, column_unit, known_units, with_unit
 from .vtkhdf import read_series
 
 # Panels of the sheet; of a sheet with more points than that only the last frame is drawn.
@@ -27,6 +27,8 @@ ONSET = 0.02
 OUT_OF_PLANE = 1e-3
 # A component below this fraction of the largest one of its vector is noise.
 NOISE = 1e-3
+# Changes of numbers below so many times the round-off are none.
+ROUNDINGS = 10.0
 # A torque below that of the force at this arm [m] is noise.
 ARM = 1e-12
 NOT_DRAWN = {
@@ -40,11 +42,12 @@ def draw(
     summary: Mapping[str, Any],
     regions: Sequence[np.ndarray] = (),
     held: np.ndarray | Sequence[int] = (),
+    fine: Sequence[dict[str, float]] = (),
 ) -> None:
     """Draw sheet.png, damage.png, energy.png and measures.png, except those for which the run has no data.
 
     `regions` are the points of each region of another material, whose outline is drawn; pieces without points of `held`
-    do not widen a picture.
+    do not widen a picture. Columns that have rows between frames, `fine`, are drawn from these.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
@@ -54,16 +57,19 @@ def draw(
     frames = [replace(frame, regions=regions, held=held) for frame in frames_at(folder, series.times[chosen].tolist())]
     if len(frames[0].triangles):
         _draw_sheet(folder, frames)
-    if any(row.get(name) for row in history for name in ENERGIES):
-        names = [name for name in ENERGIES if any(row.get(name) for row in history)]
-        plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")
-    numbers = [name for name in history[-1] if name not in NOT_DRAWN and _moves(history, name)]
-    measures = summary.get("measures", {})
-    numbers = [name for name in numbers if name in measures or _counts(history, name)]
+    energies = [name for name in ENERGIES if any(row.get(name) for row in history)]
+    if energies:
+        rows = fine if fine and set(energies) <= set(fine[0]) else history
+        plots.curves(folder / "energy.png", rows, energies, ylabel="energy (J)")
+    units, measures = known_units(summary), summary.get("measures", {})
+    columns = {name: fine if fine and name in fine[0] else history for name in history[-1] if name not in NOT_DRAWN}
+    noise = _round_off(history, units, float(np.ptp(frames[0].reference, axis=0).max()), summary["precision"])
+    numbers = [name for name, rows in columns.items() if _moves(rows, name, noise, units)]
+    numbers = [name for name in numbers if name in measures or _counts(columns[name], name)]
     numbers.sort(key=lambda name: name not in measures)
     if numbers and len(history) > 1:
         still = [name for name in measures if name in history[-1] and name not in numbers]
-        _draw_numbers(folder, history, numbers, known_units(summary), still)
+        _draw_numbers(folder, {name: columns[name] for name in numbers}, units, still)
 
 
 def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[int]:
@@ -100,13 +106,41 @@ def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
         picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))
 
 
-def _moves(history: Sequence[dict[str, float]], name: str) -> bool:
+def _values(history: Sequence[Mapping[str, float]], name: str) -> np.ndarray:
     values = np.array([row.get(name, np.nan) for row in history], float)
-    values = values[np.isfinite(values)]
-    return bool(len(values) and np.ptp(values) > 0.0)
+    return values[np.isfinite(values)]
 
 
-def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
+def _round_off(
+    history: Sequence[Mapping[str, float]], units: Mapping[str, str], size: float, bits: int
+) -> dict[str, float]:
+    """Round-off of columns by unit, from the largest number of each, the energy, and the size of the sheet [m].
+
+    Under the unit "1" it is the relative one.
+    """
+    relative = ROUNDINGS * float(np.finfo(f"f{bits // 8}").eps)
+    largest: dict[str, float] = {"m": size}
+    for name in history[-1]:
+        unit = column_unit(name, units)
+        largest[unit] = max(largest.get(unit, 0.0), float(np.abs(_values(history, name)).max(initial=0.0)))
+    # An energy over the size is a force of the sheet.
+    largest["N"] = max(largest.get("N", 0.0), largest.get("J", 0.0) / size)
+    noise = {unit: relative * value for unit, value in largest.items() if unit}
+    return {**noise, "1": relative}
+
+
+def _moves(
+    history: Sequence[Mapping[str, float]], name: str, noise: Mapping[str, float], units: Mapping[str, str]
+) -> bool:
+    """Whether a column changes by more than round-off."""
+    values = _values(history, name)
+    if not len(values):
+        return False
+    allowed = max(noise.get(column_unit(name, units), 0.0), noise["1"] * float(np.abs(values).max()))
+    return bool(np.ptp(values) > allowed)
+
+
+def _counts(history: Sequence[Mapping[str, float]], name: str) -> bool:
     """Whether a vector component, such as ball_force_x, is larger than the noise of the largest component."""
     if name[-2:] not in ("_x", "_y", "_z"):
         return True
@@ -118,20 +152,17 @@ def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
 
 @drawn_beside
 def _draw_numbers(
-    folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str],
-    still: Sequence[str],
+    folder: Path, columns: Mapping[str, Sequence[dict[str, float]]], units: Mapping[str, str], still: Sequence[str]
 ) -> None:  # fmt: skip
-    """Draw one panel per number, and a line that lists numbers without a panel."""
-    drawn, others = names[:MOST_NUMBERS], names[MOST_NUMBERS:]
-    columns = min(len(drawn), 3)
-    figure, panels = new_panels(len(drawn), columns, (4.2, 2.9), (0.0, 0.3))
+    """Draw one panel per number, with its rows of the history, and a line that lists numbers without a panel."""
+    drawn, others = list(columns)[:MOST_NUMBERS], list(columns)[MOST_NUMBERS:]
+    across = min(len(drawn), 3)
+    figure, panels = new_panels(len(drawn), across, (4.2, 2.9), (0.0, 0.3))
     for axes, name in zip(panels, drawn, strict=True):
-        plots.draw_curves(axes, history, [name])
-        unit = column_unit(name, units)
-        ylabel = column_label(name) + (f" ({unit})" if unit else "")
-        axes.set(xlabel=plots.across_label("time"), ylabel=ylabel)
+        plots.draw_curves(axes, columns[name], [name])
+        axes.set(xlabel=plots.across_label("time"), ylabel=with_unit(name, units.get(name, "")))
     told = [f"{word} {', '.join(map(column_label, found))}" for word, found in (
-        ("constant or missing:", still), ("only in history.csv:", others)) if found]  # fmt: skip
+        ("constant but for round-off, or missing:", still), ("only in history.csv:", others)) if found]  # fmt: skip
     if told:
-        figure.supxlabel(fill("; ".join(told), 40 * columns), fontsize=8)
+        figure.supxlabel(fill("; ".join(told), 40 * across), fontsize=8)
     save(figure, folder / "measures.png")

@@ -17,11 +17,13 @@ from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .depth_buffer import DepthBuffer
 from .picture_frames import Shown, frames_at
 from .projection import View, material_lines, places_of
-from .quantities import ENERGIES, column_label, field_label
+from .quantities import ENERGIES, column_label, field_label, with_unit
 
 # Triangles of a sheet above which larger ones are drawn, about half as many.
 MOST_TRIANGLES = 400_000
 STYLES = ("-", "--", "-.", ":")
+# Rows of a history below which every one has a marker.
+FEW = 40
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
@@ -178,21 +180,25 @@ def curves(
 
 def draw_curves(axes: Any, history: Sequence[dict[str, float]], names: Sequence[str], against: str = "time") -> None:
     """Plot columns of the history against another column, on axes."""
+    from matplotlib.ticker import MaxNLocator
+
     duration = current().load_duration if against == "time" else None
     across = [row[against] / (duration or 1.0) for row in history]
     known = [name for name in names if all(name in row for row in history)]
     for k, name in enumerate(known):
         # One curve may lie on another one.
-        axes.plot(across, [row[name] for row in history], STYLES[k % len(STYLES)], label=column_label(name))
+        style = {"linestyle": STYLES[k % len(STYLES)], "marker": "." if len(history) < FEW else ""}
+        axes.plot(across, [row[name] for row in history], label=column_label(name), **style)
     if not any(row[name] for row in history for name in known):
         axes.text(0.5, 0.5, "zero throughout", transform=axes.transAxes, ha="center")
     axes.grid(alpha=0.3)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
 
 
 def across_label(against: str) -> str:
     """Name and unit of a column on the horizontal axis."""
     if against != "time":
-        return column_label(against)
+        return with_unit(against)
     return "time (s)" if current().load_duration is None else "load factor"
 
 

@@ -68,6 +68,12 @@ def column_label(name: str) -> str:
     return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
+def with_unit(name: str, unit: str = "") -> str:
+    """Name of a column with its unit, such as "ball force z (N)"; a unit that is not given comes from the name."""
+    unit = column_unit(name) if not unit else unit
+    return column_label(name) + ("" if unit in ("", "1", "-") else f" ({unit})")
+
+
 @dataclass(frozen=True)
 class Choice:
     """A scalar for colouring the surface.

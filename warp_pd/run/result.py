@@ -101,7 +101,9 @@ class Result:
         if not shown:
             raise InputError(f"plot: the scene has no measures; expected columns of {', '.join(self.history[0])}")
         rows, units = self._rows(fine), units_of(self.built)
-        return plot_history(rows, shown, units, against=against, path=path, title=scene.scene)
+        return plot_history(
+            rows, shown, units, against=against, path=path, title=scene.scene, load_duration=scene.load_duration
+        )
 
     def show(self, height: int = 700) -> Page:
         """The interactive page of the run for a notebook: the sheet in 3D, its fields and curves.

@@ -27,6 +27,7 @@ from .built import Built, compose
 from .divergence import free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import (
+    FINE,
     PAGE,
     clear,
     clear_unfinished,
@@ -381,7 +382,8 @@ def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping
 
     regions = capabilities(scene.force.material).regions
     points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
-    default_pictures.draw(history, folder, summary, points, _held(scene))
+    fine = read_history(folder / FINE) if (folder / FINE).is_file() else ()
+    default_pictures.draw(history, folder, summary, points, _held(scene), fine)
 
 
 def _held(scene: Scene) -> np.ndarray:

@@ -11,7 +11,8 @@ from small_runs import cli
 from warp_pd import BondAssociated, Explicit, NeoHookean, Place, Sheet, Simulation, placed, together
 from warp_pd.geometry import picture_files
 from warp_pd.interfaces import FrameReport
-from warp_pd.output.default_pictures import _counts, _draw_numbers, telling_frames
+from warp_pd.output import plots
+from warp_pd.output.default_pictures import _counts, _draw_numbers, _moves, _round_off, telling_frames
 from warp_pd.output.picture_frames import frames_at
 from warp_pd.output.progress import Progress
 from warp_pd.run.folder import run_summary
@@ -88,12 +89,12 @@ def test_every_number_has_a_panel_and_a_constant_one_is_named(tmp_path):
     """Eleven measures that change, one that does not."""
     history = [{"time": 0.1 * k, "still": 1.0, **{f"number_{n}": float(n * k) for n in range(1, 12)}} for k in range(3)]
     units = {name: "m" for name in history[0] if name != "time"}
-    numbers = [name for name in units if name != "still"]
+    columns = {name: history for name in units if name != "still"}
     with picture_files.drawing(picture_files.Drawing("mine", ("svg",))):
-        _draw_numbers(tmp_path, history, numbers, units, ["still"])
+        _draw_numbers(tmp_path, columns, units, ["still"])
     drawn = (tmp_path / "measures.svg").read_text()
     assert all(f"<!-- number {n} (m) -->" in drawn for n in range(1, 12))
-    assert "<!-- constant or missing: still -->" in drawn
+    assert "<!-- constant but for round-off, or missing: still -->" in drawn
 
 
 def test_components_that_are_noise_are_left_out():
@@ -101,6 +102,38 @@ def test_components_that_are_noise_are_left_out():
     assert [name for name in history[0] if _counts(history, name)] == ["time", "ball_force_z", "height"]
     turning = [row | {"ball_torque_x": 1e-20 * row["time"], "pin_torque_z": 1e-20 * row["time"]} for row in history]
     assert [name for name in turning[0] if "torque" in name and _counts(turning, name)] == ["pin_torque_z"]
+
+
+def test_numbers_that_are_round_off_have_no_panel():
+    """Beside numbers of the same unit, the energy and the size of the sheet; or small changes of a number."""
+    units = {"pull": "N", "side": "N", "end": "m", "drift": "m", "length": "m", "ratio": "1", "lone": "1"}
+    history = [
+        {"time": t, "strain": 0.1 * t, "pull": 5.0 * t, "side": 1e-7 * t, "end": 0.05 * t, "drift": -2e-9 * t,
+         "length": 0.1 + 1e-9 * t, "ratio": 1e-9 * t, "lone": 0.0}
+        for t in (0.0, 1.0, 2.0)
+    ]  # fmt: skip
+    noise = _round_off(history, units, 0.1, 32)
+    assert [name for name in units if _moves(history, name, noise, units)] == ["pull", "end", "ratio"]
+    # Float64 carries these changes; and a force of nothing but rounding is small beside the energy over the size.
+    fine = _round_off(history, units, 0.1, 64)
+    assert [name for name in units if _moves(history, name, fine, units)] == [name for name in units if name != "lone"]
+    alone = [{"time": row["time"], "strain": row["strain"], "side": row["side"]} for row in history]
+    assert not _moves(alone, "side", _round_off(alone, units, 0.1, 32), units)
+
+
+def test_cycles_between_frames_are_drawn_from_the_fine_history(tmp_path, monkeypatch, default_pictures):
+    """Frames at the ends of cycles see nothing of them."""
+    drawn, draw_curves = {}, plots.draw_curves
+
+    def noted(axes, history, names, against="time"):
+        drawn.update({name: (len(history), np.ptp([row[name] for row in history])) for name in names})
+        draw_curves(axes, history, names, against)
+
+    monkeypatch.setattr(plots, "draw_curves", noted)
+    cycles = "[Motion(right, times=[0.0, 0.005, 0.01, 0.015, 0.02], x=[0.0, load, 0.0, load, 0.0], y=0.0), "
+    run(tmp_path, "Explicit(0.02, frames=2, history_every=2e-4)", cycles[1:] + "Reaction(right, 'pull')")
+    assert drawn["end"][0] == 3 and drawn["pull_x"][0] == drawn["strain"][0] > 60
+    assert drawn["pull_x"][1] > 0.1
 
 
 @pytest.mark.parametrize("columns", [50, 140])

@@ -58,12 +58,12 @@ def test_names_of_scenes_are_no_html(result):
 
 def test_curves_are_drawn_with_units(result, tmp_path):
     figure = result.plot("height", "kinetic", "strain")
-    assert [axes.get_ylabel() for axes in figure.axes] == ["height [m]", "[J]"]
-    assert [axes.get_xlabel() for axes in figure.axes] == ["time [s]", "time [s]"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["height (m)", "(J)"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["time (s)", "time (s)"]
     drawn = figure.axes[1].lines[0].get_ydata()
     assert list(drawn) == [row["kinetic"] for row in result.history]
     assert figure._repr_png_()[:4] == b"\x89PNG"
-    result.plot(against="kinetic", path=tmp_path / "curves.pdf")
+    assert result.plot(against="kinetic", path=tmp_path / "curves.pdf").axes[0].get_xlabel() == "kinetic energy (J)"
     assert (tmp_path / "curves.pdf").read_bytes()[:4] == b"%PDF"
 
 
