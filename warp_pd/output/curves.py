@@ -9,7 +9,7 @@ from typing import Any
 
 from ..device.checks import one_of
 from ..geometry.picture_files import new_figure, new_panels, save, target
-from .plots import FEW, STYLES
+from .plots import FEW, STYLES, part_ticks
 from .quantities import column_label, with_unit
 
 # Columns of panels of the picture; letters along a side of a panel, and width of a letter of the legend [inches].
@@ -112,10 +112,8 @@ def _described(values: Mapping[str, str], keys: Sequence[str]) -> str:
 
 def _part_ticks(axes: Any, texts: Sequence[str]) -> None:
     """Keep the labels along the horizontal axis apart: few numbers, and names that are turned if they are long."""
-    from matplotlib.ticker import MaxNLocator
-
     if isinstance(_across(texts[0]), float):
-        axes.xaxis.set_major_locator(MaxNLocator(5))
+        part_ticks(axes)
     elif sum(len(text) + 2 for text in dict.fromkeys(texts)) > WRAPPED:
         axes.tick_params("x", labelrotation=30.0)
         for label in axes.get_xticklabels():

@@ -180,8 +180,6 @@ def curves(
 
 def draw_curves(axes: Any, history: Sequence[dict[str, float]], names: Sequence[str], against: str = "time") -> None:
     """Plot columns of the history against another column, on axes."""
-    from matplotlib.ticker import MaxNLocator
-
     duration = current().load_duration if against == "time" else None
     across = [row[against] / (duration or 1.0) for row in history]
     known = [name for name in names if all(name in row for row in history)]
@@ -192,7 +190,14 @@ def draw_curves(axes: Any, history: Sequence[dict[str, float]], names: Sequence[
     if not any(row[name] for row in history for name in known):
         axes.text(0.5, 0.5, "zero throughout", transform=axes.transAxes, ha="center")
     axes.grid(alpha=0.3)
-    axes.xaxis.set_major_locator(MaxNLocator(6))
+    part_ticks(axes)
+
+
+def part_ticks(axes: Any) -> None:
+    """Take so few ticks along the horizontal axis that their labels do not meet."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(5))
 
 
 def across_label(against: str) -> str:
