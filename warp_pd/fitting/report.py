@@ -192,8 +192,8 @@ class Fit:
         panels = []
         for test, model, residual in zip(self.tests, self.model, self.residuals, strict=True):
             if isinstance(test, Curve):
-                labels = (with_unit(*pair) for pair in zip((test.control, test.measure), test.units, strict=True))
-                panels.append((test.name, *labels, test.at, test.values, model, residual))
+                across, upwards = with_unit(test.control, test.units[0]), with_unit(test.measure, test.units[1])
+                panels.append((test.name, across, upwards, test.at, test.values, model, residual))
             else:
                 size, shown = (np.linalg.norm(np.nan_to_num(u), axis=1) for u in (test.displacements, model))
                 far = np.sqrt(np.nanmean(residual**2, axis=1))

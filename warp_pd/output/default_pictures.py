@@ -108,7 +108,7 @@ def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
 
 def _values(history: Sequence[Mapping[str, float]], name: str) -> np.ndarray:
     values = np.array([row.get(name, np.nan) for row in history], float)
-    return values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
 
 
 def _round_off(

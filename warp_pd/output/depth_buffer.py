@@ -58,7 +58,7 @@ class DepthBuffer:
             seen = found == depth[place]
             image[place[seen]] = inks[triangle[seen]]
 
-    def seen(self, ends: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    def seen(self, ends: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pieces of lines that no triangle hides, shape (P, 2, 2), and the line of each, shape (P,).
 
         Args:
