@@ -314,6 +314,7 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View, 
     owners = np.concatenate([owners, rim])
     ends = seen.seen(np.concatenate([lines, outline]))
     ends[~np.isfinite(values[owners]), :, 2] -= IN_CONTACT * seen.size
+    pieces: Any
     pieces, line = buffer.seen(ends, sheet[owners])
     inks = np.where(line[:, None] < len(lines), LINE, EDGE)
     strokes = LineCollection(
