@@ -53,16 +53,32 @@ def dead_load(bits: int) -> Kernel:
 
 
 @functools.cache
-def support_forces(bits: int) -> Kernel:
-    """Kernel that fills `out` with minus the internal force on selected points [N]."""
-    vec3 = numeric(bits).vec3
+def support_forces(bits: int, loaded: bool) -> Kernel:
+    """Kernel that fills `out` with the forces of supports on selected points [N], zero in components that are free.
+
+    They are minus the internal force, and minus the external force if there are loads (`loaded`).
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
 
     @kernel(per="list")
     def support_forces(
-        points: wp.array(dtype=wp.int32), force: wp.array(dtype=vec3), first: int, out: wp.array(dtype=vec3)
+        points: wp.array(dtype=wp.int32),
+        held_mask: wp.array(dtype=wp.uint8),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        first: int,
+        out: wp.array(dtype=vec3),
     ):
         p = wp.tid() + first
-        out[p] = -force[points[p]]
+        i = points[p]
+        pull = -force[i]
+        if wp.static(loaded):
+            pull -= external[i]
+        for c in range(3):
+            if (wp.int32(held_mask[i]) & (1 << c)) == 0:
+                pull[c] = real(0.0)
+        out[p] = pull
 
     return support_forces
 

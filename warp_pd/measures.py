@@ -16,6 +16,7 @@ from .geometry.triangulation import triangle_areas
 from .interfaces import History
 from .materials import Material, capabilities
 from .materials.energy import energy_density
+from .parts.reaction import require_held
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -184,8 +185,14 @@ def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def support_force(built: Built, points: np.ndarray) -> np.ndarray:
-    """Force of a support on its points [N], shape (3,), without their inertia."""
-    return np.asarray(-built.to_numpy(built.state.force)[points].sum(axis=0))
+    """Force of a support on its points [N], shape (3,), without their inertia.
+
+    It balances the internal force and the loads on the points; components that nothing holds count as 0.
+
+    Raises:
+        InputError: if nothing holds any of the points.
+    """
+    return np.asarray(_support_forces(built, points).sum(axis=0))
 
 
 def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -195,9 +202,24 @@ def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0
         built: The built simulation.
         points: The points of the support.
         about: The point [m], (x, y, z).
+
+    Raises:
+        InputError: if nothing holds any of the points.
     """
     arms = built.context.whole.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
-    return np.asarray(-np.cross(arms, built.to_numpy(built.state.force)[points]).sum(axis=0))
+    return np.asarray(np.cross(arms, _support_forces(built, points)).sum(axis=0))
+
+
+def _support_forces(built: Built, points: np.ndarray) -> np.ndarray:
+    """Force of supports on each of the points [N], shape (P, 3)."""
+    state, points = built.state, point_indices("points", points, built.context.whole.size)
+    mask = state.held_mask
+    held = np.zeros(len(points), np.uint8) if mask is None else built.context.whole_array(mask)[points]
+    require_held("points", held)
+    force = built.to_numpy(state.force)[points]
+    if state.external is not None:
+        force = force + built.to_numpy(state.external)[points]
+    return np.where((held[:, None] >> np.arange(3)) & 1 == 1, -force, 0.0)
 
 
 def energy_release_rate(built: Built, tip: Sequence[float], direction: Sequence[float], radius: float) -> float:

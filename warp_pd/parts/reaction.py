@@ -15,21 +15,24 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Part
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.integrate import RIGID
 from ..kernels.loads import support_forces
 
 OWNER = "Reaction"
+# Bits of the components that a support holds.
+HELD = 7
 
 
 @dataclass(frozen=True, eq=False)
 class Reaction(Part):
     """Output of the force of a support on its points: columns NAME_x, NAME_y and NAME_z of the history [N].
 
-    It does not change the simulation. The force is minus the sum of the internal force, as in
-    `warp_pd.measures.support_force`, without inertia. It is summed on the device, so the rows between frames
-    (`Explicit(history_every=)`) have it as well.
+    It does not change the simulation. The force balances the internal force and the loads on the held components of
+    its points, as in `warp_pd.measures.support_force`, without inertia; in components that nothing holds it is 0. It is
+    summed on the device, so the rows between frames (`Explicit(history_every=)`) have it as well.
 
     Attributes:
-        points: Point indices, such as those of a `Fixed` or a `Motion`.
+        points: Point indices, such as those of a `Fixed` or a `Motion`, which hold at least one of them.
         name: Prefix of the columns, a single word.
     """
 
@@ -46,9 +49,22 @@ class Reaction(Part):
         return f"Reaction with the name {self.name!r}: expected different names"
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The sum on a device. Raises InputError if a point does not exist."""
-        return BuiltReaction(self.name, np.asarray(point_indices("Reaction.points", self.points, context.sheet.size)),
-                             context)  # fmt: skip
+        """The sum on a device. Raises InputError if a point does not exist, or nothing holds any of them."""
+        points = np.asarray(point_indices("Reaction.points", self.points, context.sheet.size))
+        require_held("Reaction.points", context.held[points])
+        return BuiltReaction(self.name, points, context)
+
+
+def require_held(name: str, held: np.ndarray) -> None:
+    """Check that a support holds a component of one of the points `name`; `held` are their bits, see State.held_mask.
+
+    Raises:
+        InputError: if not.
+    """
+    if not (held & HELD).any():
+        inside = (held & RIGID).any()
+        there = "they are in a rigid inclusion, whose force is in its own columns" if inside else "nothing holds them"
+        raise InputError(f"{name}: expected points of a Fixed or a Motion, but {there}")
 
 
 class BuiltReaction(BuiltPart):
@@ -68,9 +84,11 @@ class BuiltReaction(BuiltPart):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch of a frame."""
         if phase is Phase.FRAME:
-            kernel = support_forces(self.context.bits)
-            force = self.context.state.force
-            stage.launch(OWNER, kernel, len(self.points), points=self.points, force=force, out=self.pull)
+            context, state = self.context, self.context.state
+            stage.launch(
+                OWNER, support_forces(context.bits, context.features.loaded), len(self.points), points=self.points,
+                held_mask=state.held_mask, force=state.force, external=state.external, out=self.pull,
+            )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
         """The sum over its points."""
