@@ -10,7 +10,7 @@ With the tearing energy the crack runs straight for 34 mm; then the legs, which 
 so far that it forks and cuts them off. With a critical stretch, on a grid aligned with the cut and symmetric about it,
 it runs straight for 20 mm before it forks; ten times as fast for 64 mm, with half the step or ten times the damping
 for 53 mm and more: only the first 13 to 20 mm are common to all (docs/papers/ba.md). On rotated or jittered grids it
-turns to one side after 10 to 30 mm, and cuts off a leg (docs/history/tearing-critical-stretch.md): by then the straight
+turns to one side after 10 to 30 mm, and cuts off a leg (`--set turn=15`): by then the straight
 tear is no longer stable. The grid rotated by 45 degrees is no exception: its points lie symmetric about the cut, but
 those on the cut itself belong to its lower side.
 

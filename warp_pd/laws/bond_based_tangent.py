@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 OWNER = "Newton"
 # Tension divided by the modulus. The first is always in the tangent: a point whose bonds are all slack or broken
 # stays in the matrix. The second is multiplied by the relative residual and used if bonds can become slack: it keeps
-# points without stiffness from flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough that
+# points without stiffness from flying off, and fades fast enough that
 # convergence remains quadratic. Neither enters the force, so they change the iterations but not the solution.
 MIN_TENSION = 1e-10
 SLACK_TENSION = 1e-2

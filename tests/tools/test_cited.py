@@ -1,0 +1,119 @@
+"""What the pages cite exists: files, commands, scenes and their arguments; and the site has no dead link."""
+
+import inspect
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from warp_pd.__main__ import _assigned, main
+from warp_pd.run.arguments import split_values
+from warp_pd.run.scene_files import load_scene, require_settings, scene_names
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+FOLDERS = "tools|tests|scenes|kernels|warp_pd|docs"
+# Options of a scene's arguments.
+ARGUMENTS = ("points", "horizon", "force", "weights", "solver", "duration", "frames")
+# Words of a command that stand for something of the reader's.
+PLACEHOLDERS = re.compile(r"^[A-Z]+$|\.\.\.|\|")
+
+
+def cited_files(text):
+    """Paths of files and folders of the checkout."""
+    return set(re.findall(rf"(?<![\w/.-])((?:{FOLDERS})/[\w./-]*\w)", text))
+
+
+def commands(text):
+    """Calls of warp-pd in code spans and code blocks, without comments."""
+    spans = re.findall(r"`((?:warp-pd|tools/start\.sh) [^`]*)`", text)
+    lines = re.findall(r"^\s*(?:\$ )?((?:warp-pd|tools/start\.sh run|tools/start\.sh plan) .*)$", text, re.MULTILINE)
+    for command in spans + lines:
+        yield re.split(r" {2,}[#a-z]| # ", re.sub(r"\s*\n\s*", " ", command))[0].strip()
+
+
+def problem(command, text):
+    """What is wrong with a command of a page with that text, or None."""
+    name, *words = [*shlex.split(command)[1:], ""][:-1] or ["test"]
+    if name in ("test", "docs") or name.startswith("-") or PLACEHOLDERS.search(name):
+        return None
+    if name not in main.commands:
+        return f"no command {name!r}"
+    if not words or any(PLACEHOLDERS.search(word) or word in ("--help", "-h") for word in words):
+        return None
+    try:
+        context = main.commands[name].make_context(name, words)
+    except click.ClickException as error:
+        return error.format_message()
+    return problem_of_scene(context, name == "sweep", text) if name in ("run", "sweep", "plan") else None
+
+
+def problem_of_scene(context, sweeps, text):
+    """What is wrong with the scene of a command and its arguments, or None."""
+    scene = context.params["scene"]
+    given = {key: context.params[key] for key in ARGUMENTS if context.params.get(key) is not None}
+    given |= _assigned(context.params["assignments"], given)
+    missing = known(scene, text)
+    if missing or scene.endswith(".py"):
+        return missing
+    parameters = inspect.signature(load_scene(scene).build).parameters
+    wrong = [key for key in given if key not in parameters]
+    if wrong:
+        return f"{scene} has no argument {', '.join(wrong)}"
+    for key, value in given.items():
+        for each in split_values(value) if sweeps else [value]:
+            require_settings(scene, {key: each})
+    return None
+
+
+def known(scene, text):
+    """None for a scene of the package, or a file that the page shows."""
+    shown = scene.endswith(".py") and scene in text
+    return None if shown or scene in scene_names() else f"no scene {scene!r}"
+
+
+def test_citations_are_found():
+    """The tests below would have nothing to look at."""
+    text = "".join(page.read_text() for page in PAGES)
+    assert len(cited_files(text)) > 50 and len(list(commands(text))) > 100
+    assert problem("warp-pd run no_such_scene", "") == "no scene 'no_such_scene'"
+    assert problem("warp-pd run tension --set no_such=1", "") == "tension has no argument no_such"
+    assert problem("warp-pd fly tension", "") == "no command 'fly'"
+    assert "no such option" in problem("warp-pd run tension --no-such 1", "").lower()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_cited_files_exist(page):
+    found = [ROOT / name for name in cited_files(page.read_text())]
+    missing = [str(p.relative_to(ROOT)) for p in found if not (p.exists() or p.with_suffix(".py").exists())]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_cited_commands_have_these_arguments(page):
+    text = page.read_text()
+    wrong = {command: why for command in commands(text) if (why := problem(command, text))}
+    assert not wrong
+
+
+def test_every_picture_and_table_is_on_a_page():
+    """Of those beside the pages; tools and tests read some tables."""
+    text = "".join(p.read_text() for p in [*PAGES, *(ROOT / "tools").rglob("*.py"), *(ROOT / "tests").rglob("*.py")])
+    beside = [p for p in (ROOT / "docs").rglob("*") if p.suffix in (".png", ".json") and p.parent.name != "gallery"]
+    assert beside and [p.name for p in beside if p.name not in text] == []
+
+
+def test_the_site_has_no_dead_link(tmp_path):
+    pytest.importorskip("mkdocs", reason="mkdocs, of the extra `test`, is not installed")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", tmp_path / "site"], cwd=ROOT,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    warnings = [line for line in (done.stdout + done.stderr).splitlines() if line.startswith(("WARNING", "ERROR"))]
+    assert done.returncode == 0 and not warnings, warnings
+    assert (tmp_path / "site" / "index.html").is_file()
