@@ -4,7 +4,7 @@ A crack of length a has the damage d = (1 - r / 2 l)^2 at the distance r. Its en
 of half a disc: a cap of pi l / 4 times Gc. A tear from one cut to another, or to an edge, needs no caps, so it would
 take theirs less than Gc times its way. Where the ends of two cuts face each other or an edge, the damage therefore ends
 before the cut does, by the recess with which the tear takes Gc times its way. Caps that overlap are counted once; an
-edge counts as the mirror image of the cut.
+edge counts as the mirror image of the cut. Energies are those on rows of points: `_cap`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..geometry.couplings import (
     crack_segments,
@@ -24,11 +25,12 @@ from ..geometry.couplings import (
 from ..geometry.sheet import Sheet
 from ..geometry.topology import components
 
-# Gap between two cuts, in lengths of the field, beyond which the caps matter little; cosine of the angle from the
-# direction of a cut within which it faces another.
-NEAR, AHEAD = 8.0, np.cos(np.pi / 4.0)
-# Recess of an end far from others, and least gap between cuts, in lengths, with which bridges start nearly intact.
-CAP, OPEN = np.pi / 4.0, 1.5
+# Gap between a cut and its mirror image in an edge, and between two cuts, in lengths of the field, beyond which caps
+# take little: at FAR 5 % of the energy of the way. Cosine of the angle from the direction of a cut within which it
+# faces another.
+NEAR, FAR, AHEAD = 8.0, 32.0, np.cos(np.pi / 4.0)
+# Recess of an end far from others, and least gap between cuts, in lengths, whose bridge tears as a crack advances.
+CAP, OPEN = np.pi / 4.0, 4.0
 # Energy of a tear over that of its way, and damage of a bridge at the start, from which a note says so.
 ENOUGH, HURT = 0.9, 0.2
 # Change of the damage below which the field at the start is at rest.
@@ -44,16 +46,18 @@ class Facing:
         ends: Ends of cuts that face another cut or an edge [m], shape (E, dimensions).
         gaps: Distance of each from that cut, or twice that from the edge [m], shape (E,).
         rooms: Length of its cut [m], divided by the number of its ends that face others, shape (E,).
+        between: Whether cuts run between points; otherwise points lie on both faces.
     """
 
     segments: np.ndarray
     ends: np.ndarray
     gaps: np.ndarray
     rooms: np.ndarray
+    between: bool
 
     @staticmethod
-    def of(sheet: Sheet, within: float) -> Facing:
-        """The ends whose gap is less than a distance [m]."""
+    def of(sheet: Sheet, length: float, far: float = FAR) -> Facing:
+        """The ends whose gap is less than `far` lengths of a field [m], of mirror images less than NEAR lengths."""
         segments = crack_segments(sheet)
         dimensions = segments.shape[-1]
         found = []
@@ -65,30 +69,33 @@ class Facing:
             for end in _inner(loose_ends(segments), edges, sheet):
                 which, direction = _tip(segments, end)
                 others = segments[cut != cut[which]]
-                gap = min(_gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction))
-                if gap < within:
-                    found.append((end, gap, int(cut[which])))
+                between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
+                if between < far * length or mirrored < NEAR * length:
+                    found.append((end, min(between, mirrored), int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
         ends = np.array([end for end, *_ in found]).reshape(-1, dimensions)
-        return Facing(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms))
+        return Facing(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms), bool(sheet.cuts))
 
     @property
     def length(self) -> float:
         """Largest length of a field that every cut has room for, and with which bridges start nearly intact [m]."""
         return float(np.min([self.rooms / CAP, self.gaps / OPEN], initial=np.inf))
 
-    def recesses(self, length: float) -> np.ndarray:
-        """Recess of each end [m], shape (E,), of a field of a length [m]."""
+    def recesses(self, length: float, spacing: float) -> np.ndarray:
+        """Recess of each end [m], shape (E,), of a field of a length [m] on points of a spacing [m]."""
         gaps, ways = _ways()
         wanted = 0.5 * (np.interp(self.gaps / length, ways, gaps) - self.gaps / length)
-        return np.asarray(np.minimum(length * np.where(self.gaps > ways[-1] * length, CAP, wanted), self.rooms))
+        wanted = np.where(self.gaps > ways[-1] * length, CAP, wanted) * (
+            _cap(round(length / spacing, 2), self.between) / CAP
+        )
+        return np.asarray(np.minimum(length * wanted, self.rooms))
 
-    def shortened(self, length: float) -> np.ndarray:
+    def shortened(self, length: float, spacing: float) -> np.ndarray:
         """The segments without what the recesses take [m], shape (S, 2, dimensions)."""
         segments = self.segments.copy()
-        for end, recess in zip(self.ends, self.recesses(length), strict=True):
+        for end, recess in zip(self.ends, self.recesses(length, spacing), strict=True):
             left = recess
             while left > 1e-9 * recess:
                 which, side = np.argwhere(np.linalg.norm(segments - end, axis=2) < 1e-9)[0]
@@ -102,20 +109,23 @@ class Facing:
                     segments = np.delete(segments, which, axis=0)
         return segments
 
-    def notes(self, length: float, spacing: float, damage: np.ndarray, points: np.ndarray) -> list[str]:
+    def notes(self, length: float, bias: float, spacing: float, damage: np.ndarray, points: np.ndarray) -> list[str]:
         """A note on the bridge whose tear takes least of what it should, or that starts most damaged.
+
+        A bridge tears without a tip that moves far, which would add what the energy of the field is divided by.
 
         Args:
             length: Length of the field [m].
+            bias: See `field_constants.bias`.
             spacing: Spacing of the sheet [m].
             damage: Damage at the start, (N,).
             points: Points of the sheet [m], (N, dimensions).
         """
         if not len(self.ends):
             return []
-        recesses = self.recesses(length)
+        recesses = self.recesses(length, spacing)
         gaps, ways = _ways()
-        taken = length * np.interp((self.gaps + 2.0 * recesses) / length, gaps, ways) / self.gaps
+        taken = length * np.interp((self.gaps + 2.0 * recesses) / length, gaps, ways) / self.gaps / bias
         worst = int(np.argmin(taken))
         middle = self.ends[worst] + 0.5 * self.gaps[worst] * _tip(self.segments, self.ends[worst])[1]
         hurt = float(damage[np.argmin(np.linalg.norm(points - middle, axis=1))])
@@ -132,10 +142,10 @@ class Facing:
 
 def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray, Facing]:
     """Damage around the cuts of a sheet, (N,), a mask of the points beyond their ends, and the ends that face cuts."""
-    facing = Facing.of(sheet, NEAR * length)
+    facing = Facing.of(sheet, length)
     damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
     if len(facing.segments):
-        segments = facing.shortened(length) if len(facing.ends) else facing.segments
+        segments = facing.shortened(length, sheet.spacing) if len(facing.ends) else facing.segments
         apart = distance_from_segments(sheet.points, segments, 2.0 * length)
         damage = np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2
         from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), length)
@@ -178,8 +188,30 @@ def _ways() -> tuple[np.ndarray, np.ndarray]:
     x, y = np.meshgrid(1.0 + places, 2.0 * places)
     stored = 0.75 * np.maximum(1.0 - 0.5 * np.hypot(x, y), 0.0) ** 2
     half = np.concatenate([[0.0], np.cumsum(stored.sum(axis=0)) * 0.005 * 0.01])
-    gaps = np.append(0.01 * np.arange(401), 2.0 * NEAR)
+    gaps = np.append(0.01 * np.arange(401), FAR)
     return gaps, gaps - 2.0 * np.append(half, half[-1])
+
+
+@functools.cache
+def _cap(spacings: float, between: bool) -> float:
+    """Recess with which a cut has the energy of its length, in lengths of a field of so many spacings.
+
+    A line `between` two rows of points has less energy than in the continuum, one with points on both faces has more.
+    """
+    rows = np.ceil(2.0 * spacings) + 2.0
+    y, x = np.arange(rows) + 0.5 * between, np.arange(-4.0 * rows, 2.0 * rows) + 0.5
+    width = np.where(y == 0.0, 0.5, 1.0)[:, None]
+
+    def energy(apart: np.ndarray) -> float:
+        damage = np.maximum(1.0 - apart / (2.0 * spacings), 0.0) ** 2
+        steps = (np.diff(damage, axis=0) ** 2).sum() + (width * np.diff(damage, axis=1) ** 2).sum()
+        return float((width * damage).sum() + spacings**2 * steps)
+
+    def excess(recess: float) -> float:
+        return energy(np.hypot(np.maximum(x + recess * spacings, 0.0), y[:, None])) / line - 4.0 * rows
+
+    line = energy(y[:, None] + 0.0 * x) / len(x)
+    return float(brentq(excess, 0.0, 2.0))
 
 
 def _at_rest(sheet: Sheet, damage: np.ndarray, length: float) -> np.ndarray:

@@ -47,6 +47,7 @@ class FieldConstants:
     Attributes:
         resolved: Shortest length that the spacing resolves [m].
         length: Length of the field [m].
+        bias: See `bias` [-].
         units: Energy density of the field [J/m^3]: 3 Gc / (8 length), divided by `bias`; a number, or one value per
             point of the whole sheet, (N,).
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
@@ -93,7 +94,8 @@ class FieldConstants:
                 f"TearingEnergy: its length is {self.length:.3g} m; expected a length shorter than the sheet, "
                 f"{extent:.3g} m, or a higher strength"
             )
-        self.units = 3.0 * energy / (8.0 * self.length * bias(self._horizon / self.length))
+        self.bias = bias(self._horizon / self.length)
+        self.units = 3.0 * energy / (8.0 * self.length * self.bias)
         unit = float(np.min(self.units))
         self.limit = 0.5 * unit
         if length is not None and self._strength is not None:

@@ -170,7 +170,7 @@ class TearingEnergy(Rupture):
         """Largest length that cuts near each other have room for [m]."""
         if not self.cut_profile or self.length is not None:
             return float("inf")
-        return Facing.of(sheet, NEAR * DEFAULT_LENGTH * sheet.spacing).length
+        return Facing.of(sheet, DEFAULT_LENGTH * sheet.spacing, far=NEAR).length
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""
@@ -573,7 +573,7 @@ class DamageField(Damaged):
         said = self.constants.notes()
         if self._facing is not None:
             said += self._facing.notes(
-                self.length, self.context.whole.spacing, self._at_start, self.context.whole.points
+                self.length, self.constants.bias, self.context.whole.spacing, self._at_start, self.context.whole.points
             )
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved
