@@ -156,7 +156,7 @@ def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
         )
         for n in (ADVANCES if scene == "pure_shear_tear" else ())
     }
-    notes = [note for note in result.summary["notes"] if "overlap" in note]
+    notes = [note for note in result.summary["notes"] if "two cuts" in note]
     return {"scene": scene, "settings": settings, "status": result.status, "notes": notes, **measures, **onset}
 
 

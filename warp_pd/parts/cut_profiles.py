@@ -24,6 +24,7 @@ from ..geometry.couplings import (
 )
 from ..geometry.sheet import Sheet
 from ..geometry.topology import components
+from .field_constants import DEFAULT_LENGTH
 
 # Gap between a cut and its mirror image in an edge, and between two cuts, in lengths of the field, beyond which caps
 # take little: at FAR 5 % of the energy of the way. Cosine of the angle from the direction of a cut within which it
@@ -125,18 +126,20 @@ class Facing:
             return []
         recesses = self.recesses(length, spacing)
         gaps, ways = _ways()
-        taken = length * np.interp((self.gaps + 2.0 * recesses) / length, gaps, ways) / self.gaps / bias
+        apart = self.gaps + 2.0 * recesses * CAP / _cap(round(length / spacing, 2), self.between)
+        taken = length * np.interp(apart / length, gaps, ways) / self.gaps / bias
         worst = int(np.argmin(taken))
         middle = self.ends[worst] + 0.5 * self.gaps[worst] * _tip(self.segments, self.ends[worst])[1]
         hurt = float(damage[np.argmin(np.linalg.norm(points - middle, axis=1))])
         if taken[worst] >= ENOUGH and hurt <= HURT:
             return []
         place = ", ".join(f"{x:.4g}" for x in middle)
+        needed = self.length / max(DEFAULT_LENGTH, length / spacing)
         return [
-            f"the damage fields of two cuts {self.gaps[worst]:.3g} m apart overlap: the bridge at ({place}) m starts "
-            f"with a damage of {hurt:.2g}, and its tear takes some {taken[worst]:.0%} of the tearing energy, at less "
-            f"force than that of an intact one; expected a length of at most {self.length:.3g} m, which needs a "
-            f"spacing of {spacing * self.length / length:.2g} m"
+            f"two cuts are {self.gaps[worst]:.3g} m apart, {self.gaps[worst] / length:.2g} lengths of the damage field: "
+            f"the bridge at ({place}) m starts with a damage of {hurt:.2g}, and its tear takes some "
+            f"{taken[worst]:.0%} of the tearing energy, at less force than that of an intact one; expected a length of "
+            f"at most {self.length:.3g} m, which needs a spacing of {needed:.2g} m"
         ]
 
 
