@@ -136,10 +136,10 @@ class Facing:
         place = ", ".join(f"{x:.4g}" for x in middle)
         needed = self.length / max(DEFAULT_LENGTH, length / spacing)
         return [
-            f"two cuts are {self.gaps[worst]:.3g} m apart, {self.gaps[worst] / length:.2g} lengths of the damage field: "
-            f"the bridge at ({place}) m starts with a damage of {hurt:.2g}, and its tear takes some "
-            f"{taken[worst]:.0%} of the tearing energy, at less force than that of an intact one; expected a length of "
-            f"at most {self.length:.3g} m, which needs a spacing of {needed:.2g} m"
+            f"two cuts are {self.gaps[worst]:.3g} m apart, {self.gaps[worst] / length:.2g} lengths of the damage "
+            f"field: the bridge at ({place}) m starts with a damage of {hurt:.2g}, and its tear takes some "
+            f"{taken[worst]:.0%} of the tearing energy, at less force than that of an intact one; expected a length "
+            f"of at most {self.length:.3g} m, which needs a spacing of {needed:.2g} m"
         ]
 
 
