@@ -211,7 +211,7 @@ def _cap(spacings: float, between: bool) -> float:
         return float((width * damage).sum() + spacings**2 * steps)
 
     def excess(recess: float) -> float:
-        return energy(np.hypot(np.maximum(x + recess * spacings, 0.0), y[:, None])) / line - 4.0 * rows
+        return float(energy(np.hypot(np.maximum(x + recess * spacings, 0.0), y[:, None])) / line - 4.0 * rows)
 
     line = energy(y[:, None] + 0.0 * x) / len(x)
     return float(brentq(excess, 0.0, 2.0))
