@@ -24,11 +24,13 @@ class RigidInclusions:
         struct: Arrays of the bodies and of the sheet.
         move: First half kick and drift, before the drift of the sheet.
         kick: Second half kick, after the force.
+        show: Internal force on each body [N], and its torque about the centre of mass [N m].
     """
 
     struct: Any
     move: Kernel
     kick: Kernel
+    show: Kernel
 
 
 @functools.cache
@@ -56,18 +58,23 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         rotation: wp.array(dtype=wp.mat33d)
         velocity: wp.array(dtype=vec3)
 
-    @wp.func
-    def total_force(b: int, a: Bodies):
-        """Sum of forces [N] and of torques about the centre of mass [N m]."""
-        push = wp.vec3d()
-        turn = wp.vec3d()
-        for p in range(a.begins[b], a.begins[b + 1]):
-            f = a.force[a.members[p]]
-            if wp.static(loaded):
-                f += a.external[a.members[p]]
-            push += wp.vec3d(f)
-            turn += wp.cross(a.rotation[b] * a.arms[p], wp.vec3d(f))
-        return push, turn
+    def declare_sums(name, all_forces):
+        @wp.func(name=name)
+        def sums(b: int, a: Bodies):
+            """Sum of forces [N] and of torques about the centre of mass [N m]."""
+            push = wp.vec3d()
+            turn = wp.vec3d()
+            for p in range(a.begins[b], a.begins[b + 1]):
+                f = a.force[a.members[p]]
+                if wp.static(all_forces):
+                    f += a.external[a.members[p]]
+                push += wp.vec3d(f)
+                turn += wp.cross(a.rotation[b] * a.arms[p], wp.vec3d(f))
+            return push, turn
+
+        return sums
+
+    total_force, internal_force = declare_sums("total_force", loaded), declare_sums("internal_force", False)
 
     @wp.func
     def spin(rotation: wp.mat33d, inverse_inertia: wp.mat33d, angular: wp.vec3d):
@@ -125,4 +132,11 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         for q in range(a.begins[b], a.begins[b + 1]):
             a.velocity[a.members[q]] = vec3(p / a.masses[b] + wp.cross(omega, R * a.arms[q]))
 
-    return RigidInclusions(Bodies, move_bodies, kick_bodies)
+    @kernel(per="body")
+    def show_forces(a: Bodies, first: int, push: wp.array(dtype=wp.vec3d), turn: wp.array(dtype=wp.vec3d)):
+        b = wp.tid() + first
+        pushed, turned_by = internal_force(b, a)
+        push[b] = pushed
+        turn[b] = turned_by
+
+    return RigidInclusions(Bodies, move_bodies, kick_bodies, show_forces)

@@ -5,7 +5,8 @@ import pytest
 from helpers import BULK, MU, refused, square
 from small_runs import run
 
-from warp_pd import BodyPath, Explicit, Fixed, Motion, RigidBody, Sphere
+from warp_pd import BodyForce, BodyPath, Circle, Explicit, Fixed, Motion, RigidBody, Sheet, Sphere
+from warp_pd.run.description import units_of
 
 
 def test_a_rigid_inclusion_moves_as_a_body():
@@ -124,3 +125,42 @@ def test_a_body_pushes_a_sheet_with_an_inclusion():
     assert result.frame.displacement[below, 2] == pytest.approx(-0.0099, abs=1e-4)
     assert result.history[-1]["body_force_z"] > 0.0
     assert np.ptp(result.frame.displacement[sheet.inclusions[0], 2]) > 0.0
+
+
+# Columns of the history ---------------------------------------------------------------------------------
+
+
+def test_inclusion_has_columns_of_its_motion_and_of_the_force_of_the_sheet():
+    """A heavy disc falls in a clamped sheet: m a = force of the sheet + weight, at every frame."""
+    sheet, gravity, duration = square(9).inclusion((0.05, 0.05), 0.02), 9.81, 2e-3
+    members = sheet.inclusions[0]
+    result = run(
+        sheet, solver=Explicit(duration, frames=40, safety=0.2),
+        loads=[Fixed(sheet.edges("all")), BodyForce((0.0, 0.0, -1000.0 * gravity))],
+    )  # fmt: skip
+    rows, mass = result.history, 1000.0 * sheet.areas[members].sum() * 1e-3
+    z, v, f = (np.array([row[f"inclusion_1_{what}_z"] for row in rows]) for what in ("position", "velocity", "force"))
+    times = np.array([row["time"] for row in rows])
+    assert z[-1] == pytest.approx(result.frame.displacement[members, 2].mean(), rel=1e-9)
+    assert v[1:-1] == pytest.approx((z[2:] - z[:-2]) / (times[2:] - times[:-2]), rel=2e-3)
+    impulse = np.concatenate([[0.0], np.cumsum(0.5 * (f[1:] + f[:-1]) * np.diff(times))]) - mass * gravity * times
+    assert mass * v == pytest.approx(impulse, abs=1e-3 * np.abs(impulse).max())
+    assert all(rows[-1][f"inclusion_1_rotation_{c}"] == pytest.approx(0.0, abs=1e-9) for c in "xyz")
+
+
+def test_columns_follow_a_body_that_turns():
+    sheet = Sheet.outline(
+        Circle((0.0, 0.0), 0.02), inclusions={"hub": Circle((0.0, 0.0), 0.008)}, spacing=2e-3, thickness=1e-3,
+        density=1000.0,
+    )  # fmt: skip
+    spin = 50.0
+    result = run(
+        sheet, initial_velocity=np.cross([0.0, 0.0, spin], sheet.positions), solver=Explicit(1e-3, frames=4)
+    )  # fmt: skip
+    row = result.history[-1]
+    assert row["hub_spin_z"] == pytest.approx(spin, rel=1e-2)
+    assert row["hub_rotation_z"] == pytest.approx(spin * 1e-3, rel=1e-2)
+    assert {name for name in row if name.startswith("hub_")} == {
+        f"hub_{what}_{c}" for what in ("position", "rotation", "velocity", "spin", "force", "torque") for c in "xyz"
+    }
+    assert result.built.parts and units_of(result.built)["hub_rotation_z"] == "rad"

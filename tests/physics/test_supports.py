@@ -6,12 +6,13 @@ displacements that are the same all around (`torque_of_annulus`).
 
 import numpy as np
 import pytest
-from helpers import NEO, array, square
+from helpers import NEO, array, refused, square
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from small_runs import run
 
 from warp_pd import (
+    BodyForce,
     BondAssociated,
     Circle,
     Explicit,
@@ -19,12 +20,14 @@ from warp_pd import (
     MooneyRivlin,
     Motion,
     Newton,
+    Pressure,
+    Reaction,
     Relaxation,
     Sheet,
     Simulation,
     TensionField,
 )
-from warp_pd.measures import support_torque
+from warp_pd.measures import support_force, support_torque
 
 
 def test_prescribed_motion_follows_its_knots_component_by_component():
@@ -185,3 +188,67 @@ def test_the_torque_on_a_hub_is_that_of_the_exact_membrane(wrinkles, angle, boun
     assert result.status == "finished"
     torque = support_torque(result.built, hub)[2]
     assert torque == pytest.approx(torque_of_annulus(angle, mu, wrinkles), rel=bound)
+
+
+# Loads on held points -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("prestretch", [None, 1.1])
+@pytest.mark.parametrize("load", ["follower", "dead", "gravity"])
+def test_reactions_of_all_supports_balance_all_loads(load, prestretch):
+    """At equilibrium the supports carry what acts on the sheet, also on their own points."""
+    sheet = square(11)
+    if prestretch:
+        sheet = sheet.prestretched(prestretch)
+    rims = [sheet.edges("left"), np.setdiff1d(sheet.edges("all"), sheet.edges("left"))]
+    loads = {
+        "follower": Pressure(100.0), "dead": Pressure(100.0, follower=False), "gravity": BodyForce((0.0, 0.0, 1e5))
+    }  # fmt: skip
+    result = Simulation(
+        sheet, BondAssociated(MooneyRivlin(2e5)), Newton(), loads=[
+            *(Fixed(rim) for rim in rims), loads[load], *(Reaction(rim, f"rim_{k}") for k, rim in enumerate(rims))
+        ],
+    ).run(device="cpu")  # fmt: skip
+    row, context = result.history[-1], result.built.context
+    applied = result.built.to_numpy(context.state.external)[:, 2].sum()
+    assert row["rim_0_z"] + row["rim_1_z"] == pytest.approx(-applied, rel=1e-6)
+    if load == "follower":
+        assert applied == pytest.approx(1.0, rel=1e-3)
+    found = [support_force(result.built, rim)[2] for rim in rims]
+    assert found == pytest.approx([row["rim_0_z"], row["rim_1_z"]], rel=1e-12)
+
+
+def test_reaction_in_dynamics_includes_the_load_on_held_points():
+    sheet = square(9)
+    rim = sheet.edges("all")
+    result = Simulation(
+        sheet, BondAssociated(MooneyRivlin(2e5)), Explicit(0.4, frames=2, damping=300.0),
+        loads=[Fixed(rim), BodyForce((0.0, 0.0, 1e4)), Reaction(rim, "rim")],
+    ).run(device="cpu")  # fmt: skip
+    assert result.history[-1]["rim_z"] == pytest.approx(-1e4 * 0.1 * 0.1 * 1e-3, rel=1e-4)
+
+
+def test_components_that_nothing_holds_have_no_reaction():
+    sheet = square(7)
+    right = sheet.edges("right")
+    stretched = sheet.positions * [0.1, 0.0, 0.0]
+    result = Simulation(
+        sheet, BondAssociated(MooneyRivlin(2e5)), Explicit(1e-3, frames=1), initial_displacement=stretched,
+        loads=[Fixed(sheet.edges("left")), Fixed(right, "x"), Reaction(right, "pull")],
+    ).run(device="cpu")  # fmt: skip
+    assert result.history[-1]["pull_x"] > 0.0
+    assert result.history[-1]["pull_y"] == 0.0 and result.history[-1]["pull_z"] == 0.0
+
+
+def test_reaction_of_points_that_nothing_holds_is_refused():
+    sheet = square(9).inclusion((0.05, 0.05), 0.02)
+    left, inside = sheet.edges("left"), sheet.inclusions[0]
+    law = BondAssociated(MooneyRivlin(2e5))
+    for points, said in ((sheet.edges("right"), "nothing holds them"), (inside, "in a rigid inclusion")):
+        with refused(said):
+            Simulation(sheet, law, Explicit(1e-3), loads=[Fixed(left), Reaction(points)]).build("cpu")
+    built = Simulation(sheet, law, Explicit(1e-3), loads=[Fixed(left)]).build("cpu")
+    with refused("points: expected points of a Fixed or a Motion, but nothing holds them"):
+        support_force(built, sheet.edges("right"))
+    with refused("nothing holds them"):
+        support_torque(built, sheet.edges("right"))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,13 +46,25 @@ class RigidInclusions(Part):
 
 
 class BuiltInclusions(BuiltPart):
-    """The bodies on a device: masses, arms, positions, momenta and rotations."""
+    """The bodies on a device: masses, arms, positions, momenta and rotations.
+
+    The history has columns of each: its centre of mass NAME_position_x [m] to z, its rotation vector NAME_rotation_x
+    [rad], the force of the sheet on it, NAME_force_x [N], and its torque about the centre, NAME_torque_x [N m]; in
+    dynamics also NAME_velocity_x [m/s] and NAME_spin_x [rad/s]. NAME is that of the largest part of the sheet within
+    the inclusion, or "inclusion_" and its number.
+
+    Attributes:
+        names: Prefixes of the columns.
+        push: Force of the sheet on each body at the last frame [N], vec3d.
+        turn: Torque of the sheet about each centre of mass at the last frame [N m], vec3d.
+    """
 
     label = "sheet.inclusions"
 
     def __init__(self, groups: tuple[np.ndarray, ...], velocity: np.ndarray, context: Context) -> None:
         self.context, self.count = context, len(groups)
         sheet = context.sheet
+        self.names = _names(sheet, groups)
         mass = sheet.areas * sheet.thickness * sheet.density
         arms, masses, inertia, place, rotation, linear, angular = [], [], [], [], [], [], []
         for members in groups:
@@ -89,10 +102,16 @@ class BuiltInclusions(BuiltPart):
         self.linear = body("inclusion linear", wp.vec3d, np.array(linear))
         self.angular = body("inclusion angular", wp.vec3d, np.array(angular))
         self.rotation = body("inclusion rotation", wp.mat33d, np.array(rotation))
+        self._centres = np.array([mass[g] @ sheet.positions[g] / mass[g].sum() for g in groups])
+        self._masses, self._inverse_inertia = np.array(masses), np.array(inertia)
+        self.push, self.turn = (
+            context.array(f"inclusion {name}", OWNER, wp.vec3d, shape=self.count, per="body")
+            for name in ("push", "turn")
+        )
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches that drift and kick the bodies."""
-        if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK):
+        """Add the launches that drift and kick the bodies, and at frames those of the forces on them."""
+        if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK, Phase.FRAME):
             return
         context, state = self.context, self.context.state
         kernels = rigid_inclusions(context.step_options)
@@ -101,7 +120,47 @@ class BuiltInclusions(BuiltPart):
             "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,
             "velocity": state.velocity, "displacement": state.displacement, "place": self.place,
         })  # fmt: skip
-        stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
+        if phase is Phase.FRAME:
+            stage.launch(OWNER, kernels.show, self.count, a=bodies, push=self.push, turn=self.turn)
+        else:
+            stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
+
+    def _quantities(self) -> list[str]:
+        moving = ["velocity", "spin"] if self.context.features.dynamic else []
+        return ["position", "rotation", *moving, "force", "torque"]
+
+    def column_names(self) -> Sequence[str]:
+        """Components of the motion and the forces of each body."""
+        return [f"{name}_{what}_{c}" for name in self.names for what in self._quantities() for c in "xyz"]
+
+    def column_units(self) -> Mapping[str, str]:
+        """Units of the rotations; those of the others are known by their names."""
+        return {f"{name}_rotation_{c}": "rad" for name in self.names for c in "xyz"}
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Motion and forces of each body, see the class."""
+        from scipy.spatial.transform import Rotation
+
+        turned = self.rotation.numpy()
+        about = np.einsum("bij,bjk,blk,bl->bi", turned, self._inverse_inertia, turned, self.angular.numpy())
+        values = {
+            "position": self._centres + self.place.numpy(), "rotation": Rotation.from_matrix(turned).as_rotvec(),
+            "velocity": self.linear.numpy() / self._masses[:, None], "spin": about,
+            "force": self.push.numpy(), "torque": self.turn.numpy(),
+        }  # fmt: skip
+        rows = np.stack([values[what] for what in self._quantities()], axis=1)
+        return dict(zip(self.column_names(), rows.ravel().tolist(), strict=True))
+
+
+def _names(sheet: Sheet, groups: tuple[np.ndarray, ...]) -> list[str]:
+    """Prefixes of the columns of each inclusion, all different."""
+    names: list[str] = []
+    for number, members in enumerate(groups, start=1):
+        inside = [name for name, points in sheet.parts.items() if len(points) and np.isin(points, members).all()]
+        largest = max(inside, key=lambda name: len(sheet.parts[name]), default=f"inclusion {number}")
+        name = re.sub(r"\W", "_", largest)
+        names.append(name if name not in names else f"{name}_{number}")
+    return names
 
 
 def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.ndarray:
