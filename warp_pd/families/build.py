@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..geometry.sheet import Sheet
 from .cloud import cloud_families
+from .connections import require_connected
 from .grid import grid_families
 from .horizon import checked_horizon, require_diagonals
 from .lattice import lattice_families
@@ -27,7 +28,9 @@ def build_families(
 
     Raises:
         InputError: if the horizon is too small for deformation gradients, larger than the sheet or than 16 spacings, or
-            a point has no neighbours.
+            a point has no neighbours; for laws without intersections also if families lie on a line, or bonds do not
+            connect what triangles connect. Laws with intersections check this with `require_connected`, as a bond
+            whose intersection lies on a line has no force.
     """
     checked = checked_horizon(sheet, horizon)
     function = influence_function(influence)
@@ -36,5 +39,9 @@ def build_families(
     if sheet.lattice is not None:
         return lattice_families(sheet, checked, function, depth, intersections)
     if sheet.layout == "grid":
-        return grid_families(sheet, checked, function, depth > 0, intersections)
-    return cloud_families(sheet, checked, function, intersections)
+        families = grid_families(sheet, checked, function, depth > 0, intersections)
+    else:
+        families = cloud_families(sheet, checked, function, intersections)
+    if not intersections:
+        require_connected(sheet, families, horizon)
+    return families

@@ -7,12 +7,20 @@ from typing import Any
 import numpy as np
 
 from ..device import checks
-from ..device.checks import InputError, corners, positions, positive
+from ..device.checks import InputError, corners, one_of, positions, positive
 from .lines import region, ring
 from .seams import notes_on_pieces, require_distinct, require_met
 from .shape import Shape
 from .topology import boundary_edges, ring_names
-from .triangulation import counter_clockwise, delaunay, point_areas, refuse_coincident, signed_areas, triangles_of
+from .triangulation import (
+    counter_clockwise,
+    delaunay,
+    local_spacings,
+    point_areas,
+    refuse_coincident,
+    signed_areas,
+    triangles_of,
+)
 
 # Places on a curve, and how far a triangle may reach beyond it, both over the spacing.
 STEP, BEYOND = 0.05, 0.1
@@ -24,9 +32,13 @@ def cloud(
     areas: np.ndarray | None,
     spacing: float | None,
     outline: Any = None,
+    graded: bool = False,
 ) -> Shape:
     """A cloud of points; arguments as for `Sheet.from_points`."""
     points = positions("points", points)
+    one_of("graded", graded, (True, False))
+    if graded and spacing is not None:
+        raise InputError(f"graded = True and spacing = {spacing!r}: expected only one of them")
     spacing = None if spacing is None else positive("spacing", spacing)
     if triangles is None:
         refuse_coincident(points)
@@ -41,6 +53,9 @@ def cloud(
     require_met("triangles", points, triangles)
     areas = checks.one_each("areas", point_areas(points, triangles) if areas is None else areas, len(points))
     edges = boundary_edges(triangles)
+    spacings = local_spacings(points, triangles) if graded else None
+    if spacings is not None:
+        spacing = float(spacings.min())
     return Shape(
         points=points,
         areas=areas,
@@ -49,6 +64,7 @@ def cloud(
         barriers=None if _is_convex(points, triangles) else edges,
         parts=ring_names(points, edges),
         notes=tuple(notes_on_pieces("triangles", points, triangles)),
+        spacings=spacings,
     )
 
 

@@ -122,13 +122,13 @@ def read_mesh(
     return replace(mesh, notes=(*notes, *notes_on_pieces(where, places, triangles)))
 
 
-def flat_shape(mesh: Mesh) -> Shape:
+def flat_shape(mesh: Mesh, graded: bool = False) -> Shape:
     """The shape of a flat mesh on its vertices, with its boundary as barriers and named rings."""
     points = mesh.vertices[:, :2]
     triangles = counter_clockwise(points, mesh.triangles)
     edges = boundary_edges(triangles)
     return replace(
-        cloud(points, triangles, voronoi_areas(points, triangles), None),
+        cloud(points, triangles, voronoi_areas(points, triangles), None, graded=graded),
         barriers=edges,
         parts={**ring_names(points, edges), **mesh.parts},
         notes=mesh.notes,

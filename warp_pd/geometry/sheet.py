@@ -214,6 +214,7 @@ class Sheet(Shape):
         areas: np.ndarray | None = None,
         spacing: float | None = None,
         outline: Any = None,
+        graded: bool = False,
     ) -> Sheet:
         """A sheet on any cloud of points; no bond leaves its triangulation.
 
@@ -230,12 +231,13 @@ class Sheet(Shape):
             spacing: Reference spacing [m]; by default the square root of the mean area of the points.
             outline: A closed curve, as for `Sheet.outline`, or a result of `read_outline`; the Delaunay triangles
                 inside it are then used.
+            graded: Whether the horizon follows the local size of the triangles, instead of `spacing`.
 
         Raises:
             InputError: for coincident points, coordinates that are not finite, wrong array shapes, or points outside
                 the outline.
         """
-        return Sheet.of(cloud(points, triangles, areas, spacing, outline), thickness=thickness, density=density)
+        return Sheet.of(cloud(points, triangles, areas, spacing, outline, graded), thickness=thickness, density=density)
 
     @staticmethod
     def from_file(
@@ -246,6 +248,7 @@ class Sheet(Shape):
         unit: str | float | None = None,
         part: str | None = None,
         closed: bool = False,
+        graded: bool = False,
     ) -> Sheet:
         """A sheet on the vertices of a mesh, such as a .msh, .stl, .obj, .ply, .vtu or .usd file.
 
@@ -261,6 +264,7 @@ class Sheet(Shape):
                 specifies it.
             part: Name of the mesh or of the group of faces to use.
             closed: Whether the surface must have no boundary.
+            graded: Whether the horizon follows the local size of the triangles, for meshes that are finer in places.
 
         Raises:
             InputError: if the file cannot be read, the unit is missing, or the mesh is invalid, naming the offending
@@ -268,9 +272,10 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            given = {"thickness": thickness, "density": density}
+            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, **given, graded=graded)
             return replace(curved, parts={**curved.parts, **mesh.parts}, notes=mesh.notes)
-        return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
+        return Sheet.of(flat_shape(mesh, graded), thickness=thickness, density=density)
 
     @staticmethod
     def from_surface(
@@ -280,6 +285,7 @@ class Sheet(Shape):
         thickness: ByPoint,
         density: ByPoint,
         spacing: float | None = None,
+        graded: bool = False,
     ) -> Sheet:
         """A curved sheet from a triangulated surface, which is its stress-free state.
 
@@ -291,12 +297,13 @@ class Sheet(Shape):
             thickness: Thickness [m].
             density: Density [kg/m^3].
             spacing: Reference spacing [m]; by default the square root of the mean area of the points.
+            graded: Whether the horizon follows the local size of the triangles, instead of `spacing`.
 
         Raises:
             InputError: for coincident vertices, vertices without a triangle, triangles without area or with
                 inconsistent orientation, or wrong array shapes.
         """
-        return Sheet.of(surface(vertices, triangles, spacing), thickness=thickness, density=density)
+        return Sheet.of(surface(vertices, triangles, spacing, graded), thickness=thickness, density=density)
 
     @staticmethod
     def tube(

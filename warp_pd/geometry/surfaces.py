@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.checks import InputError, corners, count, counts, positions, positive
+from ..device.checks import InputError, corners, count, counts, one_of, positions, positive
 from .enclosure import volume_of
 from .seams import notes_on_pieces, require_distinct, require_met
 from .shape import Shape
 from .topology import boundary_edges, require_one_side
-from .triangulation import cell_triangles, doubled_normals
+from .triangulation import cell_triangles, doubled_normals, local_spacings
 
 # Arc of an edge of the icosahedron [rad].
 EDGE_ARC = float(np.arctan(2.0))
@@ -17,9 +17,12 @@ EDGE_ARC = float(np.arctan(2.0))
 ROUNDS = 10
 
 
-def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) -> Shape:
+def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None, graded: bool = False) -> Shape:
     """A surface of triangles in space; arguments as for `Sheet.from_surface`."""
     points = positions("vertices", vertices, components=3)
+    one_of("graded", graded, (True, False))
+    if graded and spacing is not None:
+        raise InputError(f"graded = True and spacing = {spacing!r}: expected only one of them")
     triangles = corners("triangles", triangles, len(points))
     doubled = doubled_normals(points, triangles)
     sizes = np.linalg.norm(doubled, axis=1)
@@ -39,11 +42,15 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
         raise InputError(
             f"vertices[{folded[0]}]: the triangles around it are folded back to back; expected a unique normal"
         )
+    spacings = local_spacings(points, triangles) if graded else None
+    if spacings is not None:
+        spacing = float(spacings.min())
     return Shape(
         points=points,
         areas=areas,
         triangles=triangles,
         spacing=float(np.sqrt(areas.mean())) if spacing is None else positive("spacing", spacing),
+        spacings=spacings,
         frames=tangents(normals),
         parts={"rim": rim} if len(rim) else {},
         notes=tuple(notes_on_pieces("triangles", points, triangles)),

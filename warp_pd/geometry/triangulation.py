@@ -168,6 +168,19 @@ def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return corner_sums(np.tile(triangle_areas(points, triangles)[:, None] / 3.0, 3), triangles, len(points))
 
 
+def local_spacings(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Root of twice the mean area of the triangles around each point and its neighbours [m], shape (N,).
+
+    On a square grid it is the spacing. Points without a triangle have the mean.
+    """
+    ones, corner = np.ones(triangles.shape), np.tile(triangle_areas(points, triangles)[:, None], 3)
+    count = corner_sums(ones, triangles, len(points))
+    around = corner_sums(corner, triangles, len(points)) / np.maximum(count, 1.0)
+    mean = np.repeat(around[triangles].mean(axis=1, keepdims=True), 3, axis=1)
+    smooth = corner_sums(mean, triangles, len(points)) / np.maximum(count, 1.0)
+    return np.sqrt(2.0 * np.where(count > 0.0, smooth, corner[:, 0].mean()))
+
+
 def corner_sums(values: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
     """Sum of values at the corners of triangles, shape (F, 3), for every point, shape (N,)."""
     return np.bincount(triangles.T.ravel(), values.T.ravel(), points)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..device.checks import InputError
-from ..families import Families, InfluenceFunction, build_families, inverse_shape, require_diagonals, unpack
+from ..families import (
+    Families,
+    InfluenceFunction,
+    build_families,
+    inverse_shape,
+    require_connected,
+    require_diagonals,
+    unpack,
+)
 from ..families.local_families import builds_alone, local_cloud_families, local_rows
 from ..geometry.sheet import Sheet
+from ..geometry.triangulation import local_spacings
 from ..interfaces.context import Context
 
 if TYPE_CHECKING:
@@ -19,6 +29,14 @@ if TYPE_CHECKING:
 # which take 4 GB.
 MAX_CORRECTED = 4.5
 MAX_CORRECTED_CLOUD = 1_000_000
+# Largest horizon in spacings of the place, where triangles are smaller than elsewhere: beyond, no weights balance the
+# families around, which are much smaller.
+MAX_LOCAL = 7.0
+# Force on a point per unit stress that the weights leave unbalanced, in spacings: more than the first is noted, more
+# than the second, a tenth of the traction on an edge, is refused.
+LEFT_NOTED, LEFT_REFUSED = 1e-3, 0.1
+# Horizons that are tried where weights cannot be balanced, on sheets of up to so many points.
+TRIED, MOST_TRIED = (1.8, 2.015, 2.5, 3.15), 3000
 
 
 Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
@@ -56,10 +74,17 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
         "published" the sizes |D_ij|); a report on the correction, or None.
 
     Raises:
-        InputError: if weights cannot be corrected for this horizon or so large a cloud.
+        InputError: if weights cannot be corrected for this horizon or so large a cloud, or leave much unbalanced.
     """
+    found = _weight_tables(sheet, horizon, influence, weights)
+    _require_balanced(sheet, horizon, found[3], "plain", lambda tried: _weight_tables(sheet, tried, influence, weights))
+    return found
+
+
+def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
     families, rectangle = _families(sheet, horizon, influence, weights == "corrected")
     inverse, size = families.inverse_shapes()
+    require_connected(sheet, families, horizon, size > 0.0, lines=weights == "corrected")
     if weights == "published":
         return families, inverse, size, None
     plain = plain_weights(families, size)
@@ -88,8 +113,16 @@ def point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunctio
         the corrected weights divided by the reference area, shape (R, n); a report on the correction, or None.
 
     Raises:
-        InputError: if weights cannot be corrected for this horizon or so large a cloud.
+        InputError: if weights cannot be corrected for this horizon or so large a cloud, or leave much unbalanced.
     """
+    found = _point_tables(sheet, horizon, influence, corrected)
+    _require_balanced(
+        sheet, horizon, found[3], "published", lambda tried: _point_tables(sheet, tried, influence, corrected)
+    )
+    return found
+
+
+def _point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool) -> Tables:
     families, rectangle = _families(sheet, horizon, influence, corrected, intersections=False)
     require_diagonals(sheet, horizon)
     shape = _shapes(families)
@@ -120,9 +153,54 @@ def _corrected(
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Corrected weights over the reference area, shape (R, n), from those to correct, and the report."""
     if rectangle is not None:
-        return _of_rectangle(families, sheet, rectangle, start), _report(rectangle.solved, sheet)
-    at_rows, solved = _correction(families, sheet, start, intersections)
-    return at_rows / families.reference_area, _report(solved, sheet)
+        return _of_rectangle(families, sheet, rectangle, start), _report(rectangle.solved, sheet, None)
+    at_rows, solved, at = _correction(families, sheet, start, intersections)
+    return at_rows / families.reference_area, _report(solved, sheet, at)
+
+
+def _require_balanced(
+    sheet: Sheet, horizon: float, report: dict[str, float] | None, instead: str, at: Callable[[float], Tables]
+) -> None:
+    """Check that corrected weights balance all points; `at` makes the tables for another horizon.
+
+    Raises:
+        InputError: if they leave too much unbalanced, with the place and a horizon that would do.
+    """
+    if report is None or report["left"] <= LEFT_REFUSED:
+        return
+    expected = "horizon = 2.015 or 3.15"
+    if sheet.size <= MOST_TRIED:
+        expected = "triangles of more even size"
+        for tried in (each for each in TRIED if each > horizon + 0.05):
+            try:
+                found = at(tried)[3]
+            except InputError:
+                continue
+            if found is not None and found["left"] <= LEFT_NOTED:
+                expected = f"horizon = {tried:g}"
+                break
+    raise InputError(
+        f"weights = 'corrected' at horizon = {horizon!r}: {balance_left(report, sheet)}: expected {expected}, or "
+        f"weights {instead!r}"
+    )
+
+
+def balance_left(report: dict[str, float], sheet: Sheet) -> str:
+    """What a report of a correction says on points left unbalanced, with the place of the worst."""
+    place = ""
+    if report["worst_point"] >= 0:
+        place = f", most at ({', '.join(f'{x:.4g}' for x in sheet.points[int(report['worst_point'])])}) m"
+    return (
+        f"no positive weights balance a uniform stress at {report['points_left_unbalanced']} points, up to "
+        f"{100.0 * report['left']:.2g} % of the traction on a spacing{place}"
+    )
+
+
+def notes_on_balance(report: dict[str, float] | None, sheet: Sheet) -> list[str]:
+    """A note if corrected weights leave points unbalanced."""
+    if report is None or report["left"] <= LEFT_NOTED:
+        return []
+    return [f"weights: {balance_left(report, sheet)}; another horizon, such as 2.015 or 3.15, may balance them"]
 
 
 def _shapes(families: Families) -> np.ndarray:
@@ -144,6 +222,23 @@ def _require_correctable(sheet: Sheet, horizon: float, instead: str) -> None:
         )
     if sheet.layout == "cloud":
         _require_few(sheet.size, instead)
+        _require_even(sheet, horizon, instead)
+
+
+def _require_even(sheet: Sheet, horizon: float, instead: str) -> None:
+    """Check that no triangles of a cloud are much smaller than the horizon, which has one length everywhere."""
+    if sheet.spacings is not None or not len(sheet.triangles):
+        return
+    local = local_spacings(sheet.points, sheet.triangles)
+    finest = int(np.argmin(local))
+    ratio = horizon * sheet.spacing / float(local[finest])
+    if ratio > MAX_LOCAL:
+        place = ", ".join(f"{x:.4g}" for x in sheet.points[finest])
+        raise InputError(
+            f"weights = 'corrected' at horizon = {horizon!r}, which is {ratio:.3g} spacings of the triangles at "
+            f"({place}) m: expected at most {MAX_LOCAL:g}; take graded = True, for a horizon that follows the "
+            f"triangles, triangles of more even size, or weights {instead!r}"
+        )
 
 
 def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:
@@ -171,8 +266,8 @@ def _rectangle(families: Families, sheet: Sheet, intersections: bool) -> Rectang
 
 def _correction(
     families: Families, sheet: Sheet, plain: np.ndarray, intersections: bool
-) -> tuple[np.ndarray, CorrectedWeights]:
-    """Corrected weights by row [m^2], shape (R, n), of a cloud or grid.
+) -> tuple[np.ndarray, CorrectedWeights, np.ndarray]:
+    """Corrected weights by row [m^2], shape (R, n), of a cloud or grid; their solution, and its points, shape (P,).
 
     Points that share a row keep their plain weights, because they and their surroundings are in equilibrium. The solve
     includes the points with separate rows, the points whose equilibrium these affect, and the members of those points'
@@ -215,7 +310,7 @@ def _correction(
     at_rows = plain * families.reference_area
     mine = own[at[here]]
     at_rows[rows[mine]] = solved.weights[here][mine]
-    return at_rows, solved
+    return at_rows, solved, at
 
 
 def _edges(sheet: Sheet) -> np.ndarray:
@@ -244,13 +339,20 @@ def _require_few(points: int, instead: str) -> None:
         )
 
 
-def _report(solved: CorrectedWeights, sheet: Sheet) -> dict[str, float]:
-    """Report on the correction for summary.json; residuals in spacings."""
+def _report(solved: CorrectedWeights, sheet: Sheet, at: np.ndarray | None) -> dict[str, float]:
+    """Report on the correction for summary.json; residuals in spacings, `left` in those of the place.
+
+    `at` are the points of the solution; None on a lattice, where it has other points than the sheet.
+    """
+    local: float | np.ndarray = sheet.spacing if at is None or sheet.spacings is None else sheet.spacings[at]
+    left = solved.left / local
     return {
         "residual": solved.residual / sheet.spacing,
         "residual_of_plain": solved.start_residual / sheet.spacing,
         "smallest_ratio": solved.smallest_ratio,
         "largest_ratio": solved.largest_ratio,
         "points_left_unbalanced": solved.unbalanced_points,
+        "left": float(left.max(initial=0.0)),
+        "worst_point": -1 if at is None else int(at[np.argmax(left)]),
         "seconds": solved.seconds,
     }

@@ -27,6 +27,7 @@ class CorrectedWeights:
     Attributes:
         weights: W_ij [m^2], shape (N, n); zero where there is no bond or its intersection spans no area.
         residual: Largest component of sum_ij W_ij G_ij,m - b_m over the balanced points [m].
+        left: The same at each point [m], shape (N,); zero where no balance is asked for.
         start_residual: The same residual for the starting weights [m].
         smallest_ratio: Smallest ratio of corrected to starting weights.
         largest_ratio: Largest ratio of corrected to starting weights.
@@ -37,6 +38,7 @@ class CorrectedWeights:
 
     weights: np.ndarray
     residual: float
+    left: np.ndarray
     start_residual: float
     smallest_ratio: float
     largest_ratio: float
@@ -190,10 +192,11 @@ def corrected_weights(
     weights = start.copy()
     changed = column >= 0
     weights[changed] *= ratio[column[changed]]
-    left = np.abs(gap - (matrix @ (plain * (ratio - 1.0))).reshape(gap.shape)).max(axis=1)[asked]
+    left = np.where(asked, np.abs(gap - (matrix @ (plain * (ratio - 1.0))).reshape(gap.shape)).max(axis=1), 0.0)
     return CorrectedWeights(
         weights=weights,
         residual=length * float(left.max(initial=0.0)),
+        left=length * left,
         start_residual=length * float(np.abs(gap[asked]).max(initial=0.0)),
         smallest_ratio=float(ratio.min(initial=1.0)),
         largest_ratio=float(ratio.max(initial=1.0)),
