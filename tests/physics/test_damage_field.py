@@ -516,8 +516,9 @@ def test_damage_found_in_every_step_does_not_lag_behind_a_fast_crack(monkeypatch
 
 
 def test_the_field_passes_points_whose_bonds_determine_no_deformation():
-    """They store no energy, as in a cloud with a short horizon; their own area carries the field."""
-    built = build(jittered(11), horizon=1.5, weights="corrected", damage=TearingEnergy(10.0))
+    """They store no energy, as two points that cuts sever from the sheet; their own area carries the field."""
+    pair = jittered(11, share=0.1).cut((-0.01, 0.005), (0.015, 0.005)).cut((0.015, 0.0051), (0.015, -0.01))
+    built = build(pair, horizon=1.8, weights="corrected", damage=TearingEnergy(10.0))
     assert (built.law.represented_areas() == 0.0).any()
     rupture = built.rupture
     for values in (rupture.fracture, built.context.fields["field_couplings"], built.context.fields["driving_scale"]):

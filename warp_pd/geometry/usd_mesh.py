@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +22,31 @@ class Faces:
         corners: Point indices of all faces, one after the other, shape (sum of counts,).
         meters: The file's unit [m], or None.
         parts: Point indices by name.
+        groups: Indices of the faces of each named group.
+        notes: What was left out, one line each.
     """
 
     points: np.ndarray
     counts: np.ndarray
     corners: np.ndarray
     meters: float | None
-    parts: dict[str, np.ndarray]
+    parts: dict[str, np.ndarray] = field(default_factory=dict)
+    groups: dict[str, np.ndarray] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def points_of(self, faces: np.ndarray) -> np.ndarray:
+        """Points of some faces, ascending."""
+        chosen = np.zeros(len(self.counts), bool)
+        chosen[faces] = True
+        return np.unique(self.corners[np.repeat(chosen, self.counts)])
+
+    def only(self, faces: np.ndarray) -> Faces:
+        """Only some faces, given by ascending indices, without groups."""
+        chosen = np.zeros(len(self.counts), bool)
+        chosen[faces] = True
+        return replace(
+            self, counts=self.counts[chosen], corners=self.corners[np.repeat(chosen, self.counts)], groups={}
+        )
 
 
 def read_usd(path: Path, part: str | None) -> Faces:
@@ -59,12 +77,19 @@ def read_usd(path: Path, part: str | None) -> Faces:
         corners = _reversed(counts, corners)
     holes = np.array(mesh.GetHoleIndicesAttr().Get(first) or [], np.int64)
     kept = ~np.isin(np.arange(len(counts)), holes)
+    number = np.cumsum(kept) - 1
+    subsets = {each.GetPrim().GetName(): each for each in UsdGeom.Subset.GetAllGeomSubsets(mesh)}
+    groups = {name: np.array(each.GetIndicesAttr().Get(first) or [], np.int64) for name, each in subsets.items()}
     return Faces(
         points=points @ world[:3, :3] + world[3, :3],
         counts=counts[kept],
         corners=corners[np.repeat(kept, counts)],
         meters=UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None,
-        parts={},
+        groups={
+            name: number[faces[kept[faces]]]
+            for name, faces in groups.items()
+            if subsets[name].GetElementTypeAttr().Get() == UsdGeom.Tokens.face
+        },
     )
 
 

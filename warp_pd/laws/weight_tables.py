@@ -33,8 +33,8 @@ MAX_CORRECTED_CLOUD = 1_000_000
 # families around, which are much smaller.
 MAX_LOCAL = 7.0
 # Force on a point per unit stress that the weights leave unbalanced, in spacings: more than the first is noted, more
-# than the second, a tenth of the traction on an edge, is refused.
-LEFT_NOTED, LEFT_REFUSED = 1e-3, 0.1
+# than the second is refused.
+LEFT_NOTED, LEFT_REFUSED = 1e-3, 0.3
 # Horizons that are tried where weights cannot be balanced, on sheets of up to so many points.
 TRIED, MOST_TRIED = (1.8, 2.015, 2.5, 3.15), 3000
 

@@ -160,7 +160,7 @@ def test_groups_of_gmsh(tmp_path):
         path, file_format="gmsh22", binary=False
     )
     sheet = Sheet.from_file(path, unit="m", **FLAT)
-    parts = {"outline": [0, 1, 2, 3], "left": [0, 3], "wall": [0, 1, 2]}
+    parts = {"outline": [0, 1, 2, 3], "left": [0, 3], "wall": [0, 1, 2], "main": [0, 1, 2, 3, 4], "rest": [0, 3, 4]}
     assert {name: part.tolist() for name, part in sheet.parts.items()} == parts
     assert len(read_mesh(path, unit="m", part="main").triangles) == 3
     with refused(match="part = 'mian': expected one of 'main', 'rest'"):
@@ -501,3 +501,163 @@ def test_sharp_corners_are_no_gaps(tmp_path):
     cells = np.array([[0, 2, 1], [0, 3, 4]])
     sheet = Sheet.from_file(write(tmp_path / "a.vtu", spatial(points), [("triangle", cells)]), unit="m", **FLAT)
     assert sheet.notes == ()
+
+
+GMSH_41 = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 3 "clamped"
+1 4 "pulled"
+2 1 "sheet"
+$EndPhysicalNames
+$Entities
+0 2 1 0
+1 0 0 0 1 0 0 3 3 4 7 0
+2 1 0 0 1 1 0 0 0
+1 0 0 0 1 1 0 1 1 0
+$EndEntities
+$Nodes
+1 4 1 4
+2 1 0 4
+1
+2
+3
+4
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+$EndNodes
+$Elements
+3 4 1 4
+1 1 1 1
+1 1 2
+1 2 1 1
+2 2 3
+2 1 2 2
+3 1 2 3
+4 1 3 4
+$EndElements
+"""
+
+
+def test_all_groups_of_an_edge_are_parts(tmp_path):
+    """Edge 1 is in two named groups and one without a name; edge 2, without a group, is in the file all the same."""
+    (tmp_path / "a.msh").write_text(GMSH_41)
+    sheet = Sheet.from_file(tmp_path / "a.msh", unit="m", **FLAT)
+    parts = {name: part.tolist() for name, part in sheet.parts.items() if name != "outline"}
+    assert parts == {"clamped": [0, 1], "pulled": [0, 1], "line 7": [0, 1], "sheet": [0, 1, 2, 3]}
+    assert len(read_mesh(tmp_path / "a.msh", unit="m", part="sheet").triangles) == 2
+
+
+ABAQUS = """*Heading
+*Node, nset=all nodes
+10, 0., 0.
+20, 3., 0.
+30, 3., 2.
+*Node
+40, 0., 2.
+50, 1., 1.
+*Element, type=M3D3, elset=LOWER
+1, 10, 20, 50
+2, 20, 30, 50
+*Element, type=S3R
+3, 30, 40, 50
+4, 40, 10, 50
+*Element, type=T3D2, elset=RIM
+5, 40, 10
+*Elset, elset=UPPER, generate
+3, 4
+*Nset, nset=ENDS
+10, 30,
+40
+*Nset, nset=MORE
+ends, 50
+*Nset, nset=OF_LOWER, elset=LOWER
+** comment
+*Boundary
+ENDS, 1, 2
+"""
+
+
+def test_sets_of_abaqus_are_parts(tmp_path):
+    (tmp_path / "a.inp").write_text(ABAQUS)
+    sheet = Sheet.from_file(tmp_path / "a.inp", unit="m", **FLAT)
+    assert {name: part.tolist() for name, part in sheet.parts.items()} == {
+        "outline": [0, 1, 2, 3], "all nodes": [0, 1, 2], "LOWER": [0, 1, 2, 4], "UPPER": [0, 2, 3, 4], "RIM": [0, 3],
+        "ENDS": [0, 2, 3], "MORE": [0, 2, 3, 4], "OF_LOWER": [0, 1, 2, 4],
+    }  # fmt: skip
+    assert read_mesh(tmp_path / "a.inp", unit="m", part="UPPER").triangles.shape == (2, 3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("type=M3D3", "type=C3D4", "*ELEMENT, TYPE=C3D4: expected shells, membranes or plane elements"),
+        ("1, 10, 20, 50", "1, 10, 20", "7 numbers: expected 4 for each element"),
+        ("2, 20, 30, 50", "2, 20, 31, 50", "element 2 has node 31, which is missing"),
+        ("10, 30,", "10, 31,", "node set 'ENDS' has node 31, which is missing"),
+        ("ends, 50", "end, 50", "set 'MORE' contains 'end': expected a number or a set before it"),
+        ("*Boundary", "*Ngen\n1,5,1", "*NGEN is not read: expected all nodes and elements in the file"),
+        ("*Boundary", "*Instance, name=a, part=b\n1., 0., 0.", "*INSTANCE moves a part"),
+        ("40, 0., 2.", "10, 0., 2.", "node 10 occurs twice"),
+    ],
+)
+def test_wrong_files_of_abaqus(tmp_path, old, new, text):
+    (tmp_path / "a.inp").write_text(ABAQUS.replace(old, new, 1))
+    with pytest.raises(InputError, match="path = ") as error:
+        read_mesh(tmp_path / "a.inp", unit="m")
+    assert text in str(error.value)
+
+
+WAVEFRONT = """# as Blender writes it
+o Plane.001
+v 0 0 0 1 0.5 0.5
+v 1 0 0
+v 2 0 0
+v 0 1 0
+v 1 1 0
+v 2 1 0
+vn 0 0 1
+vt 0 0
+g left half
+f 1/1/1 2/1/1 5/1/1 4/1/1
+g right
+f -5/1/1 \\
+  -4/1/1 -1/1/1 -2/1/1
+"""
+
+
+def test_obj_as_programs_write_it(tmp_path):
+    """One normal, colours, corners counted backwards, continued lines, groups."""
+    (tmp_path / "a.obj").write_text(WAVEFRONT)
+    sheet = Sheet.from_file(tmp_path / "a.obj", unit="m", **FLAT)
+    assert sheet.size == 6 and len(sheet.triangles) == 4 and sheet.areas.sum() == pytest.approx(2.0)
+    parts = {name: part.tolist() for name, part in sheet.parts.items() if name != "outline"}
+    assert parts == {"left": [0, 1, 3, 4], "half": [0, 1, 3, 4], "right": [1, 2, 4, 5]}
+    assert len(read_mesh(tmp_path / "a.obj", unit="m", part="right").triangles) == 2
+    (tmp_path / "b.obj").write_text("v 0 0 x\n")
+    with refused(match="line 1: could not convert"):
+        read_mesh(tmp_path / "b.obj", unit="m")
+
+
+def test_groups_that_name_no_point_or_an_edge_are_noted(tmp_path):
+    text = GMSH_41.replace('"clamped"', '"all"').replace("1 4 1 4\n2 1 0 4", "1 5 1 5\n2 1 0 5")
+    text = text.replace("4\n0 0 0", "4\n5\n0 0 0").replace("0 1 0\n$End", "0 1 0\n5 5 0\n$End")
+    (tmp_path / "a.msh").write_text(
+        text.replace("2 2 3\n", "2 5 5\n").replace("2 1 0 0 1 1 0 0 0", "2 1 0 0 1 1 0 1 9 0")
+    )
+    sheet = Sheet.from_file(tmp_path / "a.msh", unit="m", **FLAT)
+    assert any("group 'line 9' has no point of the surface" in note for note in sheet.notes)
+    assert any("part 'all' is the group of that name in the file, not the edge" in note for note in sheet.notes)
+
+
+def test_face_sets_of_usd_are_parts(tmp_path):
+    path = write_usd(tmp_path / "a.usda", spatial(CORNERS[:5]), FAN)
+    stage = Usd.Stage.Open(str(path))
+    mesh = UsdGeom.Mesh.Get(stage, "/World/Sheet")
+    UsdGeom.Subset.CreateGeomSubset(mesh, "patch", UsdGeom.Tokens.face, [1])
+    stage.Save()
+    assert Sheet.from_file(path, unit="m", **FLAT).parts["patch"].tolist() == [1, 2, 4]
