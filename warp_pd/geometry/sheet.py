@@ -272,8 +272,9 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            given = {"thickness": thickness, "density": density}
-            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, **given, graded=graded)
+            curved = Sheet.from_surface(
+                mesh.vertices, mesh.triangles, thickness=thickness, density=density, graded=graded
+            )
             return replace(curved, parts={**curved.parts, **mesh.parts}, notes=mesh.notes)
         return Sheet.of(flat_shape(mesh, graded), thickness=thickness, density=density)
 

@@ -178,7 +178,7 @@ def local_spacings(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     around = corner_sums(corner, triangles, len(points)) / np.maximum(count, 1.0)
     mean = np.repeat(around[triangles].mean(axis=1, keepdims=True), 3, axis=1)
     smooth = corner_sums(mean, triangles, len(points)) / np.maximum(count, 1.0)
-    return np.sqrt(2.0 * np.where(count > 0.0, smooth, corner[:, 0].mean()))
+    return np.asarray(np.sqrt(2.0 * np.where(count > 0.0, smooth, corner[:, 0].mean())))
 
 
 def corner_sums(values: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
