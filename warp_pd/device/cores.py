@@ -12,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from .checks import InputError
+from .kernel_cache import init_warp, load_module
 
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
@@ -83,7 +84,7 @@ def begin_loading(kernel: Any, device: Any) -> Future[Any]:
 
     A thread that compiles first then reads its headers beside what the caller goes on with.
     """
-    return cores().submit(kernel.module.load, device, 1 if device.is_cpu else None)
+    return cores().submit(load_module, kernel.module, device, 1 if device.is_cpu else None)
 
 
 def start_warp() -> None:
@@ -97,13 +98,11 @@ def start_warp() -> None:
 @functools.cache
 def _init_warp() -> None:
     """Initialise Warp once per process."""
-    import warp as wp
-
     # Else graphs of Warp take no account of the priority of side streams (device/graph.py): what runs there would wait
     # until the launch beside it has no blocks left to start.
     os.environ.setdefault("CUDA_GRAPHS_USE_NODE_PRIORITY", "1")
     with _without_driver_warning():
-        wp.init()
+        init_warp()
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn
 from .cores import compilers
 from .fields import Array
+from .kernel_cache import load_module
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
@@ -387,7 +388,7 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     # in the order of the launches: first those of the force, which take longest, last the small ones of the frames.
     modules = dict.fromkeys((launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches)
     with compilers(device) as pool:
-        for loaded in [pool.submit(module.load, device, block_dim) for module, block_dim in modules]:
+        for loaded in [pool.submit(load_module, module, device, block_dim) for module, block_dim in modules]:
             loaded.result()
 
 

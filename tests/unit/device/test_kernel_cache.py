@@ -1,0 +1,77 @@
+"""The cache of kernels: not writable, read-only, damaged, full."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from warp_pd.device import kernel_cache
+
+CODE = """
+import sys
+import warp as wp
+from warp_pd.device import kernel_cache
+from warp_pd.device.cores import load_kernel, start_warp
+
+@wp.kernel
+def double(values: wp.array(dtype=float)):
+    i = wp.tid()
+    values[i] = 2.0 * values[i]
+
+start_warp()
+for _ in range(2):
+    load_kernel(double, wp.get_device("cpu"))
+values = wp.array([1.0, 2.0], dtype=float, device="cpu")
+wp.launch(double, 2, [values], device="cpu")
+print(values.numpy().tolist(), wp.config.kernel_cache_dir, *kernel_cache.notes(), sep="\\n")
+"""
+
+
+def run(folder, cache, **more):
+    (folder / "doubles.py").write_text(CODE)
+    path = os.pathsep.join([str(folder), *sys.path])
+    given = {**os.environ, "PYTHONPATH": path, "WARP_CACHE_PATH": str(cache), **more}
+    done = subprocess.run(
+        [sys.executable, folder / "doubles.py"], env=given, cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    values, where, *notes = done.stdout.strip().splitlines()
+    assert values == "[2.0, 4.0]" and "Traceback" not in done.stderr
+    return where, notes
+
+
+def test_a_cache_that_cannot_be_written_is_a_note(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    where, notes = run(tmp_path, tmp_path / "file" / "cache")
+    assert len(notes) == 1 and "cannot be written (Not a directory)" in notes[0] and "WARP_CACHE_PATH" in notes[0]
+    assert not os.path.exists(where), "the temporary folder ends with the process"
+
+
+@pytest.mark.parametrize("left", [b"", b"\\0" * 300, None])
+def test_a_damaged_module_is_compiled_once_more(tmp_path, left):
+    """Cut, overwritten, and without its description."""
+    cache = tmp_path / "cache"
+    run(tmp_path, cache)
+    objects, descriptions = list(cache.rglob("*.o")), list(cache.rglob("*.meta"))
+    assert len(objects) == len(descriptions) == 1
+    for file in objects if left is not None else descriptions:
+        file.write_bytes(left or b"")
+    _, notes = run(tmp_path, cache)
+    assert notes == [] and next(iter(cache.rglob("*.o"))).stat().st_size > 300
+
+
+def test_a_cache_that_can_only_be_read_is_used(tmp_path):
+    """Its files are linked into the temporary folder, where others can be added."""
+    (tmp_path / "cache" / "module").mkdir(parents=True)
+    (tmp_path / "cache" / "module" / "one.o").write_text("one")
+    (tmp_path / "own").mkdir()
+    kernel_cache._link(tmp_path / "cache", tmp_path / "own")
+    (tmp_path / "own" / "module" / "two.o").write_text("two")
+    assert (tmp_path / "own" / "module" / "one.o").read_text() == "one"
+    assert os.listdir(tmp_path / "cache" / "module") == ["one.o"]
+
+
+def test_a_full_cache_is_one_line(tmp_path, monkeypatch):
+    with pytest.raises(kernel_cache.InputError, match="expected WARP_CACHE_PATH to name a folder with room"):
+        kernel_cache._require_room(tmp_path / "missing")

@@ -1,0 +1,96 @@
+"""The folder in which Warp keeps compiled kernels: one that cannot be written, and modules that are damaged."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from .checks import InputError
+
+_notes: list[str] = []
+
+
+def notes() -> list[str]:
+    """Notes on the cache for the user, one line each."""
+    return list(_notes)
+
+
+def init_warp() -> None:
+    """Initialise Warp; if its cache cannot be written, with a temporary one that ends with the process."""
+    import warp as wp
+
+    try:
+        wp.init()
+    except OSError as error:
+        _use_temporary(error)
+        wp.init()
+    try:
+        with tempfile.TemporaryFile(dir=wp.config.kernel_cache_dir):
+            pass
+    except OSError as error:
+        _use_temporary(error)
+
+
+def _use_temporary(error: OSError) -> None:
+    """Compile into a temporary folder, which has what can be read of the cache."""
+    import warp as wp
+
+    given = wp.config.kernel_cache_dir or os.environ.get("WARP_CACHE_PATH")
+    folder = Path(tempfile.mkdtemp(prefix="warp_pd_kernels_"))
+    atexit.register(functools.partial(shutil.rmtree, folder, ignore_errors=True))
+    wp.config.kernel_cache_dir = str(folder)
+    if given is not None:
+        with contextlib.suppress(OSError):
+            _link(Path(given), folder)
+    _notes.append(
+        f"kernels: the cache {str(given)!r} cannot be written ({error.strerror}), so kernels are compiled into a "
+        "temporary folder, in every process again; set WARP_CACHE_PATH to a folder that can be written"
+    )
+
+
+def _link(given: Path, folder: Path) -> None:
+    """Link the files of a cache from another folder, where more can be added."""
+    for module in given.iterdir():
+        if module.is_dir():
+            (folder / module.name).mkdir()
+            for file in module.iterdir():
+                (folder / module.name / file.name).symlink_to(file.resolve())
+
+
+def load_module(module: Any, device: Any, block_dim: int | None) -> None:
+    """Compile or load a Warp module; one that is damaged in the cache is compiled again.
+
+    Raises:
+        InputError: if the cache cannot take it.
+    """
+    import warp as wp
+
+    try:
+        module.load(device, block_dim)
+        return
+    except Exception:  # Warp raises no narrower one for a file that it cannot load.
+        folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(block_dim)
+        if not folder.is_dir():
+            # It was not in the cache: what failed is its compilation.
+            _require_room(folder.parent)
+            raise
+    shutil.rmtree(folder, ignore_errors=True)
+    module.mark_modified()
+    module.load(device, block_dim)
+
+
+def _require_room(cache: Path) -> None:
+    try:
+        with tempfile.TemporaryFile(dir=cache) as file:
+            file.write(bytes(1_000_000))
+    except OSError as error:
+        raise InputError(
+            f"kernels: the cache {str(cache)!r} cannot take another one ({error.strerror}); expected WARP_CACHE_PATH "
+            "to name a folder with room"
+        ) from None
