@@ -75,7 +75,7 @@ def load_module(module: Any, device: Any, block_dim: int | None) -> None:
         module.load(device, block_dim)
         return
     except Exception:  # Warp raises no narrower one for a file that it cannot load.
-        folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(block_dim)
+        folder = Path(wp.config.kernel_cache_dir or "") / module.get_module_identifier(block_dim)
         if not folder.is_dir():
             # It was not in the cache: what failed is its compilation.
             _require_room(folder.parent)
