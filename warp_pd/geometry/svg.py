@@ -7,12 +7,14 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive, said
+from ..device.checks import InputError, kind_and_text, one_of, positive, said, user_code
 from .curves import Spacing, spread_evenly, spread_on_curve
 from .file_checks import METERS, UNITS, existing_file, library_reads, meters
 
@@ -21,6 +23,8 @@ PHYSICAL = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0
 PIXEL = 0.0254 / 96.0
 # Distance over the extent below which two points are one, and turn of a corner [rad].
 CLOSE, CORNER = 1e-9, math.radians(10.0)
+# What is read of one file, at most: bytes, characters of style sheets, elements with copies, points of its curves.
+MOST_BYTES, MOST_STYLE, MOST_ELEMENTS, MOST_POINTS = 20_000_000, 50_000, 100_000, 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,16 +106,69 @@ def read_outline(
         raise InputError(f"unit = {said(unit)}: {UNITS}, or 'document' for the physical size of the file")
     where = f"path = {str(file)!r}"
     with library_reads(file):
+        _require_small(where, file)
         root = _parsed(file)
     scale = _document(where, root) if unit == "document" else meters(unit)
     # From the library's pixels to the user units of the viewBox, then to metres.
     to_meters = np.diag([scale, -scale, 1.0]) @ np.linalg.inv(_array(Matrix(root.viewbox_transform)))
-    curves = []
+    curves: list[TracedCurve] = []
     for name, path_of, matrix in _paths(where, root, part):
-        curves += _closed(where, name, path_of, to_meters @ matrix, tolerance)
+        left = MOST_POINTS - sum(len(curve.points) for curve in curves)
+        with user_code(partial(_unreadable, where, name)):
+            curves += _closed(where, name, path_of, to_meters @ matrix, tolerance, left)
     if not curves:
         raise InputError(f"{where}: no closed path: expected one or more")
     return _nested(where, curves)
+
+
+def _unreadable(where: str, name: str, error: Exception) -> str:
+    return f"{where}: {name} cannot be read: {kind_and_text(error)}"
+
+
+def _require_small(where: str, path: Path) -> None:
+    """Check what the library needs minutes or gigabytes for: large files, copies of copies, long style sheets."""
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise InputError(f"{where}: {size / 1e6:.3g} MB: expected at most {MOST_BYTES / 1e6:g} MB")
+    root = ElementTree.fromstring(path.read_bytes())
+    style = sum(len("".join(element.itertext())) for element in root.iter() if _tag(element) == "style")
+    if style > MOST_STYLE:
+        raise InputError(f"{where}: style sheets of {style} characters: expected at most {MOST_STYLE}")
+    named = {element.get("id"): element for element in root.iter()}
+    found = _Sizes(named, {}).of(root)
+    if found > MOST_ELEMENTS:
+        raise InputError(
+            f"{where}: {found:.3g} elements, with the copies by <use>: expected at most {MOST_ELEMENTS}; a copy must "
+            "not hold itself"
+        )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Numbers of elements that an element stands for, with those that <use> copies.
+
+    Attributes:
+        named: Elements by id.
+        known: Numbers found so far; infinite for an element that is being counted, and so holds itself.
+    """
+
+    named: dict[str | None, Any]
+    known: dict[Any, float]
+
+    def of(self, element: Any) -> float:
+        """The number for an element."""
+        if element not in self.known:
+            self.known[element] = math.inf
+            parts = list(element)
+            if _tag(element) == "use":
+                link = next((value for key, value in element.items() if key.endswith("href")), "")
+                parts += [self.named[link[1:]]] if link[1:] in self.named else []
+            self.known[element] = 1 + sum(self.of(part) for part in parts)
+        return self.known[element]
+
+
+def _tag(element: Any) -> str:
+    return str(element.tag).rpartition("}")[2]
 
 
 def _parsed(path: Path) -> Any:
@@ -163,11 +220,16 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
     return found
 
 
-def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float) -> list[TracedCurve]:
-    """The closed curves of a path [m]. Raises InputError if one is open."""
+def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float, most: int) -> list[TracedCurve]:
+    """The closed curves of a path [m], of at most `most` points. Raises InputError if one is open."""
     from svgelements import Move
 
     stretch = float(np.linalg.norm(matrix[:2, :2], 2))
+    wanted = sum(_count(segment, tolerance / stretch) for segment in path if not isinstance(segment, Move))
+    if not wanted <= most:
+        raise InputError(
+            f"{where}: {name} takes {wanted:.3g} points: expected at most {most} (larger tolerance or unit)"
+        )
     curves = []
     for subpath in path.as_subpaths():
         segments = [s for s in subpath if not isinstance(s, Move) and s.start is not None and s.end is not None]
@@ -222,12 +284,18 @@ def _along(points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
 
 def _flattened(segment: Any, tolerance: float) -> np.ndarray:
     """Points from the start of a segment to its end, within `tolerance` of it, shape (N, 2)."""
-    from svgelements import Close, Line
-
-    straight = isinstance(segment, Line | Close)
-    count = 1 if straight else max(1, math.ceil(math.sqrt(_bend(segment) / (8.0 * tolerance))))
+    count = int(_count(segment, tolerance))
     places = [segment.start, *(segment.point(k / count) for k in range(1, count)), segment.end]
     return np.array([(place.x, place.y) for place in places], np.float64)
+
+
+def _count(segment: Any, tolerance: float) -> float:
+    """Number of straight pieces of a segment that are within `tolerance` of it; NaN or infinite for no such number."""
+    from svgelements import Close, Line
+
+    if isinstance(segment, Line | Close) or segment.start is None or segment.end is None:
+        return 1.0
+    return float(max(1.0, np.ceil(np.sqrt(_bend(segment) / (8.0 * tolerance)))))
 
 
 def _bend(segment: Any) -> float:

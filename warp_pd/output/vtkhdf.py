@@ -17,6 +17,7 @@ since readers sort them, and `load_times` their times.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import InputError
+from ..device.checks import user_code
 from ..interfaces.frame import Body, Frame, Surface
 from .background import require_room
 from .point_fields import plain_value, point_fields, same_arrays
@@ -178,7 +179,7 @@ class VtkHdfSeries:
             raise ValueError(
                 f"append_from is {first}; expected 0 to {info.frames}, the number of frames in {self.path}"
             )
-        with h5py.File(self.path, "r+", locking=False) as file:
+        with _reading(self.path), h5py.File(self.path, "r+", locking=False) as file:
             root = file["VTKHDF"]
             root["Steps/Values"].resize(first, axis=0)
             root["Steps"].attrs.modify("NSteps", first)
@@ -197,12 +198,15 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
     """
     if not Path(path).is_file():
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            return _read_info(file)
-    except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
-        reason = " ".join(str(error).strip("'\"").split())
-        raise InputError(f"{path}: expected a complete VTKHDF file of frames ({reason})") from error
+    with _reading(path), h5py.File(path, "r", locking=False) as file:
+        return _read_info(file)
+
+
+def _reading(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager[None]:
+    """Context in which a file may turn out to be damaged: one line instead of any error of HDF5 or of numbers in it."""
+    return user_code(
+        lambda error: f"{path}: expected a complete VTKHDF file of frames ({str(error).strip(chr(39) + chr(34))})"
+    )
 
 
 def read_frame(path: str | os.PathLike[str], index: int) -> SeriesFrame:
@@ -222,7 +226,7 @@ def read_frames(path: str | os.PathLike[str], indices: Iterable[int]) -> Iterato
         ValueError: if the file is damaged or was not written by `VtkHdfSeries`.
     """
     info = read_series(path)
-    with h5py.File(path, "r", locking=False) as file:
+    with _reading(path), h5py.File(path, "r", locking=False) as file:
         root = file["VTKHDF"]
         columns = {name: root["PointData"][name] for name in info.fields}
         begins = root["Steps/ConnectivityIdOffsets"][: info.frames, POLYGONS]
@@ -230,6 +234,8 @@ def read_frames(path: str | os.PathLike[str], indices: Iterable[int]) -> Iterato
             rows = slice(index * info.points, (index + 1) * info.points)
             begin = int(begins[index])
             corners = root["Polygons/Connectivity"][begin : begin + 3 * int(info.faces[index])]
+            if corners.size and not 0 <= corners.min() <= corners.max() < info.points:
+                raise NotASeriesError(f"triangles of points that do not exist at frame {index}")
             fields = {name: column[rows] for name, column in columns.items()}
             yield float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
 
@@ -237,7 +243,7 @@ def read_frames(path: str | os.PathLike[str], indices: Iterable[int]) -> Iterato
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
     """Rigid bodies of a VTKHDF file; positions [m] and quaternions, (frames, 7)."""
     found = []
-    with h5py.File(path, "r", locking=False) as file:
+    with _reading(path), h5py.File(path, "r", locking=False) as file:
         own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
         for name, stored in own.items():
             kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])

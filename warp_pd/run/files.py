@@ -22,6 +22,8 @@ from .recorder import Recorder
 MOST_POINTS = 2**27
 # Bytes that a frame takes per point, in both formats, and those of history and summary.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
+# Bytes of the history in a restart file, at most.
+HISTORY_BYTES = 500_000_000
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,10 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
     """Disk space for two frames, restart files and the small files [bytes]."""
     surface = recorder.points.surface
     frame = BYTES_OF_POINT * len(surface.points) + 12 * len(surface.faces)
-    context = recorder.built.context
-    restart_file = sum(array.capacity for array in context.fields.kept().values()) * context.communicator.size
-    return int(2 * frame + (2 * restart_file if restarts else 0) + SMALL_FILES)
+    return int(2 * frame + (2 * restart_bytes(recorder.built) if restarts else 0) + SMALL_FILES)
+
+
+def restart_bytes(built: Built) -> int:
+    """Size of the arrays of a restart file, at most [bytes]."""
+    context = built.context
+    return int(sum(array.capacity for array in context.fields.kept().values()) * context.communicator.size)

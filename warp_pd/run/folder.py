@@ -203,9 +203,9 @@ def read_history(path: Path) -> History:
         with path.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
         history = [{key: float("nan" if text == "" else text) for key, text in row.items()} for row in rows]
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, csv.Error):
         history = []
-    if not history:
+    if not history or "time" not in history[0]:
         raise InputError(f"file = {str(path)!r}: expected the history.csv of a run")
     return history
 

@@ -9,7 +9,6 @@ import hashlib
 import json
 import math
 import os
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -17,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError
+from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import host_shape
+from ..device.npz import read_arrays
 from ..output.background import as_output_error
 from .built import Built
 from .recorder import Recorder
@@ -26,22 +26,13 @@ from .scene import Scene
 
 NAME = "restart.npz"
 VERSION = 9
-# Numbers of the recorder that a restart keeps.
-NUMBERS = (
-    "frame_index",
-    "time",
-    "steps",
-    "dt",
-    "stable_dt",
-    "step_seconds",
-    "residual",
-    "solve",
-    "history",
-    "missing",
-    "repeated",
-    "codes",
-    "others",
-)
+# Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
+NUMBERS: dict[str, Any] = {
+    "frame_index": int, "time": int | float, "steps": int, "dt": int | float, "stable_dt": int | float | None,
+    "step_seconds": int | float, "residual": int | float | None, "solve": dict | None, "history": list, "missing": dict,
+    "repeated": int, "codes": list, "others": list,
+}  # fmt: skip
+FINITE, STATE = ("time", "dt", "step_seconds"), ("displacement", "velocity")
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
 # Longest value kept as text, longer ones as their hash; and most differences that a message names.
@@ -160,19 +151,17 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
         os.replace(part, path)
 
 
-def load(path: Path, known: Identity) -> dict[str, Any]:
-    """Load the arrays and numbers of a restart file of this run."""
+def load(path: Path, known: Identity, most: int) -> dict[str, Any]:
+    """Load the arrays and numbers of a restart file of this run, of at most `most` bytes."""
     where = f"resume from {str(path)!r}"
     if not path.exists():
         raise InputError(f"{where}: the file does not exist; expected the folder of an earlier run")
-    try:
-        with np.load(path) as stored:
-            data: dict[str, Any] = {name: stored[name] for name in stored.files}
-        numbers = json.loads(bytes(data.pop("numbers")))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{where}: the file is damaged ({type(error).__name__})") from None
+    data: dict[str, Any] = read_arrays(where, path, most)
+    with user_code(lambda error: f"{where}: the file is damaged ({type(error).__name__})"):
+        numbers = dict(json.loads(bytes(data.pop("numbers"))))
     if numbers.get("version") != VERSION:
         raise InputError(f"{where}: expected a file of version {VERSION}, got version {numbers.get('version')}")
+    _require_sound(where, numbers)
     began = Identity(numbers["parts"], numbers["settings"])
     if began != known and not extends(began, known):
         other = difference(began, known)
@@ -184,8 +173,30 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
     return {**data, "numbers": numbers}
 
 
+def _require_sound(where: str, numbers: dict[str, Any]) -> None:
+    """Check that all numbers are there and of their types, and that the last row of the history is that of the time."""
+    for name, kind in {"parts": dict, "settings": dict, "solver": dict, **NUMBERS}.items():
+        found = numbers.get(name, ...)
+        if not isinstance(found, kind) or (name in FINITE and not math.isfinite(found)):
+            raise InputError(f"{where}: the file is damaged: {name} = {'missing' if found is ... else said(found)}")
+    codes = all(isinstance(code, list) and [type(text) for text in code] == [str, str] for code in numbers["codes"])
+    missing = all(
+        isinstance(found, dict) and {"frames", "why"} <= found.keys() for found in numbers["missing"].values()
+    )
+    if not (codes and missing):
+        raise InputError(f"{where}: the file is damaged: its versions or notes cannot be read")
+    history, time = numbers["history"], numbers["time"]
+    if not history or not all(isinstance(row, dict) for row in history) or history[-1].get("time") != time:
+        raise InputError(f"{where}: the file is damaged: its history does not end at {time} s")
+
+
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
     """Copy a loaded state to the device, the recorder and the solver."""
+    with user_code(lambda error: f"resume: the restart file is damaged ({kind_and_text(error)})"):
+        _restore(data, recorder)
+
+
+def _restore(data: dict[str, Any], recorder: Recorder) -> None:
     built, numbers = recorder.built, data["numbers"]
     for stored in built.context.fields:
         name, array = stored.name, stored.array
@@ -195,6 +206,8 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
         values = None if found is None else built.context.values_here(stored, found)
         if values is None or values.shape != host_shape(array):
             raise InputError(f"resume: the restart file has no {name!r} of shape {array.shape}; it is damaged")
+        if name in STATE and not np.isfinite(values).all():
+            raise InputError(f"resume: the restart file has {name!r} with numbers that are not finite; it is damaged")
         array.assign(values)
     for name in NUMBERS:
         setattr(recorder, name, numbers[name])

@@ -25,7 +25,7 @@ from ..output.progress import Progress
 from . import restart
 from .built import Built, compose
 from .divergence import free_motions
-from .files import Files, add_files, require_gatherable, stored_fields
+from .files import HISTORY_BYTES, Files, add_files, require_gatherable, restart_bytes, stored_fields
 from .folder import (
     FINE,
     PAGE,
@@ -152,7 +152,7 @@ def _run(
     fields, points = stored_fields(built), FramePoints(built, stride)
     communicator.barrier(lambda: require_gatherable(points, folder is not None and files.restarts))
     known = None if folder is None else restart.identity(scene, built)
-    saved = communicator.broadcast(communicator.barrier(lambda: _saved(folder, known, resume, files)))
+    saved = communicator.broadcast(communicator.barrier(lambda: _saved(folder, known, resume, files, built)))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = communicator.root_first(built.context.compile)
@@ -202,14 +202,16 @@ def _run(
     return result
 
 
-def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
+def _saved(
+    folder: Path | None, known: restart.Identity | None, resume: bool, files: Files, built: Built
+) -> dict[str, Any] | None:
     """The contents of the restart file if the run is resumed, otherwise None.
 
     Removes files that could be mistaken for results of this run.
     """
     if folder is None or known is None:
         return None
-    saved = restart.load(folder / restart.NAME, known) if resume else None
+    saved = restart.load(folder / restart.NAME, known, 2 * restart_bytes(built) + HISTORY_BYTES) if resume else None
     if saved is not None:
         files.require_same(folder)
         # They describe a finished run, and this one goes on.

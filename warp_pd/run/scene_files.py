@@ -132,7 +132,7 @@ def sources_of(file: Path) -> dict[str, str]:
     while waiting:
         path = waiting.pop()
         if path.name not in found and path.is_file():
-            tree = ast.parse(path.read_text("utf-8"))
+            tree = ast.parse(path.read_bytes())
             found[path.name] = hashlib.sha1(ast.dump(tree).encode()).hexdigest()[:12]
             waiting += [file.with_name(f"{name}.py") for name in _imported(tree)]
     return dict(sorted(found.items()))

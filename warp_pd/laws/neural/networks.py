@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -13,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ...device.checks import InputError
+from ...device.checks import InputError, user_code
+from ...device.npz import read_arrays
 from ...materials import Material, capabilities
 
 VERSION = 1
+# Size of a network, at most.
+MOST_BYTES = 1_000_000_000
 INPUTS, OUTPUTS = 4, 2
 DEFAULT = Path(__file__).with_name("neo_hookean_100.npz")
 # Two materials count as the same if the numbers that decide their stress over mu agree to this.
@@ -133,17 +135,14 @@ def load(path: str | Path) -> Network:
     said = f"network = {str(path)!r}"
     if not path.is_file():
         raise InputError(f"{said}: the file does not exist; expected a file written by tools/train_neural_law.py")
-    try:
-        with np.load(path) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+    arrays = read_arrays(said, path, MOST_BYTES)
+    with user_code(lambda error: f"{said}: the file is damaged or not a network ({type(error).__name__})"):
         facts = json.loads(bytes(arrays.pop("facts")))
         version = facts["version"]
-    except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
-        raise InputError(f"{said}: the file is damaged or not a network ({type(error).__name__})") from None
     if version != VERSION:
         raise InputError(f"{said}: expected a network of version {VERSION}, got version {version!r}; train it again")
     layers = sum(name.startswith("weights_") for name in arrays)
-    try:
+    with user_code(lambda error: f"{said}: the file is damaged or not a network ({type(error).__name__})"):
         network = Network(
             weights=tuple(arrays[f"weights_{k}"] for k in range(layers)),
             biases=tuple(arrays[f"biases_{k}"] for k in range(layers)),
@@ -155,9 +154,7 @@ def load(path: str | Path) -> Network:
             stretches=(float(facts["stretches"][0]), float(facts["stretches"][1])),
             report=facts["report"],
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{said}: the file is damaged or not a network ({type(error).__name__})") from None
-    require_sound(network, said)
+        require_sound(network, said)
     return network
 
 
