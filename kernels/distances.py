@@ -101,34 +101,35 @@ def capsule_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
 
 @wp.func
 def cylinder_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Distance to a cylinder along z; sizes: radius, half height."""
+    """Distance to a cylinder along z; sizes: radius, half height, rounding of the edges."""
     zero = wp.float64(0.0)
+    rounding = body.size[2]
     across = wp.sqrt(arm[0] * arm[0] + arm[1] * arm[1])
     outward = wp.vec3d(wp.float64(1.0), zero, zero)
     if across > TINY:
         outward = wp.vec3d(arm[0] / across, arm[1] / across, zero)
     up = wp.vec3d(zero, zero, wp.where(arm[2] < zero, wp.float64(-1.0), wp.float64(1.0)))
-    beside = across - body.size[0]
-    above = wp.abs(arm[2]) - body.size[1]
-    found = with_normal(outward, beside)
+    beside = across - body.size[0] + rounding
+    above = wp.abs(arm[2]) - body.size[1] + rounding
+    found = with_normal(outward, beside - rounding)
     if beside > zero and above > zero:
         distance = wp.sqrt(beside * beside + above * above)
-        found = with_normal((beside / distance) * outward + (above / distance) * up, distance)
+        found = with_normal((beside / distance) * outward + (above / distance) * up, distance - rounding)
     elif above > beside:
-        found = with_normal(up, above)
+        found = with_normal(up, above - rounding)
     return found
 
 
 @wp.func
 def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Distance to a box; sizes: half lengths of the sides."""
+    """Distance to a box; sizes: half lengths of the sides, rounding of the edges."""
     zero = wp.float64(0.0)
     beyond = wp.vec3d()
     signs = wp.vec3d()
     nearest = int(0)  # noqa: RUF046
     for c in range(3):
         signs[c] = wp.where(arm[c] < zero, wp.float64(-1.0), wp.float64(1.0))
-        beyond[c] = wp.abs(arm[c]) - body.size[c]
+        beyond[c] = wp.abs(arm[c]) - body.size[c] + body.size[3]
         if beyond[c] > beyond[nearest]:
             nearest = c
     n = wp.vec3d()
@@ -138,7 +139,7 @@ def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
         out = wp.vec3d(wp.max(beyond[0], zero), wp.max(beyond[1], zero), wp.max(beyond[2], zero))
         distance = wp.length(out)
         n = wp.cw_mul(out / distance, signs)
-    return with_normal(n, distance)
+    return with_normal(n, distance - body.size[3])
 
 
 @functools.cache

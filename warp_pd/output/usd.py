@@ -154,7 +154,7 @@ def _define_body(stage: Usd.Stage, body: Body) -> None:
     if body.kind == "sphere":
         shape = UsdGeom.Sphere.Define(stage, path)
         shape.CreateRadiusAttr(sizes[0])
-    elif body.kind in ("capsule", "cylinder"):
+    elif body.kind in ("capsule", "cylinder") and len(sizes) == 2:
         shape = (UsdGeom.Capsule if body.kind == "capsule" else UsdGeom.Cylinder).Define(stage, path)
         shape.CreateAxisAttr(UsdGeom.Tokens.z)
         shape.CreateRadiusAttr(sizes[0])

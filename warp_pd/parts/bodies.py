@@ -36,6 +36,8 @@ TOUCHING = 1e-6
 SKIN = 1e-4
 # Maximum motion in a step of a body with edges that triangles touch [spacings]; at twice that its edges cut in.
 EDGE_TRAVEL = 0.05
+# Least radius of edges that a sheet slides along as it would in nature [spacings].
+ROUNDED = 0.25
 # Distance by which a free body may yield in a step before any point may touch it [spacings].
 SLACK = 0.05
 # Distance from a body on a path within which points are looked at in every step [spacings].
@@ -294,6 +296,18 @@ class BuiltBody(BuiltContact):
         if self._surface is not None and self._surface.edged:
             furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """A note on friction at edges that the spacing cannot resolve."""
+        part, least = self.part, ROUNDED * self.context.whole.spacing
+        slid = self._rubs and history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
+        if not slid or part.shape.edge_radius() >= least:
+            return []
+        return [
+            f"{self.label} slid with sharp edges: a point in its way is caught by one face or goes under the other, so "
+            "friction depends on the grid and on round-off by some per cent: expected edges with a radius of a quarter "
+            f"of a spacing, {least:.3g} m, or more; Box and Cylinder have `rounding`"
+        ]
 
     @cached_property
     def _outline(self) -> Body:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -14,6 +15,9 @@ from ..geometry.files import read_mesh
 from ..geometry.mesh_checks import require_closed, require_faces, require_surface
 from ..kernels.mesh_distance import mesh_distance, mesh_distance_of_point
 from .body_shapes import BodyShape, Outline, convex_edges
+
+# Least angle by which the normal turns at a sharp edge [rad].
+SHARP = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,10 @@ class TriangleMesh(BodyShape):
     def thinnest(self) -> float:
         """Smallest extent along x, y or z [m]."""
         return float(np.ptp(self.vertices, axis=0).min())
+
+    def edge_radius(self) -> float:
+        """0 where faces meet at a sharp convex edge [m]."""
+        return 0.0 if len(convex_edges(*self.surface(), least=SHARP)[1]) else math.inf
 
     def inertia(self) -> np.ndarray:
         """Inertia tensor divided by mass [m^2], integrated over the tetrahedra between origin and triangles."""

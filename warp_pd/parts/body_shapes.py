@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, positive, vector
+from ..device.checks import InputError, not_negative, positive, vector
 from ..device.cores import load_kernel
 from ..device.fields import Array
 from ..device.launches import with_values
@@ -64,6 +64,10 @@ class BodyShape(Protocol):
     def outline(self, extent: float) -> Outline:
         """Vertices [m], (V, 3), and triangles, (F, 3), for drawing; `extent` [m] is the size of the scene."""
         ...
+
+    def edge_radius(self) -> float:
+        """Least radius of its convex edges [m]: 0 where a point of the sheet meets one face or another."""
+        return math.inf
 
     def surface(self) -> Outline | None:
         """Vertices and triangles of a mesh, which its distance function searches; None for other shapes."""
@@ -203,14 +207,29 @@ class Capsule(Round):
 
 @dataclass(frozen=True)
 class Cylinder(Round):
-    """A cylinder along z with flat ends; `diameter` and `length` [m]."""
+    """A cylinder along z with flat ends; `diameter`, `length`, and radius `rounding` of its edges [m]."""
+
+    rounding: float = 0.0
 
     kind: ClassVar[str] = "cylinder"
     distance: ClassVar[Any] = distances.cylinder_distance
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_rounding("Cylinder", self.rounding, self.thinnest())
+
+    def sizes(self) -> tuple[float, ...]:
+        """The radius, half of the length, and the rounding of the edges if there is any."""
+        return (*super().sizes(), self.rounding)[: 3 if self.rounding else 2]
+
+    def edge_radius(self) -> float:
+        """The rounding [m]."""
+        return self.rounding
+
     def radius(self) -> float:
         """Distance of the edges from the centre [m]."""
-        return 0.5 * math.hypot(self.diameter, self.length)
+        less = 2.0 * self.rounding
+        return 0.5 * math.hypot(self.diameter - less, self.length - less) + self.rounding
 
     def thinnest(self) -> float:
         """Diameter or length, whichever is smaller [m]."""
@@ -218,21 +237,38 @@ class Cylinder(Round):
 
     def inertia(self) -> np.ndarray:
         """Diagonal inertia tensor divided by mass [m^2]."""
-        r, h = self.sizes()
+        r, h = 0.5 * self.diameter, 0.5 * self.length
+        if self.rounding:
+            # Discs of the rounded ends, whose radii and heights are polynomials of sine and cosine.
+            turn, weights = np.polynomial.legendre.leggauss(24)
+            turn = 0.25 * math.pi * (turn + 1.0)
+            radii = np.append(r, r - self.rounding + self.rounding * np.cos(turn))
+            heights = np.append(0.0, h - self.rounding + self.rounding * np.sin(turn))
+            thick = np.append(h - self.rounding, 0.25 * math.pi * weights * self.rounding * np.cos(turn))
+            squares, z2 = radii**2, heights**2
+            z2[0] = (h - self.rounding) ** 2 / 3.0
+            volume = float((thick * squares).sum())
+            along = 0.5 * float((thick * squares**2).sum()) / volume
+            middle = 0.5 * along + float((thick * squares * z2).sum()) / volume
+            return np.diag([middle, middle, along])
         across = 0.25 * r**2 + h**2 / 3.0
         return np.diag([across, across, 0.5 * r**2])
 
     def outline(self, extent: float) -> Outline:
         """Surface of revolution between the circular edges."""
-        r, h = self.sizes()
-        return _turned(np.array([0.0, r, r, 0.0]), np.array([h, h, -h, -h]))
+        r, h, rounding = 0.5 * self.diameter, 0.5 * self.length, self.rounding
+        polar = np.linspace(0.0, 0.5 * math.pi, ARCS // 2 + 1) if rounding else np.zeros(1)
+        radii, heights = r - rounding + rounding * np.sin(polar), h - rounding + rounding * np.cos(polar)
+        radii = np.concatenate([[0.0], radii, radii[::-1], [0.0]])
+        return _turned(radii, np.concatenate([[h], heights, -heights[::-1], [-h]]))
 
 
 @dataclass(frozen=True)
 class Box(BodyShape):
-    """A box; `sides` [m] along x, y and z."""
+    """A box; `sides` along x, y and z, and radius `rounding` of its edges and corners [m]."""
 
     sides: tuple[float, float, float]
+    rounding: float = 0.0
 
     kind: ClassVar[str] = "box"
     distance: ClassVar[Any] = distances.box_distance
@@ -240,14 +276,20 @@ class Box(BodyShape):
     def __post_init__(self) -> None:
         for side in vector("Box.sides", self.sides, 3):
             positive("Box.sides", float(side))
+        _require_rounding("Box", self.rounding, self.thinnest())
 
     def sizes(self) -> tuple[float, ...]:
-        """Half lengths of the sides."""
-        return tuple(0.5 * side for side in self.sides)
+        """Half lengths of the sides, and the rounding of the edges if there is any."""
+        halves = tuple(0.5 * side for side in self.sides)
+        return (*halves, self.rounding) if self.rounding else halves
+
+    def edge_radius(self) -> float:
+        """The rounding [m]."""
+        return self.rounding
 
     def radius(self) -> float:
-        """Half of the diagonal [m]."""
-        return 0.5 * math.hypot(*self.sides)
+        """Distance of the corners from the centre [m]."""
+        return 0.5 * math.hypot(*(side - 2.0 * self.rounding for side in self.sides)) + self.rounding
 
     def thinnest(self) -> float:
         """The shortest side [m]."""
@@ -256,26 +298,72 @@ class Box(BodyShape):
     def inertia(self) -> np.ndarray:
         """Diagonal inertia tensor divided by mass [m^2]."""
         squares = np.array(self.sides) ** 2
+        if self.rounding:
+            squares = 12.0 * self._mean_squares()
         return np.diag((squares.sum() - squares) / 12.0)
 
+    def _mean_squares(self) -> np.ndarray:
+        """Mean squares of the distances from the middle along x, y and z [m^2], (3,): of box, slabs, edges, corners."""
+        halves, r = 0.5 * np.array(self.sides) - self.rounding, self.rounding
+        pi, volume, found = math.pi, 0.0, np.zeros(3)
+        for c in range(3):
+            a, (b, d) = halves[c], np.delete(halves, c)
+            volume = 8.0 * a * b * d + 8.0 * r * (a * b + b * d + d * a) + 2.0 * pi * r**2 * (a + b + d)
+            volume += 4.0 / 3.0 * pi * r**3
+            within = 4.0 * b * d + 4.0 * r * (b + d) + pi * r**2
+            beyond = 8.0 / 3.0 * b * d * ((a + r) ** 3 - a**3)
+            edges = 2.0 * (b + d) * (pi * (a * r) ** 2 + 8.0 / 3.0 * a * r**3 + 0.25 * pi * r**4)
+            corners = 4.0 / 3.0 * pi * a**2 * r**3 + pi * a * r**4 + 4.0 / 15.0 * pi * r**5
+            found[c] = 2.0 / 3.0 * a**3 * within + beyond + edges + corners
+        return found / volume
+
     def outline(self, extent: float) -> Outline:
-        """Triangles on the eight corners."""
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * self.sizes()
+        """Triangles on the eight corners, or on spheres in them."""
+        inner = 0.5 * np.array(self.sides) - self.rounding
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * inner
+        if self.rounding:
+            return _hull(corners, self.rounding)
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
     def segments(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """The twelve edges, with zero radius."""
-        return *convex_edges(*self.outline(0.0)), 0.0
+        """The twelve edges, with the radius of their rounding."""
+        inner = Box(tuple(side - 2.0 * self.rounding for side in self.sides))  # type: ignore[arg-type]
+        return *convex_edges(*inner.outline(0.0)), self.rounding
 
 
-def convex_edges(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices [m], (V, 3), and the convex edges of a closed surface as vertex pairs, (S, 2)."""
+def _require_rounding(name: str, rounding: float, thinnest: float) -> None:
+    if 2.0 * not_negative(f"{name}.rounding", rounding) >= thinnest:
+        raise InputError(f"{name}.rounding = {rounding!r}: expected less than half its thickness, {0.5 * thinnest:.6g}")
+
+
+def _hull(corners: np.ndarray, radius: float) -> Outline:
+    """The convex hull of balls of a radius [m] about corners, (C, 3)."""
+    from scipy.spatial import ConvexHull
+
+    ball, _ = Sphere(2.0 * radius).outline(0.0)
+    points = (corners[:, None] + ball).reshape(-1, 3)
+    hull = ConvexHull(points)
+    used, triangles = np.unique(hull.simplices, return_inverse=True)
+    vertices, triangles = points[used], triangles.reshape(-1, 3)
+    inwards = np.einsum("fc,fc->f", _unit_normals(vertices, triangles), hull.equations[:, :3]) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    return vertices, triangles.astype(np.int32)
+
+
+def convex_edges(vertices: np.ndarray, triangles: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices [m], (V, 3), and the convex edges of a closed surface as vertex pairs, (S, 2).
+
+    `least`: angle by which the normal turns at them, at least [rad].
+    """
     face, corner, beyond = _sides(triangles)
     begin, end, opposite = (triangles[face, (corner + k) % 3] for k in (1, 2, 0))
-    normals = _unit_normals(vertices, triangles)[face[beyond]]
+    every = _unit_normals(vertices, triangles)
+    normals = every[face[beyond]]
     height = np.einsum("sc,sc->s", normals, vertices[opposite] - vertices[begin])
     convex = height < -1e-9 * np.ptp(vertices)
+    if least > 0.0:
+        convex &= np.einsum("sc,sc->s", normals, every[face]) < math.cos(least)
     return vertices, np.column_stack([begin, end])[convex & (begin < end)]
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from helpers import refused
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -77,7 +78,7 @@ def test_inertia_is_that_of_the_fine_mesh_and_outlines_are_closed(shape):
     assert mesh.radius() == pytest.approx(shape.radius(), rel=0.01)
 
 
-@pytest.mark.parametrize("shape", [Sphere(1.0), Capsule(0.6, 0.5), Cylinder(0.7, 1.4)])
+@pytest.mark.parametrize("shape", [Sphere(1.0), Capsule(0.6, 0.5), Cylinder(0.7, 1.4), Cylinder(0.7, 0.5, 0.1)])
 def test_inertia_of_a_round_body_is_the_sum_over_its_discs(shape):
     """Their radii are where the distance from the surface is 0."""
     half = 0.5 * np.ptp(shape.outline(0.0)[0][:, 2])
@@ -91,6 +92,57 @@ def test_inertia_of_a_round_body_is_the_sum_over_its_discs(shape):
     along = 0.5 * (squares**2).sum() / squares.sum()
     across = 0.5 * along + (squares * z**2).sum() / squares.sum()
     np.testing.assert_allclose(shape.inertia(), np.diag([across, across, along]), rtol=1e-5)
+
+
+ALL = 1.0 - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("rounded", "limit"),
+    [
+        (Box((1.0, 1.0, 1.0), 0.5 * ALL), Sphere(1.0)),
+        (Box((0.6, 0.6, 1.4), 0.3 * ALL), Capsule(0.6, 0.8)),
+        (Cylinder(0.6, 1.4, 0.3 * ALL), Capsule(0.6, 0.8)),
+        (Box((1.0, 0.8, 1.2), 1e-12), Box((1.0, 0.8, 1.2))),
+        (Cylinder(1.0, 1.4, 1e-12), Cylinder(1.0, 1.4)),
+    ],
+)
+def test_rounded_bodies_become_round_ones_and_sharp_ones(rounded, limit):
+    points = np.random.default_rng(0).uniform(-1.5, 1.5, (500, 3))
+    np.testing.assert_allclose(measured(rounded, points)[:, 3], measured(limit, points)[:, 3], atol=1e-8)
+    np.testing.assert_allclose(rounded.inertia(), limit.inertia(), atol=1e-8)
+    assert rounded.radius() == pytest.approx(limit.radius(), abs=1e-8)
+    assert rounded.thinnest() == pytest.approx(limit.thinnest())
+    assert rounded.edge_radius() == rounded.rounding
+
+
+@pytest.mark.parametrize("shape", [Box((1.0, 0.8, 1.2), 0.2), Cylinder(1.0, 0.9, 0.2)])
+def test_rounded_edges_are_balls_rolled_along_the_sharp_edges_of_a_smaller_body(shape):
+    inner = Box((0.6, 0.4, 0.8)) if isinstance(shape, Box) else Cylinder(0.6, 0.5)
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 3))
+    found, expected = measured(shape, points), measured(inner, points)
+    outside = expected[:, 3] > 0.0
+    np.testing.assert_allclose(found[outside, 3], expected[outside, 3] - 0.2, atol=1e-12)
+    np.testing.assert_allclose(found[outside, :3], expected[outside, :3], atol=1e-12)
+    vertices, triangles = shape.outline(0.0)
+    np.testing.assert_allclose(measured(shape, vertices)[:, 3], 0.0, atol=1e-12)
+    mesh = TriangleMesh(vertices, triangles)
+    np.testing.assert_allclose(mesh.inertia(), shape.inertia(), atol=0.01 * shape.inertia().max())
+
+
+def test_sharp_meshes_are_told_from_smooth_ones():
+    assert TriangleMesh(*Box((1.0, 0.8, 1.2)).outline(0.0)).edge_radius() == 0.0
+    assert TriangleMesh(*Box((1.0, 0.8, 1.2), 0.2).outline(0.0)).edge_radius() == np.inf
+    assert TriangleMesh(*Sphere(1.0).outline(0.0)).edge_radius() == Sphere(1.0).edge_radius() == np.inf
+
+
+@pytest.mark.parametrize(("make", "said"), [
+    (lambda: Box((1.0, 0.8, 1.2), 0.4), "Box.rounding = 0.4: expected less than half its thickness, 0.4"),
+    (lambda: Cylinder(1.0, 0.8, -0.1), "Cylinder.rounding = -0.1: expected"),
+])  # fmt: skip
+def test_a_rounding_that_cannot_be_is_refused(make, said):
+    with refused(said):
+        make()
 
 
 def test_a_mesh_moved_from_the_origin_has_its_centroid():
