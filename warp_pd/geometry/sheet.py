@@ -214,6 +214,7 @@ class Sheet(Shape):
         areas: np.ndarray | None = None,
         spacing: float | None = None,
         outline: Any = None,
+        holes: Named = (),
         graded: bool = False,
     ) -> Sheet:
         """A sheet on any cloud of points; no bond leaves its triangulation.
@@ -231,13 +232,17 @@ class Sheet(Shape):
             spacing: Reference spacing [m]; by default the square root of the mean area of the points.
             outline: A closed curve, as for `Sheet.outline`, or a result of `read_outline`; the Delaunay triangles
                 inside it are then used.
+            holes: Closed curves that the sheet leaves open, as for `Sheet.outline`, with their names; without them a
+                hole of the cloud is covered by triangles if its points lie within 2.5 spacings, or an outline is given.
             graded: Whether the horizon follows the local size of the triangles, instead of `spacing`.
 
         Raises:
             InputError: for coincident points, coordinates that are not finite, wrong array shapes, or points outside
-                the outline.
+                the outline or inside a hole.
         """
-        return Sheet.of(cloud(points, triangles, areas, spacing, outline, graded), thickness=thickness, density=density)
+        return Sheet.of(
+            cloud(points, triangles, areas, spacing, outline, graded, holes), thickness=thickness, density=density
+        )
 
     @staticmethod
     def from_file(
