@@ -66,6 +66,25 @@ def test_foundation_carries_a_pressure_in_every_static_solver(parts, name):
     np.testing.assert_allclose(result.frame.displacement[:, 2], 20.0 / 1e6, rtol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["newton", "newton, multigrid"])
+def test_loads_per_area_act_on_the_clamped_area_of_a_prestretched_sheet(parts, name):
+    """Springs of the scene's own and a dead pressure; the stress-free sheet has half of the area."""
+    sheet = square(19).prestretched(1.6, 1.25)
+    rim = sheet.edges("all")
+    middle = sheet.nearest(0.05, 0.05)
+    result = Simulation(
+        sheet, LAW, SOLVERS[name], loads=[
+            Fixed(rim), Fixed(range(sheet.size), "xy"), Pressure(20.0, follower=False),
+            parts["elastic_foundation"].ElasticFoundation(1e9),
+        ],
+    ).run(device="cpu", precision=64)  # fmt: skip
+    # The foundation is much stiffer than the sheet.
+    assert result.frame.displacement[middle, 2] == pytest.approx(20.0 / 1e9, rel=1e-3)
+    applied = result.built.to_numpy(result.built.state.external)[rim, 2].sum()
+    assert applied == pytest.approx(20.0 * 0.01 * (1.0 - 17**2 / 18**2), rel=1e-9)
+    assert result.built.context.fields["springs"].numpy().sum() == pytest.approx(1e9 * 0.01, rel=1e-9)
+
+
 def test_foundation_lets_a_sheet_swing_at_its_frequency(parts):
     sheet = square(9)
     stiffness = 1e6

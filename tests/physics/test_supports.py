@@ -212,8 +212,9 @@ def test_reactions_of_all_supports_balance_all_loads(load, prestretch):
     row, context = result.history[-1], result.built.context
     applied = result.built.to_numpy(context.state.external)[:, 2].sum()
     assert row["rim_0_z"] + row["rim_1_z"] == pytest.approx(-applied, rel=1e-6)
-    if load == "follower":
-        assert applied == pytest.approx(1.0, rel=1e-3)
+    area, volume = 0.1 * 0.1, 0.1 * 0.1 * 1e-3 / (1.0 if prestretch is None else prestretch**2)
+    exact = {"follower": 100.0 * area, "dead": 100.0 * area, "gravity": 1e5 * volume}[load]
+    assert applied == pytest.approx(exact, rel=1e-3 if load == "follower" else 1e-12)
     found = [support_force(result.built, rim)[2] for rim in rims]
     assert found == pytest.approx([row["rim_0_z"], row["rim_1_z"]], rel=1e-12)
 

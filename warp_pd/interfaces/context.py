@@ -329,6 +329,12 @@ class Context:
         found[:, ~partition.near] = 0
         return found
 
+    @property
+    def areas(self) -> np.ndarray:
+        """Area of each point of the sheet as given by the scene, clamped [m^2], (N,): what loads per area act on."""
+        stretch = self.given.stretch
+        return self.sheet.areas if stretch is None else self.sheet.areas * abs(float(np.linalg.det(stretch)))
+
     def here(self, values: np.ndarray) -> np.ndarray:
         """The part of a whole-sheet point array that belongs to this process."""
         return values if self.partition is None else self.partition.rows(values)

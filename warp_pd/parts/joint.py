@@ -129,7 +129,7 @@ class BuiltJoint(BuiltPart):
             )
         self._here = here = sheet.positions + context.initial_displacement
         self.points, self._corners, self._weights, self._gap = self._places(here)
-        self._areas = sheet.areas[self.points]
+        self._areas = context.areas[self.points]
         self._allocate()
 
     def _places(self, here: np.ndarray) -> tuple[np.ndarray, ...]:

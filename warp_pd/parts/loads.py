@@ -32,8 +32,8 @@ class Pressure(Load):
     Attributes:
         value: Pressure [Pa].
         follower: Whether it acts along the current normal on the current area (F e1 x F e2); otherwise along the
-            reference normal on the reference area (dead load). A damage field reduces a follower pressure by (1 - d)^2:
-            nothing presses on the opening of a tear.
+            normal and on the area of the sheet as given by the scene, of a prestretched sheet as clamped (dead load). A
+            damage field reduces a follower pressure by (1 - d)^2: nothing presses on the opening of a tear.
         ramp: Pairs (time [s], factor), or None for a constant pressure.
     """
 
@@ -52,16 +52,17 @@ class Pressure(Load):
         if self.follower:
             ramp = factor_schedule("Pressure", self.ramp) or context.clock.default_ramp
             return FollowerPressure(self.value, context.clock.register(ramp), context, law)
-        force = (self.value * context.sheet.areas)[:, None] * context.sheet.normals
+        force = (self.value * context.areas)[:, None] * context.sheet.normals
         return DeadLoad("Pressure", context, np.arange(context.sheet.size, dtype=np.int32), force, self.ramp)
 
 
 @dataclass(frozen=True)
 class BodyForce(Load):
-    """A force per reference volume, constant or ramped.
+    """A force per volume of the stress-free sheet, constant or ramped.
 
     Attributes:
-        value: Force density [N/m^3]; for gravity, density times acceleration.
+        value: Force density [N/m^3]; for gravity, density times acceleration. Density and thickness of a prestretched
+            sheet are those of the stress-free one, too, so gravity acts on all its mass.
         ramp: Pairs (time [s], factor), or None for a constant force.
     """
 
