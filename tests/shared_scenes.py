@@ -34,6 +34,7 @@ from warp_pd import (
     TearingEnergy,
     TensionField,
     Visco,
+    Yeoh,
 )
 from warp_pd.device.fields import to_host
 from warp_pd.device.launches import Call, Touched
@@ -41,7 +42,7 @@ from warp_pd.interfaces.communicator import Communicator
 from warp_pd.run.built import compose
 from warp_pd.run.scene_context import partition_of
 
-MATERIAL = MooneyRivlin(5e4, 0.0)
+MATERIAL, STIFFENING = MooneyRivlin(5e4, 0.0), Yeoh(5e4, 5e3)
 SIZE = {"thickness": 1e-3, "density": 1000.0}
 DURATION = 4e-2
 # Points along a side, and those of a lattice whose undamaged families have a kernel of their own on a GPU.
@@ -101,7 +102,9 @@ def law_of(name):
         return Visco(MATERIAL, horizon=horizon, prony=(Prony(3e4, 0.02),))
     if name == "energy":
         return BondAssociated(MATERIAL, horizon=horizon, weights="plain", fast=False)
-    return BondAssociated(TensionField(MATERIAL) if name == "taut" else MATERIAL, horizon=horizon)
+    if name == "taut":
+        return BondAssociated(TensionField(MATERIAL), horizon=horizon)
+    return BondAssociated(STIFFENING if name == "field hole" else MATERIAL, horizon=horizon)
 
 
 def damage_of(name, clamp):

@@ -207,8 +207,9 @@ def test_a_torn_strip_keeps_its_balance(law):
     assert max(abs(row["balance_error"]) for row in history if row["time"] > 0.05) < 0.005
 
 
-def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
-    law = BondAssociated(TensionField(NEO), horizon=2.015)
+@pytest.mark.parametrize("material", [NEO, Yeoh(500.0, 50.0)], ids=["neo-Hookean", "stiffening"])
+def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(material, tmp_path):
+    law = BondAssociated(TensionField(material), horizon=2.015)
     whole = require_same_when_stopped(lambda: torn_strip(law), tmp_path, (40,))
     field = array(whole.built, "damage_field").numpy()
     assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
