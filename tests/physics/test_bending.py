@@ -10,6 +10,7 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
+    MooneyRivlin,
     Motion,
     NeoHookean,
     Newton,
@@ -78,6 +79,18 @@ def test_the_force_is_minus_the_gradient_of_the_energy_and_conserves_momentum(na
         2 * step
     )
     assert slope == pytest.approx(-(force * direction).sum(), rel=1e-6)
+
+
+def test_the_stiffness_of_a_plate_is_that_of_its_material():
+    """D = E h^3 / (12 (1 - nu^2)) at every point, softened where the sheet is."""
+    sheet = square(9, thickness=lambda x, y: THICKNESS * (1.0 + 5.0 * x))
+    sheet = sheet.stiffened(sheet.edges("left"), 0.25)
+    for material, young, poisson in ((BEAM, 2e5, 0.0), (MooneyRivlin(4e4, 1e4), 3e5, 0.5)):
+        law = build(sheet, bending=True, material=material).law
+        assert law.poisson == pytest.approx(poisson, abs=1e-4)
+        exact = young * sheet.thickness**3 / (12.0 * (1.0 - poisson**2)) * sheet.stiffness
+        assert law.stiffness == pytest.approx(exact, rel=1e-4)
+        assert sheet.stiffness.min() == 0.25 and np.ptp(sheet.thickness) > 0.4 * THICKNESS
 
 
 @pytest.mark.parametrize("name", SHEETS)
@@ -251,6 +264,21 @@ def test_two_pieces_of_a_torn_strip_bend_each_on_its_own(name):
     curled = 0.1 * sheet.spacing * np.random.default_rng(1).normal(size=motion.shape)
     still = np.abs(internal_force(built, curled) - internal_force(plain, curled)).max(axis=1)
     assert still[np.abs(x - middle) > 0.02].min() > 0.0
+
+
+def test_a_tear_takes_the_energy_of_bending_of_the_triangles_that_it_cuts():
+    """At rest, all that is missing afterwards."""
+    sheet, radius = square(11), 0.04
+    x, y = sheet.points.T
+    rolled = np.column_stack([radius * np.sin(x / radius), y, radius * (1.0 - np.cos(x / radius))]) - sheet.positions
+    built = build(sheet, bending=True, material=BEAM, damage=CriticalStretch(50.0))
+    before = bending_energy(built, rolled)
+    sever(built, ((0.051, -1.0), (0.051, 0.0501)))
+    built.state.step.assign(np.array([1e-12]))
+    weakened(built)
+    left = bending_energy(built, rolled)
+    assert 0.05 * before < before - left < 0.5 * before
+    assert built.law.lost.numpy().sum() == pytest.approx(before - left, rel=1e-6)
 
 
 def torn_strip(damage, precision=64):

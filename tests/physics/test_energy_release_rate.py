@@ -1,5 +1,7 @@
 """The energy release rate of a crack: in a strip in pure shear, and as the change of energy with its length."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import refused, square
@@ -52,6 +54,19 @@ def test_a_strip_in_pure_shear_releases_its_height_times_its_energy_density(stre
         assert energy_release_rate(built, TIP, (2.0, 0.0), radius) == pytest.approx(exact, rel=0.013)
     # Nothing is released by a crack that does not lie there.
     assert abs(energy_release_rate(built, (3.0 * HEIGHT, 0.5 * HEIGHT), (1, 0), 0.4 * HEIGHT)) < 0.02 * exact
+
+
+def test_only_the_ring_counts_with_its_thickness_and_the_stiffness_that_damage_leaves():
+    """The same displacements of a sheet that is twice as thick outside, all as thick, or damaged evenly."""
+    built, _ = in_pure_shear(1.2, damage=TearingEnergy(1e9, cut_profile=False))
+    radius, sheet = 0.45 * HEIGHT, built.context.sheet
+    whole = energy_release_rate(built, TIP, (1.0, 0.0), radius)
+    far = np.linalg.norm(sheet.points - TIP, axis=1) > 1.2 * radius
+    built.context.sheet = replace(sheet, thickness=np.where(far, 2.0 * THICKNESS, THICKNESS))
+    assert energy_release_rate(built, TIP, (1.0, 0.0), radius) == pytest.approx(whole, rel=1e-12)
+    built.context.sheet = sheet
+    built.law.damage.assign(np.full(sheet.size, 0.3))
+    assert energy_release_rate(built, TIP, (1.0, 0.0), radius) == pytest.approx(0.7**2 * whole, rel=1e-9)
 
 
 def test_damage_around_a_cut_changes_it_little():

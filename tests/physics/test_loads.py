@@ -18,6 +18,42 @@ def test_body_force_makes_the_sheet_fall(ramp):
     assert abs(result.history[-1]["balance_error"]) < 1e-2
 
 
+def test_loads_on_a_sheet_of_any_thickness_accelerate_as_they_should():
+    """Gravity all points alike, whatever their mass; a force on points of one thickness these alike, by their areas."""
+    sheet = square(9, thickness=lambda x, y: 1e-3 * (1.0 + 5.0 * x + 3.0 * y))
+    built = build(sheet, loads=[BodyForce((10.0, 20.0, -9810.0))])
+    acceleration = built.to_numpy(built.state.external) / built.to_numpy(built.state.mass)[:, None]
+    assert acceleration == pytest.approx(np.tile([0.01, 0.02, -9.81], (sheet.size, 1)), rel=1e-12)
+    sheet = square(9)
+    right = sheet.edges("right")
+    built = build(sheet, loads=[PointForce(right, (1.0, 0.0, 2.0))])
+    mass = built.to_numpy(built.state.mass)[right]
+    pushed = built.to_numpy(built.state.external)[right]
+    assert np.ptp(mass) > 0.0
+    assert pushed == pytest.approx(np.outer(mass / mass.sum(), [1.0, 0.0, 2.0]), rel=1e-12)
+
+
+def test_the_matrix_of_a_follower_pressure_in_time_is_the_derivative_of_its_force():
+    sheet = square(7)
+    here = uniform(sheet, [[1.3, 0.2], [0.1, 0.8], [0.4, -0.3]])
+    built = build(sheet, loads=[Pressure(5.0, ramp=[(0.0, 0.3), (1.0, 0.3)])], initial_displacement=here)
+    (load,) = [part for part in built.parts if part.label == "loads: Pressure"]
+    along = np.random.default_rng(0).normal(size=here.shape)
+
+    def force(displacement):
+        built.state.displacement.assign(displacement)
+        built.context.run("setup")
+        return built.to_numpy(built.state.external)
+
+    step = 1e-6 * sheet.spacing
+    slope = (force(here + step * along) - force(here - step * along)) / (2.0 * step)
+    found = (load.tangent_matrix(here) @ along.ravel()).reshape(-1, 3)
+    assert found == pytest.approx(slope, abs=1e-6 * np.abs(slope).max())
+    assert force(here).sum(axis=0) == pytest.approx(
+        0.3 * 5.0 * 0.01 * np.cross([1.3, 0.1, 0.4], [0.2, 0.8, -0.3]), rel=1e-9
+    )
+
+
 def test_point_force_and_dead_pressure_push_with_what_they_say():
     sheet = square(5)
     built = build(sheet, loads=[PointForce([3, 4], (1.0, 2.0, 3.0)), Pressure(7.0, follower=False)])

@@ -109,6 +109,9 @@ def test_the_torque_of_a_turning_support_is_the_slope_of_the_energy():
     # The centre of the edge, about which it turns, has moved with it.
     torque = support_torque(here.built, right, (0.12, 0.015, 0.0))
     assert torque[0] == pytest.approx(slope, rel=1e-5) and slope > 1e-6
+    force, shift = support_force(here.built, right), np.array([0.3, -0.2, 0.5])
+    moved = support_torque(here.built, right, (0.12, 0.015, 0.0) + shift)
+    assert moved == pytest.approx(torque - np.cross(shift, force), rel=1e-9) and force[0] > 0.0
 
 
 INNER, OUTER, THICKNESS = 0.02, 0.05, 1e-3

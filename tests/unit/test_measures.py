@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import refused
+from helpers import NEO, build, exact_stress, internal_force, refused, square, uniform
 
 from warp_pd import Sheet
 from warp_pd.geometry.triangulation import crosses
@@ -14,6 +14,7 @@ from warp_pd.measures import (
     row_at,
     time_above,
     time_below,
+    virial_stress,
     when_above,
     worst_balance,
 )
@@ -136,6 +137,11 @@ def test_what_hangs_at_points_that_tear_out():
     assert line.attached_fraction(intact, held) == pytest.approx(1.0)
     through = torn_by(sheet, ((0.703, -0.1), (0.703, 1.1)))
     assert line.attached_fraction(through, held) == pytest.approx(0.3, abs=0.02)
+    # A tear that takes area with it leaves less of the whole.
+    gone = abs(line.centres[:, 0] - 0.5) > 0.2
+    middle = sheet.within((0.5, 0.5), 0.04)
+    assert line.attached_fraction(gone, held) == pytest.approx(line.areas[line.centres[:, 0] > 0.7].sum(), abs=1e-9)
+    assert line.attached_fraction(gone, middle) == 0.0
     distance = np.hypot(line.centres[:, 0] - 1.0, line.centres[:, 1] - 0.5)
     assert line.attached_fraction(abs(distance - 0.08) > 0.02, held) < 0.01
 
@@ -166,3 +172,11 @@ def test_the_row_at_a_height_runs_from_left_to_right_in_single_precision_too():
     assert len(row) == 21
     assert points[row] == pytest.approx(np.column_stack([np.linspace(0.0, 0.2, 21), np.full(21, 0.05)]), abs=1e-7)
     assert row_at(np.array([[1.0, 0.0], [0.0, 0.0]]), 0.3).tolist() == [1, 0]
+
+
+def test_virial_stress_is_the_nominal_stress_of_a_uniform_stretch():
+    sheet, gradient = square(9), np.array([[1.3, 0.2], [0.1, 0.9], [0.0, 0.0]])
+    built = build(sheet, law={"fast": False})
+    internal_force(built, uniform(sheet, gradient))
+    found = virial_stress(built, sheet.size // 2)
+    assert found == pytest.approx(exact_stress(NEO, gradient)[:2], rel=5e-4)
