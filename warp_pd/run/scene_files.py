@@ -48,7 +48,8 @@ def load_scene(name: str) -> Any:
 
 
 def _load_file(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    # A name that hides no other module.
+    spec = importlib.util.spec_from_file_location(f"warp_pd_scene_{path.stem}", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     # As Python does for a script, so that the file can import modules in its folder.
@@ -57,6 +58,8 @@ def _load_file(path: Path) -> Any:
         sys.path.insert(0, folder)
     with user_code(functools.partial(_said_in, path)):
         try:
+            # Dataclasses look for their module there.
+            sys.modules[module.__name__] = module
             spec.loader.exec_module(module)
         except SyntaxError as error:
             raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None

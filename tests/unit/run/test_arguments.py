@@ -10,7 +10,7 @@ from helpers import refused
 from small_runs import cli
 
 from warp_pd.run.arguments import converted, is_plain, plain, split_values
-from warp_pd.run.scene_files import require_settings
+from warp_pd.run.scene_files import build_scene, require_settings
 
 
 def build(
@@ -92,6 +92,18 @@ def build(points, centre=(0.5, 0.5)):
     measures = [Measure("x", "m", lambda built, frame: centre[0])]
     return Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5)), Explicit(1e-4, frames=1), measures=measures)
 """
+
+
+def test_a_scene_with_a_dataclass_and_postponed_annotations(tmp_path, monkeypatch):
+    """Its module has a name of its own, also if the file is called like another module."""
+    monkeypatch.chdir(tmp_path)
+    text = SCENE.replace(
+        "def build", "@dataclass\nclass Size:\n    width: float = 1.0\n    kind: ClassVar[int] = 1\n\ndef build"
+    )
+    head = "from __future__ import annotations\nfrom dataclasses import dataclass\nfrom typing import ClassVar\n"
+    (tmp_path / "json.py").write_text(head + text.replace("rectangle(1.0,", "rectangle(Size().width,"))
+    assert build_scene("json.py", {"points": 7}).sheet.size == 49
+    assert sys.modules["json"] is json
 
 
 def test_a_scene_with_tuples_and_without_defaults(tmp_path, monkeypatch):
