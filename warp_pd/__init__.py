@@ -5,6 +5,7 @@
 See README.md and the examples in `scenes/`, which are meant to be read and modified.
 """
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .device.lazy import lazy
@@ -71,7 +72,11 @@ if TYPE_CHECKING:
 else:
     __getattr__ = lazy(__name__)
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
+
+# In a clone kernels and scenes are folders beside this one, in an installed package inside.
+if not (Path(__file__).parent / "kernels").is_dir():
+    __path__.append(str(Path(__file__).parents[1]))
 
 __all__ = [
     "ArcLength",

@@ -10,6 +10,7 @@ import contextlib
 import errno
 import gc
 import inspect
+import json
 import os
 import sys
 from pathlib import Path
@@ -17,7 +18,9 @@ from typing import Any
 
 import click
 
+from . import __version__
 from .device.checks import InputError, OutputError, count, one_of, said
+from .run.completion import SceneName, complete_setting
 from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
 from .run.scene_help import SceneCommand
 
@@ -107,7 +110,7 @@ def _open_closed_streams() -> None:
 
 
 @click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="warp-pd")
+@click.version_option(__version__)
 def main() -> None:
     """Peridynamics of thin rubber sheets: stretching, wrinkling, tearing and puncture."""
     gc.set_threshold(COLLECT_AFTER)
@@ -118,6 +121,7 @@ def main() -> None:
 
 
 DEVICE = click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 PRECISION = click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
 
 
@@ -146,7 +150,9 @@ def _of_a_sweep(command: Any) -> Any:
     """Add the options of `sweep` that take comma-separated values."""
     values = "VALUE,VALUE,..."
     assigned = "Comma-separated values of an argument of the scene; tuples in brackets. May be repeated."
-    command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
+    command = click.option(
+        "--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned, shell_complete=complete_setting
+    )(command)
     for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
         command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
     return command
@@ -155,7 +161,7 @@ def _of_a_sweep(command: Any) -> Any:
 def _scene_options(command: Any) -> Any:
     """Add the options common to `run` and `plan`."""
     options = [
-        click.argument("scene"),
+        click.argument("scene", type=SceneName()),
         click.option("--points", type=int, help="Points along x."),
         click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
         click.option(
@@ -173,6 +179,7 @@ def _scene_options(command: Any) -> Any:
             multiple=True,
             metavar="NAME=VALUE",
             help="An argument of the scene; may be repeated.",
+            shell_complete=complete_setting,
         ),
         DEVICE,
         PRECISION,
@@ -183,11 +190,22 @@ def _scene_options(command: Any) -> Any:
 
 
 @main.command("list")
-def list_scenes() -> None:
+@JSON
+def list_scenes(as_json: bool) -> None:
     """List the scenes."""
-    for name in scene_names():
-        text = inspect.getdoc(load_scene(name)) or ""
-        click.echo(f"{name:20s} {text.splitlines()[0]}")
+    found = {name: (inspect.getdoc(load_scene(name)) or "").splitlines()[0] for name in scene_names()}
+    if as_json:
+        _print_json([{"name": name, "description": text} for name, text in found.items()])
+        return
+    for name, text in found.items():
+        click.echo(f"{name:20s} {text}")
+
+
+def _print_json(values: Any) -> None:
+    """Print values as JSON; numbers that are not finite become null."""
+    from .output.finite import finite_values
+
+    click.echo(json.dumps(finite_values(values), indent=2, allow_nan=False))
 
 
 @main.command(cls=SceneCommand)
@@ -212,6 +230,7 @@ def list_scenes() -> None:
 @click.option("--no-restart", is_flag=True, help="Do not write restart.npz; the run cannot be resumed.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
+@click.option("--json", "as_json", is_flag=True, help="Print the contents of summary.json and the folder as JSON.")
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among this number of GPUs.")
 @click.option(
     "--processes",
@@ -223,7 +242,7 @@ def run(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
     resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
     no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool, gpus: int, processes: int,
-    stride: int, no_restart: bool, **named: Any,
+    stride: int, no_restart: bool, as_json: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
@@ -272,7 +291,9 @@ def run(
     except DivergedError as error:
         _say(str(error))
         sys.exit(DIVERGED)
-    if not quiet:
+    if as_json and is_first():
+        _print_json({**result.summary, "folder": str(result.folder)})
+    elif not quiet:
         for line in report(result):
             _tell(line)
     if result.summary["message"]:
@@ -286,7 +307,7 @@ def run(
 
 
 @main.command("sweep", cls=SceneCommand)
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @_of_a_sweep
 @DEVICE
 @PRECISION
@@ -320,13 +341,20 @@ def sweep_values(
 
 @main.command(cls=SceneCommand)
 @_scene_options
+@JSON
 def plan(
-    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, **named: Any
+    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, as_json: bool, **named: Any
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, each with the part that owns it."""
     settings = _settings(assignments, named)
     require_settings(scene, settings)
-    click.echo(build_scene(scene, settings).plan(device, precision))
+    simulation = build_scene(scene, settings)
+    if as_json:
+        from .run.description import plan_values
+
+        _print_json(plan_values(simulation.build(device, precision)))
+    else:
+        click.echo(simulation.plan(device, precision))
 
 
 @main.command("draw")
@@ -394,11 +422,15 @@ def view(folder: Path, out: str | None, points: int | None, frames: int | None) 
 
 @main.command()
 @click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
-def info(file: Path) -> None:
+@JSON
+def info(file: Path, as_json: bool) -> None:
     """Show the contents of a frames.vtkhdf, animation.usd or summary.json, or of a folder with these files."""
-    from .output.info import describe
+    from .output.info import describe, values
 
-    click.echo(describe(file))
+    if as_json:
+        _print_json(values(file))
+    else:
+        click.echo(describe(file))
 
 
 @main.command()
@@ -436,7 +468,7 @@ def bench(
 
 
 @main.command(cls=SceneCommand)
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @click.argument("data", nargs=-1, required=True, metavar="DATA.csv...", type=click.Path(path_type=Path))
 @click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene to fit.")
 @click.option(
@@ -445,7 +477,14 @@ def bench(
 @click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a fitted constant; may be repeated.")
 @click.option("--loss", default="linear", help="linear, or soft_l1 for data with outliers.")
 @click.option("--points", type=int, help="Points along x.")
-@click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="As for `run`, or an initial value.")
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="As for `run`, or an initial value.",
+    shell_complete=complete_setting,
+)
 @DEVICE
 @PRECISION
 @click.option("--out", help="Folder for the results; by default runs/SCENE-fit, or runs/SCENE-fit-2, ...")

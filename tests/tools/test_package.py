@@ -1,9 +1,13 @@
 """The wheel holds kernels and scenes under warp_pd, and works where it is installed."""
 
+import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
+
+import warp_pd
 
 ROOT = Path(__file__).parents[2]
 # Folders of the repository, and where the wheel has them.
@@ -14,7 +18,7 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
     source = tmp_path / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE", *PLACES):
+    for name in ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", *PLACES):
         subprocess.run(["cp", "-r", str(ROOT / name), str(source)], check=True)
     build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(source)]
     subprocess.run(build, check=True, capture_output=True)
@@ -37,6 +41,44 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     where, count = done.stdout.split("\n")[-3:-1]
     assert Path(where).is_relative_to(site)
     assert int(count) == 1
+
+
+def test_a_clone_runs_without_being_installed(tmp_path):
+    """`python -m warp_pd` in the folder of the sources, which hide an installed package."""
+    for name in PLACES:
+        subprocess.run(["cp", "-r", str(ROOT / name), str(tmp_path)], check=True)
+    code = (
+        "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not in str(f)]; sys.path.insert(0, '.');"
+    )
+    code += "import runpy; sys.argv = ['warp-pd', 'plan', 'pressure', '--points', '5', '--device', 'cpu'];"
+    code += f"import warp_pd; assert warp_pd.__file__.startswith({str(tmp_path)!r});"
+    code += "runpy.run_module('warp_pd', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "family_rows" in done.stdout, done.stderr
+
+
+def test_a_source_distribution_has_the_tests(tmp_path):
+    """What a packager of a distribution builds and tests from."""
+    source = tmp_path / "source"
+    source.mkdir()
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, tracked.split("\0")):
+        if (ROOT / name).is_file() and not name.startswith("docs/gallery/"):
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, source / name)
+    build = "import setuptools.build_meta as b; print(b.build_sdist('..'))"
+    done = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True, check=True)
+    file = tmp_path / done.stdout.strip().splitlines()[-1]
+    assert file.name == f"warp_pd-{warp_pd.__version__}.tar.gz"
+    with tarfile.open(file) as archive:
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"tests/unit/test_cli.py", "tests/references/treloar.csv", "tools/check_structure.sh", "CITATION.cff",
+            "kernels/bond_associated.py", "scenes/glove.svg", "LICENSE", "docs/guide.md"} <= inside  # fmt: skip
+
+
+def test_one_version():
+    assert f"version: {warp_pd.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"## [{warp_pd.__version__}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 def test_import_is_lean():

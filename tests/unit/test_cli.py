@@ -2,9 +2,15 @@
 
 import json
 import os
+import re
+import shlex
+import subprocess
+import sys
 
 import pytest
 from small_runs import cli
+
+from warp_pd import BondAssociated, Explicit, NeoHookean, Sheet, Simulation
 
 
 def test_broken_scene_files_end_with_one_line(tmp_path):
@@ -92,3 +98,50 @@ def test_a_scene_of_ones_own(tmp_path):
     done = cli("run", tmp_path / "mine.py", "--set", "speed=0.2", "--quiet", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["settings"] == {"points": 9, "speed": 0.2}
+
+
+def complete(shell, *words):
+    """What a shell is offered for the last word."""
+    line = {"COMP_WORDS": shlex.join(["warp-pd", *words]), "COMP_CWORD": str(len(words))}
+    given = {**os.environ, "_WARP_PD_COMPLETE": f"{shell}_complete", **line}
+    command = [sys.executable, "-c", "from warp_pd.__main__ import main; main(prog_name='warp-pd')"]
+    done = subprocess.run(command, env=given, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    return done.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_names_of_scenes_and_arguments_are_completed(shell, tmp_path):
+    """Those of a file, too, which is not run."""
+    (tmp_path / "mine.py").write_text("raise RuntimeError\ndef build(points=3, *, polish=1): ...\n")
+    assert {"pressure_dynamic", "pressure_static"} <= set(re.split("[,\n]", complete(shell, "run", "pressure_")))
+    assert "follower=" in complete(shell, "run", "pressure", "--set", "fol")
+    found = complete(shell, "sweep", str(tmp_path / "mine.py"), "--set", "po")
+    assert "points=" in found and "polish=" in found
+
+
+def test_json(ball, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    listed = json.loads(cli("list", "--json").stdout)
+    assert {"name": "ball_penetration"}.items() <= listed[0].items() and all(entry["description"] for entry in listed)
+    told = json.loads(cli("info", ball, "--json").stdout)
+    assert told["frames.vtkhdf"]["points"] == 441 and len(told["frames.vtkhdf"]["times"]) == 25
+    summary = json.loads((ball / "summary.json").read_text("utf-8"))
+    assert told["summary.json"]["scene"] == "ball_penetration" and summary.keys() == told["summary.json"].keys()
+    small = ("pressure", "--points", "7", "--horizon", "2.015", "--device", "cpu")
+    plan = json.loads(cli("plan", *small, "--json").stdout)
+    assert sum(int(array["bytes"]) for array in plan["arrays"]) == plan["bytes"] and plan["launches"]
+    done = cli("run", *small, "--json", "--no-pictures", "--no-usd")
+    ran = json.loads(done.stdout)
+    assert done.exit_code == 0 and ran["status"] == "finished" and ran["folder"] == "runs/pressure"
+    refused = cli("info", tmp_path / "nowhere", "--json")
+    assert refused.exit_code == 2 and refused.stdout == ""
+
+
+def test_notes_are_warnings_of_the_logger(caplog):
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=7)
+    scene = Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5)), Explicit(1e-4, frames=1), notes=["a choice"])
+    with caplog.at_level("INFO", "warp_pd"):
+        scene.run(device="cpu")
+    told = [(record.levelname, record.getMessage()) for record in caplog.records if record.name == "warp_pd"]
+    assert ("WARNING", "a choice") in told and any(text.startswith("finished") for _, text in told)

@@ -44,6 +44,29 @@ def describe(path: Path) -> str:
     raise InputError(f"file = {str(path)!r}: expected a .vtkhdf, .usd or .json file")
 
 
+def values(path: Path) -> dict[str, Any]:
+    """The contents of the same files: of a frames.vtkhdf without the frames, a summary.json, or a folder by file name.
+
+    Of an animation only its description.
+    """
+    if path.is_dir():
+        describe(path)
+        known = [p for p in sorted(path.iterdir()) if p.suffix in (".vtkhdf", ".usd") or p.name == "summary.json"]
+        return {p.name: values(p) for p in known}
+    text = describe(path)
+    if path.suffix == ".json":
+        return read_summary(path) or {}
+    if path.suffix == ".vtkhdf":
+        from .vtkhdf import read_series
+
+        found = read_series(path)
+        return {
+            "frames": found.frames, "points": found.points, "times": found.times.tolist(),
+            "faces": found.faces.tolist(), "fields": list(found.fields), "metadata": found.metadata,
+        }  # fmt: skip
+    return {"description": text}
+
+
 def _vtkhdf(path: Path) -> str:
     from .vtkhdf import read_series
 

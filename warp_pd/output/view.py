@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from ..device.checks import count, one_of
 from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
+from .finite import finite_values
 from .packing import Arrays
 from .quantities import choices, column_unit, curves, known_units
 from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
@@ -102,7 +102,7 @@ def page(
     info = read_series(path)
     content = {
         "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
-        "summary": _finite(dict(summary)),
+        "summary": finite_values(dict(summary)),
         "history": _history(history, summary, bool(info.metadata.get("turns"))),
         **frames.content,
     }
@@ -184,7 +184,7 @@ def _history(history: Sequence[Mapping[str, float]], summary: Mapping[str, Any],
     """Columns of the history and their grouping into graphs; rows are numbered if the load factor `turns`."""
     if not history:
         return {"columns": {}, "graphs": []}
-    columns = {name: [_finite(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
+    columns = {name: [finite_values(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
     if turns:
         columns["time"] = [float(k) for k in range(len(history))]
     graphs = curves(list(columns), summary.get("measures", {}), known_units(summary))
@@ -204,15 +204,6 @@ def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[
     return lines
 
 
-def _finite(value: Any) -> Any:
-    """Convert a value for JSON: NaN and infinity become None."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
-
-
 def _part(name: str) -> str:
     return (files("warp_pd.output") / "page" / name).read_text(encoding="utf-8")
 
@@ -228,6 +219,7 @@ def _html(content: Mapping[str, Any], arrays: Arrays, shared: str | None) -> str
         "STYLE": style,
         "DATA": f'<script type="application/json" id="content">{data}</script>\n{texts}',
         "SCRIPTS": scripts,
+        "LICENSES": _part("LICENSES.txt"),
     }
     pieces = _part("page.html").split("%%")
     return "".join(filled[piece] if k % 2 else piece for k, piece in enumerate(pieces))

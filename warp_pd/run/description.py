@@ -84,6 +84,10 @@ def units_of(built: Built) -> dict[str, str]:
     return units | {item.name: item.unit for item in built.simulation.measures}
 
 
+ARRAYS = ("name", "shape", "type", "bytes", "per", "in restart", "asked for by")
+LAUNCHES = ("stage", "kernel", "threads", "asked for by", "how often")
+
+
 def plan(built: Built) -> str:
     """Every array and every launch of a simulation, with the part that owns it, as text.
 
@@ -92,18 +96,39 @@ def plan(built: Built) -> str:
     context, points = built.context, built.context.sheet.size
     lines = [f"{built.simulation.scene}: {points} points, float{context.bits}"]
     lines += [f"{built.law.label}: {built.law.force_path}", "", "arrays"]
-    rows = [
+    lines += _table(ARRAYS, _arrays(built))
+    total = context.fields.nbytes
+    lines += [f"  {total} bytes, {total / points:.1f} per point", "", "launches"]
+    return "\n".join(lines + _table(LAUNCHES, _launches(built)))
+
+
+def plan_values(built: Built) -> dict[str, Any]:
+    """The contents of `plan`: entries "scene", "points", "precision", "force_path", "bytes", "arrays", "launches"."""
+    context = built.context
+    return {
+        "scene": built.simulation.scene,
+        "points": context.sheet.size,
+        "precision": context.bits,
+        "force_path": f"{built.law.label}: {built.law.force_path}",
+        "bytes": context.fields.nbytes,
+        "arrays": [dict(zip(ARRAYS, row, strict=True)) for row in _arrays(built)],
+        "launches": [dict(zip(LAUNCHES, row, strict=True)) for row in _launches(built)],
+    }
+
+
+def _arrays(built: Built) -> list[tuple[str, ...]]:
+    return [
         (
             s.name, "x".join(map(str, s.array.shape)), _type_name(s.array.dtype), f"{s.nbytes}", s.field.per,
             "yes" if s.field.restart else "", s.owner,
         )
-        for s in context.fields
+        for s in built.context.fields
     ]  # fmt: skip
-    lines += _table(("name", "shape", "type", "bytes", "per", "in restart", "asked for by"), rows)
-    total = context.fields.nbytes
-    lines += [f"  {total} bytes, {total / points:.1f} per point", "", "launches"]
-    launches = []
-    for stage in context.stages.values():
+
+
+def _launches(built: Built) -> list[tuple[str, ...]]:
+    launches: list[tuple[str, ...]] = []
+    for stage in built.context.stages.values():
         counted = Counter((x.name, x.threads, x.owner, x.every, x.since) for x in stage)
         for (name, threads, owner, every, since), times in counted.items():
             often = stage.when if every == 1 else f"{stage.when}, once in {every}"
@@ -114,8 +139,7 @@ def plan(built: Built) -> str:
             joined = stage.wraparound
             when = "between two steps, for the end and the beginning"
             launches.append((stage.name, joined.name, f"{joined.threads}", joined.owner, when))
-    lines += _table(("stage", "kernel", "threads", "asked for by", "how often"), launches)
-    return "\n".join(lines)
+    return launches
 
 
 def _type_name(dtype: object) -> str:

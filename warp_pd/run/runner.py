@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -47,6 +48,10 @@ from .scene_context import partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
+
+# For those who use the library: its notes are warnings. Without a handler of theirs nothing is printed.
+LOG = logging.getLogger("warp_pd")
+LOG.addHandler(logging.NullHandler())
 
 # Advice if the search stopped between no load and the full load.
 LIMIT_POINT = (
@@ -153,6 +158,7 @@ def _run(
     communicator.barrier(lambda: require_gatherable(points, folder is not None and files.restarts))
     known = None if folder is None else restart.identity(scene, built)
     saved = communicator.broadcast(communicator.barrier(lambda: _saved(folder, known, resume, files, built)))
+    LOG.info("%s", headline(built))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = communicator.root_first(built.context.compile)
@@ -197,6 +203,9 @@ def _run(
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = communicator.broadcast(communicator.root(finish)) or ({}, [], [], None)
+    for note in summary.get("notes", ()):
+        LOG.warning("%s", note)
+    LOG.info("%s: %s", status, message)
     result = Result(summary, history, built, last.in_double(), folder)
     result.fine_history = fine
     return result

@@ -83,13 +83,18 @@ def require_settings(name: str, settings: Mapping[str, Any]) -> None:
     checked by `build_scene` alone.
     """
     require_scene(name)
-    if name.endswith(".py"):
-        file = Path(name)
-    else:
-        file = Path(importlib.import_module("warp_pd.scenes").__path__[0]) / f"{name}.py"
-    written = WrittenBuild.of(file)
+    written = WrittenBuild.of(scene_file(name))
     if written is not None:
         written.check(_values(name, settings, written.parameters))
+
+
+def scene_file(name: str) -> Path:
+    """The file of a scene, given its name or its Python file."""
+    return (
+        Path(name)
+        if name.endswith(".py")
+        else Path(importlib.import_module("warp_pd.scenes").__path__[0], f"{name}.py")
+    )
 
 
 def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:

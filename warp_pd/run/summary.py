@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import itertools
 import platform
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import __version__
 from ..device import kernel_cache
 from ..device.checks import InputError, said
 from ..interfaces import History
@@ -137,7 +137,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "status": status,
         "message": message,
         "settings": scene.settings,
-        "version": importlib.metadata.version("warp-pd"),
+        "version": __version__,
         "commit": commit_of(Path(__file__).parents[2]),
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": platform.node(),

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 from pathlib import Path
 
 import warp as wp
 
-from .. import kernels
+from .. import __version__, kernels
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -26,8 +25,7 @@ def code_version() -> str:
             name = file.relative_to(folder).as_posix()
             if not name.startswith(("scenes/", "kernels/")):
                 text.update(f"{name}\n".encode() + file.read_bytes().replace(b"\r\n", b"\n"))
-    version = importlib.metadata.version("warp-pd")
-    return f"warp-pd {version} {text.hexdigest()[:12]}, Warp {wp.config.version}"
+    return f"warp-pd {__version__} {text.hexdigest()[:12]}, Warp {wp.config.version}"
 
 
 def commit_of(checkout: Path) -> str | None:
