@@ -24,7 +24,7 @@ from warp_pd import (
     TriangleMesh,
 )
 
-NAMES = ("elastic_foundation", "weak_seam", "torus", "obj_writer")
+NAMES = ("elastic_foundation", "normal_stress", "weak_seam", "stress_limit", "torus", "obj_writer")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def parts(tmp_path_factory):
     return {name: own_parts.load(name, folder) for name in NAMES}
 
 
-def test_page_has_four_parts_of_less_than_sixty_lines():
+def test_page_has_six_parts_of_less_than_sixty_lines():
     lines = {name: len([x for x in text.splitlines() if x.strip()]) for name, text in own_parts.sources().items()}
     assert set(lines) == set(NAMES)
     assert max(lines.values()) < 60, lines
@@ -178,6 +178,49 @@ def test_an_even_seam_is_the_critical_stretch(parts):
     )
     assert (own.law.intact.numpy() == ours.law.intact.numpy()).all()
     assert own.to_numpy(own.rupture.damage).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("solver", "ramp"), [(Newton(load_steps=2), None), (Explicit(0.02, frames=2), [(0, 0), (0.02, 1)])]
+)
+def test_an_own_load_follows_load_factor_and_ramp(parts, solver, ramp, tmp_path):
+    """As a dead pressure of the same size does, at every frame."""
+    sheet = square(11)
+    rim = sheet.edges("all")
+    own, ours = (
+        Simulation(sheet, LAW, solver, loads=[Fixed(rim), load]).run(
+            device="cpu", precision=64, out=tmp_path / name, usd=False, view=False, pictures=False
+        )
+        for name, load in (
+            ("own", parts["normal_stress"].NormalStress(np.full(sheet.size, 20.0), ramp)),
+            ("ours", Pressure(20.0, follower=False, ramp=ramp)),
+        )
+    )
+    for first, second in zip(own.frames, ours.frames, strict=True):
+        np.testing.assert_allclose(first.displacement, second.displacement, rtol=1e-6, atol=1e-12)
+    assert 0.0 < np.abs(own.frames[1].displacement).max() < np.abs(own.frames[-1].displacement).max()
+
+
+@pytest.mark.parametrize(
+    "solver", [Explicit(0.2, frames=8), Relaxation(tolerance=1e-4)], ids=["explicit", "relaxation"]
+)
+def test_a_sheet_tears_where_its_stress_passes_the_limit(parts, solver):
+    sheet = square(11)
+    in_plane = [Fixed(sheet.where(lambda x, y: (x > 0.0) & (x < 0.1)), components="yz")]
+    simulation = pulled(sheet, solver, None, LAW, in_plane)
+    simulation.fields = ("first_piola",)
+    frame = simulation.run(device="cpu", precision=64).frame
+    largest = frame.point_data["first_piola_1"].max()
+    for share in (1.5, 0.9):
+        limit = parts["stress_limit"].StressLimit(share * largest)
+        built = pulled(sheet, solver, limit, LAW, in_plane).run(device="cpu", precision=64).built
+        assert (built.to_numpy(built.rupture.damage).max() > 0.3) == (share < 1.0)
+
+
+def test_a_law_without_a_stress_is_refused(parts):
+    limit = parts["stress_limit"].StressLimit(1e6)
+    with refused(match="expected a law with the field first_piola"):
+        pulled(square(9), Explicit(0.1), limit, BondBased(Bimodular(3.0 * MU), horizon=2.015)).plan("cpu")
 
 
 def ring(parts, start, velocity, duration):

@@ -1,8 +1,13 @@
 """Rigid inclusions: they move as bodies, and keep momentum and energy."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from helpers import BULK, MU, refused, square
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from small_runs import run
 
 from warp_pd import BodyForce, BodyPath, Circle, Explicit, Fixed, Motion, RigidBody, Sheet, Sphere
@@ -79,6 +84,48 @@ def test_an_inclusion_that_would_deform_is_refused(name):
     strained[:, 0] = 0.1 * sheet.points[:, 0]
     with refused(match=rf"{name} of point \d+ = .*expected a rigid motion of its rigid inclusion"):
         run(sheet, **{name: strained})
+
+
+def test_rounding_of_an_inclusion_that_stays_is_no_strain():
+    sheet = square(9).inclusion((0.05, 0.05), 0.02)
+    moved = 0.01 * (sheet.positions - sheet.positions[40])
+    moved[sheet.inclusions[0]] = 1e-19 * np.arange(3 * len(sheet.inclusions[0])).reshape(-1, 3)
+    run(sheet, initial_displacement=moved, solver=Explicit(1e-4, frames=1))
+
+
+def around_an_insert(radius, insert, stretch, at):
+    """Radii [m] of circles, of radius `at` before, in a stretched neo-Hookean disc with a rigid centre."""
+
+    def slopes(r, state):
+        along, around = state[1], state[0] / r
+        apart = (around - around**-3 * along**-2) - (along - along**-3 * around**-2)
+        turned = 2.0 * along**-3 * around**-3 * (along - around)
+        return along, (apart - turned) / (r * (1.0 + 3.0 * along**-4 * around**-2))
+
+    def shot(first):
+        return solve_ivp(slopes, (insert, radius), (insert, first), rtol=1e-10, atol=1e-12, dense_output=True)
+
+    first = brentq(lambda first: shot(first).y[0, -1] - stretch * radius, 1.05, 3.0)
+    return shot(first).sol(at)[0]
+
+
+def test_a_rigid_insert_in_a_stretched_sheet_is_where_it_was():
+    """The example of docs/shapes.md."""
+    page = (Path(__file__).parents[2] / "docs" / "shapes.md").read_text()
+    (code,) = re.findall(r"```python title=\"a disc with a rigid centre[^\n]*\n(.*?)```", page, re.DOTALL)
+    names = {}
+    exec(compile(code, "shapes", "exec"), names)
+    sheet, r = names["sheet"], names["r"]
+    result = names["simulation"].run(device="cpu", precision=64)
+    moved = result.frame.displacement
+    assert result.status == "finished" and np.abs(moved[sheet.inclusions[0]]).max() < 1e-5
+    between = names["between"]
+    found = np.hypot(*(sheet.points + moved[:, :2])[between].T)
+    exact = around_an_insert(0.05, 0.015, 1.3, r[between])
+    np.testing.assert_allclose(found, exact, atol=0.015 * 0.3 * 0.05)
+    # The start, in which each radius has the same stretch, is further off.
+    start = np.hypot(*(sheet.points + names["outward"][:, :2])[between].T)
+    assert np.abs(start - exact).max() > 2.0 * np.abs(found - exact).max()
 
 
 def test_an_inclusion_starts_where_its_points_are():

@@ -49,7 +49,8 @@ FITS = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / "fitting.md").r
 
 
 @pytest.mark.parametrize("code", [code for code in FITS if "tearing_energy" not in code])
-def test_examples_of_fits_run(code, capsys):
+def test_examples_of_fits_run(code, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     exec(compile(textwrap.dedent(code), "fitting", "exec"), {})
     assert capsys.readouterr().out
 

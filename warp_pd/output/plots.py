@@ -38,6 +38,8 @@ PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 LOWEST, TALLEST = 0.3, 1.4
 # Shorter over longer side of a picture from above, at least; room for the label of a tick across and upwards [inches].
 THINNEST, TICK, TICK_UP = 0.15, 0.75, 0.3
+# The shorter side is drawn so many times as large, at most: a bar has none.
+MOST_GROWN = 100.0
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
 TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
@@ -102,10 +104,11 @@ def from_above(
     scale = scale_of(frames, field, label or field_label(field), limits)
     corners = np.concatenate([f.points[f.framed, :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = 0.03 * (high - low).max()
-    extent = high - low + 2.0 * margin
+    longest = float((high - low).max())
     # The shorter side of a strip is drawn larger, so that it can be seen.
-    grown = np.maximum(1.0, THINNEST * extent.max() / extent)
+    grown = np.clip(THINNEST * longest / np.maximum(high - low, 1e-300), 1.0, MOST_GROWN)
+    margin = 0.03 * longest / grown
+    extent = high - low + 2.0 * margin
     shape = float(np.divide(*(extent * grown)[::-1]))
     wide = (6.0 if columns == 1 else 4.2) * min(1.0, 1.5 / shape)
     size = (wide, wide * shape)
@@ -117,7 +120,7 @@ def from_above(
     for axes, frame in zip(panels, frames, strict=True):
         axes.set_aspect(grown[1] / grown[0])
         axes.set_title("\n".join([frame.when, *told]), fontsize=10)
-        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+        axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
         _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen, size)
         for vertices, _ in frame.bodies:
             # A larger body would hide the sheet, and the lines of this one could not be seen.

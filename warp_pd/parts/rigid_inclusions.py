@@ -22,6 +22,8 @@ from ..kernels.rigid import rigid_inclusions
 OWNER = "rigid inclusions"
 # Largest deviation of displacements or velocities of an inclusion from those of a rigid body, over the largest of them.
 RIGID_WITHIN = 1e-6
+# Deviation that is rounding, over the largest of all points.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +79,14 @@ class BuiltInclusions(BuiltPart):
             place.append(m @ u / m.sum())
             turned = _rotation(arm, u - place[-1], m)
             rotation.append(turned)
-            _require_rigid("initial_displacement", u, place[-1] + arm @ turned.T - arm, members)
+            _require_rigid(
+                "initial_displacement", context.initial_displacement, place[-1] + arm @ turned.T - arm, members
+            )
             arm = arm @ turned.T
             linear.append(m @ v)
             angular.append(m @ np.cross(arm, v))
             omega = turned @ inertia[-1] @ turned.T @ angular[-1]
-            _require_rigid("initial_velocity", v, linear[-1] / masses[-1] + np.cross(omega, arm), members)
+            _require_rigid("initial_velocity", velocity, linear[-1] / masses[-1] + np.cross(omega, arm), members)
         begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
 
         def table(name: str, dtype: Any, values: np.ndarray) -> Any:
@@ -173,10 +177,13 @@ def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.nda
     return np.asarray(found.as_matrix())
 
 
-def _require_rigid(name: str, given: np.ndarray, rigid: np.ndarray, members: np.ndarray) -> None:
+def _require_rigid(name: str, every: np.ndarray, rigid: np.ndarray, members: np.ndarray) -> None:
+    """Check the values of an inclusion's points, `members`, among those of all points, but for rounding."""
+    given = every[members]
     off = np.linalg.norm(given - rigid, axis=1)
     worst = int(off.argmax())
-    if off[worst] > RIGID_WITHIN * np.linalg.norm(given, axis=1).max():
+    largest, own = (np.linalg.norm(values, axis=1).max() for values in (every, given))
+    if off[worst] > max(RIGID_WITHIN * own, ROUNDING * largest):
         raise InputError(
             f"{name} of point {members[worst]} = {given[worst]}: expected a rigid motion of its rigid inclusion, "
             f"which is {rigid[worst]} there"
