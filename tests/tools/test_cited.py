@@ -95,6 +95,14 @@ def test_cited_files_exist(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_no_number_is_of_a_tool_that_is_gone(page):
+    """A reader cannot make it again."""
+    words = re.sub(r"\s+", " ", page.read_text())
+    gone = r".{40}(?:last in (?:commit )?[0-9a-f]{7}|with the tool of commit|tool (?:that )?has been removed).{20}"
+    assert not re.findall(gone, words)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_cited_commands_have_these_arguments(page):
     text = page.read_text()
     wrong = {command: why for command in commands(text) if (why := problem(command, text))}
