@@ -360,6 +360,17 @@ def test_a_start_beyond_the_strength_is_one_line():
         ).run(device="cpu")
 
 
+def test_a_start_far_beyond_the_strength_is_known_without_compiling():
+    """From the triangles, to the digit for a uniform stretch; also as a prestretch."""
+    sheet = square(9)
+    start = uniform(sheet, [[1.9, 0.0], [0.0, 1.9], [0.0, 0.0]])
+    message = r"the sheet starts with ([0-9.e+]+) J/m\^3"
+    for at, more in ((sheet, {"initial_displacement": start}), (sheet.prestretched(1.9), {})):
+        scene = Simulation(at, BondAssociated(NEO), Explicit(1e-3, frames=1), damage=TearingEnergy(5.0), **more)
+        with refused(match=message):
+            scene.build("cpu")
+
+
 def test_a_crack_may_start_above_the_strength_beside_its_tip_and_there_alone():
     sheet = square(21).cut((-0.01, 0.0475), (0.0225, 0.0475))
     x, y = sheet.points.T

@@ -19,6 +19,20 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
         ("build = 3\n", "no function build"),
         ("def build(): return 3\n", "build returned int"),
         ("import numpyy\n", "line 1: ModuleNotFoundError"),
+        (
+            "from warp_pd import *\n\ndef build():\n    return Fixed([0], component='x')\n",
+            "line 4: TypeError: Fixed.__init__() got an unexpected keyword argument 'component' (did you mean "
+            "'components'?)",
+        ),
+        (
+            "from warp_pd import *\n\ndef build():\n    return Sheet.rectangle(1.0, 1.0, thicknes=1.0)\n",
+            "unexpected keyword argument 'thicknes' (did you mean 'thickness'?)",
+        ),
+        (
+            "from warp_pd import *\n\ndef build():\n    return Sheet.rectangle(1, 1, thickness=1, density=1, points=9)"
+            ".edges('lefft')\n",
+            "edge = 'lefft': expected one of 'left', 'right', 'bottom', 'top', 'all' (did you mean",
+        ),
         ("def build():\n    return sheet()\n\n\ndef sheet():\n    return Sheet(3)\n", "line 6: NameError"),
     ):
         (tmp_path / "mine.py").write_text(text)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..device.checks import InputError
+from ..device.checks import one_of
 from .shape import Shape
 
 SIDES = ("left", "right", "bottom", "top")
@@ -25,7 +25,7 @@ def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
         if name == "all" and name not in known:
             known["all"] = whole_edge(shape, known)
         if name not in known:
-            raise InputError(f"edge = {name!r}: expected {', '.join(map(repr, {**known, 'all': None}))}")
+            one_of("edge", name, {**known, "all": None})
         chosen[known[name]] = True
     return np.flatnonzero(chosen)
 

@@ -112,6 +112,7 @@ class BuiltLaw(BuiltPart, Protocol):
         partial_energy: Warp function of what every n-th member adds to this energy, if the law has one.
         needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
         goes_slack: Whether the material carries nothing in compression.
+        slack_stiffness: Stiffness that the material keeps where it is slack [Pa].
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
             stiffer in other states, such as a bimodular one; None for other laws.
         other_families: The families that are not undamaged, a struct `OtherFamilies` of kernels/damage_field.py, if a
@@ -135,6 +136,7 @@ class BuiltLaw(BuiltPart, Protocol):
     partial_energy: wp.Function | None
     needs_finest: str
     goes_slack: bool
+    slack_stiffness: float
     slack_frequency: float | None
     other_families: Any | None = None
     damage: Array | None = None

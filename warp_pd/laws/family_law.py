@@ -141,6 +141,7 @@ class FamilyLaw(BuiltLaw):
                 f"force = {type(law).__name__}: expected a material without {name}, or the force BondAssociated"
             )
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
+        self.slack_stiffness = known.slack_stiffness
         constants = padded_constants(law.material)
         self.constants = context.types.constants(len(constants))(*constants)
         self.inverse_horizon = 1.0 / families.horizon

@@ -75,6 +75,11 @@ class ByRegion(PlaneStress):
         return all(known.goes_slack for known in self._known)
 
     @property
+    def slack_stiffness(self) -> float:
+        """The smallest of the materials [Pa]."""
+        return min(known.slack_stiffness for known in self._known)
+
+    @property
     def lock(self) -> float | None:
         """The smallest `lock` of the materials [-]; None if no material has one."""
         return min((known.lock for known in self._known if known.lock is not None), default=None)

@@ -105,6 +105,9 @@ class BodyChecks(BuiltPart):
         sheet = self.context.sheet
         u = np.asarray(self.context.state.displacement.numpy(), np.float64)
         position, corners = sheet.positions + u, sheet.triangles
+        torn = torn_since(self._at_start, self.law)
+        # The sides of a tear are far apart, and a body between them passes no sheet.
+        whole = corners if torn is None else corners.compress(~of_any_corner(torn, corners), axis=0)
         centres: dict[str, np.ndarray] = {}
         met: set[tuple[str, ...]] = set()
         for body in self.bodies:
@@ -112,11 +115,11 @@ class BodyChecks(BuiltPart):
             if thickness is None:
                 continue
             centres[body.label] = pose[:3]
-            if body.between_points and self._is_thin(body, thickness, position, corners):
+            if body.between_points and self._is_thin(body, thickness, position, whole):
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
-                if passes(before - centre, position - pose[:3], corners, torn_since(self._at_start, self.law)):
+                if passes(before - centre, position - pose[:3], corners, torn):
                     met.add(("passed", body.label))
         self._before = position, centres
         return met

@@ -29,6 +29,7 @@ from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import DEFAULT_LENGTH, Density, FieldConstants, relaxations
 from .field_screen import screen_of
 from .rupture import AT_REST, Damaged
+from .start_energy import density_at_start
 from .weak_seams import narrow_seam
 
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
@@ -37,6 +38,8 @@ MOST_AT_START, GROWN = 0.98, 1e-3
 SEVERED = 0.96
 # Distance from initial damage up to which intact material may start above its strength, in lengths of the field.
 BESIDE = 4.0
+# Energy density over the strength, by triangles, from which a start is above the strength for certain.
+SURELY = 1.5
 # The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
 # from there; see docs/tearing-energy.md for the effect of more sweeps.
 INTERVAL = 2
@@ -242,6 +245,29 @@ class DamageField(Damaged):
             softened = self.constants.softened(self._least)
             self._softening = context.array("softening", self.owner, real, softened, restart=True, own_exchange=True)
         law.soften(self._softening, self._near)
+        self._refuse_early(law)
+
+    def _refuse_early(self, law: BuiltLaw) -> None:
+        """Refuse a start far above the strength before kernels are compiled; `begin` is exact."""
+        context = self.context
+        one_material = not (context.regions or context.by_point or context.remembers)
+        alike = one_material and self.spared is None and context.partition is None
+        if not alike or not context.initial_displacement.any():
+            return
+        density = density_at_start(context, law) * self._fastest / self.constants.units
+        density[points_near(context.whole.points, self._at_start > 0.0, BESIDE * self.length)] = 0.0
+        if density.max(initial=0.0) > SURELY:
+            self._refuse_start(float(density.max()))
+
+    def _refuse_start(self, times: float) -> None:
+        """Raise InputError for a start at so many times the strength."""
+        begins = f"{times * self.limit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
+        if np.ndim(self._energy):
+            begins = f"{times:.3g} times the strength of a point"
+        raise InputError(
+            f"damage = TearingEnergy: the sheet starts with {begins} that a length of {self.length:.3g} m "
+            f"stands for; expected a shorter length or a larger energy"
+        )
 
     def _declare(self, profile: np.ndarray) -> None:
         """Declare the arrays of the field, whose damage at the start is `profile`, and of the list of points."""
@@ -538,13 +564,7 @@ class DamageField(Damaged):
             driving[self.context.here(points_near(whole.points, damaged, BESIDE * self.length))] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
-            begins = f"{most * self._fastest * self.limit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
-            if np.ndim(self._energy):
-                begins = f"{most * self._fastest:.3g} times the strength of a point"
-            raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {begins} that a length of {self.length:.3g} m "
-                f"stands for; expected a shorter length or a larger energy"
-            )
+            self._refuse_start(most * self._fastest)
 
     def fingerprint(self) -> str:
         """A hash of the tearing energies if they vary, because functions of the same name may differ."""

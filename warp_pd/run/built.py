@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -22,7 +23,7 @@ from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
 from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
-from .scene import Scene
+from .scene import Outcome, Scene
 from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state
 
 
@@ -152,6 +153,34 @@ def _check_columns(scene: Scene, built: Built) -> None:
     for name in [*(m.name for m in scene.measures), *(o.name for o in scene.outcomes)]:
         if name in taken:
             raise InputError(f"measures: {name!r} is already a column of the history: expected another name")
+    measured = [m.name for m in scene.measures]
+    for outcome in scene.outcomes:
+        _check_outcome(outcome, [*sorted(taken), *([] if outcome.fine and scene.has_fine_history else measured)])
+
+
+class _TrialRow(dict[str, float]):
+    """A row of the history whose numbers mean nothing; a column that no row has raises InputError."""
+
+    def __missing__(self, name: object) -> float:
+        one_of("column", name, self)
+        raise KeyError(name)
+
+
+def _check_outcome(outcome: Outcome, columns: Sequence[str]) -> None:
+    """Check that an outcome reads columns that the history will have.
+
+    Raises:
+        InputError: if it does not, with the columns that it may have meant.
+    """
+    rows = [_TrialRow(dict.fromkeys(columns, float(k))) for k in range(3)]
+    try:
+        outcome.value(rows)
+    except InputError as error:
+        if str(error).startswith("column = "):
+            raise InputError(f"Outcome {outcome.name!r}: {error}") from None
+    except Exception:
+        # The numbers of the trial mean nothing: only what the history lacks is known before the run.
+        pass
 
 
 def _add_stages(built: Built) -> None:

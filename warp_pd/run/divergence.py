@@ -14,6 +14,8 @@ from .built import Built
 MAX_GAIN = 0.5
 # A step so much shorter than the stable one is not why a run diverged.
 SHORT = 1.0 / 16.0
+# Mean square of a motion that moves nothing, over the square of the size of the sheet; angle of a large turn.
+NOTHING, LARGE_TURN = 1e-12, 0.5
 # Change of the energy balance between two frames, over the same, above which the steps are too long; and the change
 # above which they are if the balance is off by more than MAX_CHANGE already, and becomes worse.
 MAX_CHANGE, MAX_DRIFT = 0.01, 0.001
@@ -117,17 +119,42 @@ class Soundness:
 
 
 def free_motions(built: Built) -> int:
-    """Number of rigid-body motions that the supports leave free, 0 to 6."""
+    """Number of rigid-body motions that the supports leave free, 0 to 6; a turn is free if it may be large."""
     at = built.context.whole.positions
     at = at - at.mean(axis=0)
+    at = at / max(float(np.abs(at).max()), 1e-300)
     held = np.zeros(at.shape, bool)
     for constraint in built.constraints:
         held[constraint.points] |= [bool(constraint.components & (1 << c)) for c in range(3)]
     shift = np.broadcast_to(np.eye(3)[:, None], (3, *at.shape))
-    turn = np.cross(np.eye(3)[:, None], at[None] / max(float(np.abs(at).max()), 1e-300))
-    modes = np.concatenate([shift, turn]).reshape(6, -1)
+    modes = np.concatenate([shift, np.cross(np.eye(3)[:, None], at[None])]).reshape(6, -1)
+    free = _unmoved(modes[:, held.ravel()])
+    # Points on a line do not notice a turn about it.
+    unseen = _unmoved(modes)
+    free = free - unseen @ (unseen.T @ free)
+    free = np.linalg.svd(free, full_matrices=False)[0][:, : free.shape[1] - unseen.shape[1]]
+    # Free translations first: what is left of each other motion turns the sheet.
+    combined = np.linalg.svd(free[3:])[2].T if free.shape[1] else np.zeros((0, 0))
+    return sum(_stays_free(*(free @ combined[:, k]).reshape(2, 3), at, held) for k in range(free.shape[1]))
 
-    def rank(some: np.ndarray) -> int:
-        return int(np.linalg.matrix_rank(some @ some.T / at.size, 1e-12, hermitian=True))
 
-    return rank(modes) - rank(modes[:, held.ravel()])
+def _unmoved(modes: np.ndarray) -> np.ndarray:
+    """Combinations of six motions, one a column, that move none of the components; `modes` has shape (6, K)."""
+    values, vectors = np.linalg.eigh(modes @ modes.T / max(modes.shape[1], 1))
+    return np.asarray(vectors[:, values < NOTHING])
+
+
+def _stays_free(shift: np.ndarray, turn: np.ndarray, at: np.ndarray, held: np.ndarray) -> bool:
+    """Whether a motion that moves no held component if it is small moves none if it is large."""
+    size = float(np.linalg.norm(turn))
+    if size < 1e-6 * float(np.linalg.norm(shift)):
+        return True
+    axis = turn / size
+    foot = np.cross(axis, shift) / size
+    along = float(shift @ axis) / size
+    arm = at - foot
+    across = np.cross(axis, arm)
+    moved = (
+        np.sin(LARGE_TURN) * across + (1.0 - np.cos(LARGE_TURN)) * np.cross(axis, across) + along * LARGE_TURN * axis
+    )
+    return float(np.abs(moved[held]).max(initial=0.0)) < 1e-6

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, kind_and_text, user_code
+from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import Array
 from ..interfaces import FrameReport, History, Writer
 from ..interfaces.frame import Frame, format_time
@@ -25,6 +25,8 @@ from .version import code_version
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
+# Errors of a measure that fails in every frame; others, such as a division by zero, may be those of the first alone.
+ALWAYS = (AttributeError, ImportError, KeyError, NameError, TypeError)
 
 
 class FineHistory:
@@ -285,6 +287,8 @@ class Recorder:
             try:
                 reported = number_of(measure, built, frame)
             except InputError as error:
+                if frame.index == 0 and isinstance(error.__cause__, ALWAYS):
+                    raise InputError(f"Measure {measure.name!r}: {error}") from error
                 # The other numbers of the run must not go with this one.
                 reported = None
                 self._miss(measure, frame, error)
@@ -305,5 +309,5 @@ def number_of(item: Reported, *arguments: Any) -> float | None:
         value = item.value(*arguments)
     try:
         return None if value is None else float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"it returned {value!r}: expected a number") from None
+    except (TypeError, ValueError) as error:
+        raise InputError(f"it returned {said(value)}: expected a number") from error

@@ -14,6 +14,7 @@ from ..interfaces.frame import Frame
 from ..output.notebook import Page, data_frame, html_table
 from .built import Built
 from .description import result_rows, units_of
+from .summary import WHOLE_RUN
 
 if TYPE_CHECKING:
     from ..output.frames import Frames
@@ -138,12 +139,16 @@ def report(result: Result) -> Iterator[str]:
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
             wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)
-            yield f"{name} = none: {'see above' if wrong else 'the event did not occur'}"
+            missing = "the event did not occur" if m["of"] == WHOLE_RUN else "no number in the last frame"
+            yield f"{name} = none: {'see above' if wrong else missing}"
             continue
-        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
+        unit = "" if m["unit"] == "1" else f" {m['unit']}"
+        line = f"{name} = {m['value']:.6g}{unit}"
         if m["reference"] is not None:
-            unit = "" if m["unit"] == "1" else f" {m['unit']}"
-            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
+            source = f" ({m['source']})" if m["source"] else ""
+            # Of zero there is no relative error.
+            error = f"{100 * m['error']:+.3f} %" if m["error"] is not None else f"{m['value']:+.3g}{unit}"
+            line += f"   reference {m['reference']:.6g}{unit}{source}, error {error}"
         yield line
     if result.folder is None:
         return

@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
+import re
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
@@ -73,7 +74,24 @@ def _said_in(path: Path, error: Exception) -> str:
     steps = traceback.extract_tb(error.__traceback__)
     lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
     where = f"line {lines[-1]}: " if lines else ""
-    return f"scene = {str(path)!r}: {where}{kind_and_text(error)}"
+    return f"scene = {str(path)!r}: {where}{kind_and_text(error)}{_meant(error)}"
+
+
+def _meant(error: Exception) -> str:
+    """The parameter that a mistyped keyword of a class or function of the package may mean, as text; or ""."""
+    found = re.match(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'", str(error))
+    if not isinstance(error, TypeError) or found is None:
+        return ""
+    import warp_pd
+
+    called: Any = warp_pd
+    for name in found[1].removesuffix(".__init__").split("."):
+        called = getattr(called, name, None)
+    if called is None:
+        return ""
+    names = [name for name in inspect.signature(called).parameters if name != "self"]
+    nearest = difflib.get_close_matches(found[2], names, n=1, cutoff=0.5)
+    return f" (did you mean {nearest[0]!r}?)" if nearest else f"; expected one of {', '.join(names)}"
 
 
 def require_settings(name: str, settings: Mapping[str, Any]) -> None:

@@ -21,6 +21,8 @@ from .scene import Outcome, Reported
 from .shape_notes import shape_notes
 from .version import commit_of
 
+# What an outcome is of; a measure is of the last frame.
+WHOLE_RUN = "whole run"
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
 WORST_BALANCE, WORST_GAIN = 0.01, 0.01
 
@@ -102,7 +104,7 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
         except InputError as error:
             # The run is over: the other numbers must not go with this one.
             notes.append(f"Outcome {outcome.name!r}: {error}")
-        reported[outcome.name] = _compared(outcome, value, "whole run")
+        reported[outcome.name] = _compared(outcome, value, WHOLE_RUN)
     return reported
 
 

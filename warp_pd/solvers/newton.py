@@ -233,8 +233,9 @@ class BuiltNewton(StaticSystem):
                 "coarser lattices do not see slack regions of a few spacings: try 'algebraic'"
             )
         if self.system.law.goes_slack:
+            stiffer = "a slack_stiffness of the TensionField, of a thousandth of the shear modulus, or "
             notes.append(
                 "Newton: wrinkled and slack regions, as behind a crack, come and go between iterations, which converge "
-                "slowly: try a slack_stiffness of the TensionField, of a thousandth of the shear modulus, or Relaxation"
+                f"slowly: try {'' if self.system.law.slack_stiffness > 0.0 else stiffer}Relaxation"
             )
         return notes

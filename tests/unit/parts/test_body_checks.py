@@ -104,6 +104,13 @@ def test_a_pin_that_tears_its_way_is_no_passage():
     assert not any("passed through" in note for note in notes(pin(0.055, 0.055), damage=CriticalStretch(1.1)))
 
 
+def test_the_sides_of_a_tear_are_no_gap_that_a_body_slips_through():
+    """A ball three times as thick as what a triangle of the sheet allows comes through the hole that it tears."""
+    path = BodyPath([0.0, 0.04], [(0.051, 0.052, 0.0301), (0.051, 0.052, -0.06)])
+    ball = RigidBody(Sphere(0.06), path, name="ball")
+    assert notes(ball, damage=CriticalStretch(1.3)) == []
+
+
 @pytest.mark.parametrize(("apart", "overlap"), [(0.02, True), (0.05, False)])
 def test_bodies_that_overlap_are_noted(apart, overlap):
     balls = [RigidBody(Sphere(0.03), Free(0.01, (0.03 + apart * k, 0.05, 0.02)), name=f"b{k}") for k in range(2)]

@@ -5,12 +5,27 @@ import json
 import re
 
 import pytest
-from helpers import StopAt, square
+from helpers import NEO, StopAt, square
 from small_runs import cli, run, simulate
 
-from warp_pd import EnclosedVolume, Fixed, Measure, Motion, NeoHookean, Newton, PointForce, Pressure, Relaxation, Yeoh
+from warp_pd import (
+    BondAssociated,
+    EnclosedVolume,
+    Fixed,
+    Measure,
+    Motion,
+    NeoHookean,
+    Newton,
+    PointForce,
+    Pressure,
+    Relaxation,
+    Simulation,
+    TensionField,
+    Yeoh,
+)
 from warp_pd.output import info, plots
 from warp_pd.output.progress import Progress
+from warp_pd.run.divergence import free_motions
 
 SCENE = """
 from warp_pd import *
@@ -120,6 +135,25 @@ def test_a_sheet_that_can_move_freely_is_named_as_the_cause(loads, free):
     said = f"the supports leave {free} of 6 rigid-body motions free; expected supports (Fixed, Motion)"
     assert (said in result.summary["message"]) == bool(free)
     assert ("rigid-body motions free" in result.summary["message"]) == bool(free)
+
+
+@pytest.mark.parametrize(("stiffness", "advised"), [(0.0, True), (1.0, False)])
+def test_a_slack_stiffness_that_is_there_is_not_advised(stiffness, advised):
+    sheet = square(7)
+    material, solver = TensionField(NEO, slack_stiffness=stiffness), Newton(most_iterations=1, most_cuts=0)
+    result = run(sheet, solver, material=material, loads=[Fixed(sheet.edges("left")), Pressure(5.0)])
+    (note,) = [note for note in result.summary["notes"] if "slack regions" in note]
+    assert ("slack_stiffness" in note) == advised and note.endswith("Relaxation")
+
+
+def test_a_turn_that_supports_stop_once_it_is_large_is_not_free():
+    """Of the right edge x is prescribed: a turn about the left edge shortens it."""
+    sheet = square(7)
+    motion = Motion(sheet.edges("right"), times=[0.0, 1.0], x=[0.0, 0.01])
+    hinged = [Fixed(sheet.edges("left"))]
+    for loads, free in ((hinged, 1), ([*hinged, motion], 0), ([Fixed([0])], 3), ([Fixed(range(sheet.size), "z")], 3)):
+        built = Simulation(sheet, BondAssociated(NEO), Newton(), loads).build("cpu")
+        assert free_motions(built) == free
 
 
 @pytest.mark.parametrize(("ramp_steps", "retries"), [(1, 0), (5000, 0), (1, 5)])

@@ -64,6 +64,46 @@ def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
         assert not notes and float(cells[2]) == value
 
 
+def test_an_outcome_of_an_unknown_column_is_refused_before_the_run():
+    peak = Outcome("peak", "N", largest("puul"))
+    pull = Measure("pull", "N", lambda built, frame: 1.0)
+    scene = Simulation(square(5), BondAssociated(NEO), Explicit(1e-4), measures=[pull], outcomes=[peak])
+    with refused(match=r"Outcome 'peak': column = 'puul': expected one of .*did you mean 'pull'"):
+        scene.build("cpu")
+
+
+def test_rows_of_the_history_are_those_that_outcomes_are_tried_with():
+    """Every column of a run may be read; a row may be asked for a column that it lacks."""
+    read: list[set[str]] = []
+    seen = Outcome("seen", "1", lambda history: read.append(set(history[-1])) or history[-1].get("none", 2.0))
+    sheet = square(5)
+    loads = [Fixed(sheet.edges("left")), Reaction(sheet.edges("left"), "pull")]
+    result = Simulation(sheet, BondAssociated(NEO), Explicit(1e-4, frames=1), loads, outcomes=[seen]).run(device="cpu")
+    tried, had = read
+    assert had <= tried and result.summary["measures"]["seen"]["value"] == 2.0
+
+
+@pytest.mark.parametrize(("value", "said"), [
+    (lambda built, frame: frame.displacement, r"it returned float64 array of shape \(25, 3\): expected a number"),
+    (lambda built, frame: frame.displacment[0, 0], "AttributeError: .*displacment"),
+])  # fmt: skip
+def test_a_measure_that_fails_in_every_frame_is_refused_at_the_first(value, said, tmp_path):
+    with refused(match=rf"Measure 'm': {said}"):
+        one_frame(tmp_path, measures=[Measure("m", "m", value)])
+
+
+def test_a_reference_of_zero_is_printed(tmp_path):
+    from warp_pd.run.result import report
+
+    shift = Measure("shift", "m", lambda built, frame: 0.25, reference=0.0)
+    none = Measure("none", "m", lambda built, frame: None)
+    event = Outcome("event", "s", lambda history: None)
+    lines = list(report(one_frame(tmp_path, measures=[shift, none], outcomes=[event])))
+    assert "shift = 0.25 m   reference 0 m, error +0.25 m" in lines
+    assert "none = none: no number in the last frame" in lines
+    assert "event = none: the event did not occur" in lines
+
+
 def test_pictures_that_fail_are_told_in_a_line_and_take_no_other_file(tmp_path):
     with refused(match="pictures: KeyError"):
         one_frame(tmp_path, usd=True, pictures=lambda history, folder: history[0]["nothing"])
