@@ -29,7 +29,7 @@ def _metric(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _determinant(metric: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    return metric[0] * metric[1] - metric[2] ** 2
+    return np.asarray(metric[0] * metric[1] - metric[2] ** 2)
 
 
 def density_at_start(context: Context, law: BuiltLaw) -> np.ndarray:

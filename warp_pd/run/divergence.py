@@ -135,7 +135,8 @@ def free_motions(built: Built) -> int:
     free = np.linalg.svd(free, full_matrices=False)[0][:, : free.shape[1] - unseen.shape[1]]
     # Free translations first: what is left of each other motion turns the sheet.
     combined = np.linalg.svd(free[3:])[2].T if free.shape[1] else np.zeros((0, 0))
-    return sum(_stays_free(*(free @ combined[:, k]).reshape(2, 3), at, held) for k in range(free.shape[1]))
+    motions = [free @ combined[:, k] for k in range(free.shape[1])]
+    return sum(_stays_free(motion[:3], motion[3:], at, held) for motion in motions)
 
 
 def _unmoved(modes: np.ndarray) -> np.ndarray:
