@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from ..device.checks import InputError, finite, one_of
+from ..materials import stability_notes
 from .data import Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
 from .model import Experiment, Model
-from .report import Fit, Judgement
+from .report import SINGULAR, Fit, Judgement
 from .uniform import LOADINGS
 
 LOSSES = ("linear", "soft_l1")
@@ -20,8 +21,14 @@ LOSSES = ("linear", "soft_l1")
 MAD = 1.4826
 # Residuals above so many standard deviations count linearly in the robust loss, and most updates of the deviation.
 MARGIN, MOST_MARGINS = 2.0, 5
-# Pull of the constants towards their start values, over their size; it holds only those that the data do not determine.
-PULL = 1e-5
+# Pull of the constants towards their start values, over their size: it holds those that the data do not determine, and
+# the steps after the search leave nothing of it in the others.
+PULL, MOST_POLISHES = 1e-7, 5
+# Halvings of the first step.
+MOST_HALVINGS = 8
+# Size of a constant that starts at zero, before derivatives tell; change of the residuals by a change of the size of a
+# constant below which the size is raised, and to which; the largest and smallest factor at once, and most times.
+TINY, UNFELT, FELT, MOST_RAISED, LEAST_RAISED, MOST_RAISES = 1e-6, 1e-4, 1e-2, 1e4, 10.0, 8
 # Ratio of the medians of data and model above which a wrong unit is likely.
 UNLIKELY = 50.0
 # The largest stress of a uniform test [Pa] below which MPa were likely meant: soft gels carry more.
@@ -69,11 +76,10 @@ def fit(
     if not vary or len(set(vary)) < len(vary):
         raise InputError(f"vary = {list(vary)!r}: expected names of constants, each once")
     first = np.array([_start(name, listed, start or {}) for name in vary])
-    sizes = np.where(first != 0.0, np.abs(first), 1.0)
     low, high = _limits(vary, bounds or {}, first)
-    problem = Problem(listed, vary, first, sizes, device, precision)
-    notes = problem.check(first / sizes)
-
+    problem = Problem(listed, vary, first, device, precision)
+    notes = problem.check(first)
+    sizes = problem.find_sizes(first)
     begin_at, pull = first / sizes, PULL * np.eye(len(first))
 
     def pulled(q: np.ndarray) -> np.ndarray:
@@ -88,7 +94,7 @@ def fit(
             loss=kind, f_scale=margin, xtol=tolerance, ftol=1e-12, gtol=1e-12, max_nfev=max_evaluations,
         )  # fmt: skip
 
-    found = search(first / sizes, "linear", 1.0)
+    found = search(problem.linear_solution(begin_at, low / sizes, high / sizes), "linear", 1.0)
     margin = 1.0
     if loss == "soft_l1":
         for _ in range(MOST_MARGINS):
@@ -101,15 +107,21 @@ def fit(
         notes.append(f"trials without a result: {len(problem.refused)}; the last one: {problem.refused[-1]}")
     if not found.success:
         notes.append(f"the search ended after {found.nfev} evaluations without reaching its tolerance")
-    residuals, jacobian = problem.residuals(found.x), problem.jacobian(found.x)
-    weights = np.ones_like(residuals) if loss == "linear" else 1.0 / np.sqrt(1.0 + (residuals / margin) ** 2)
-    values = found.x * sizes
+
+    def weights_of(residuals: np.ndarray) -> np.ndarray:
+        return np.ones_like(residuals) if loss == "linear" else 1.0 / np.sqrt(1.0 + (residuals / margin) ** 2)
+
+    best = problem.polished(found.x, low / sizes, high / sizes, weights_of, tolerance)
+    residuals, jacobian = problem.residuals(best), problem.jacobian(best)
+    weights, values = weights_of(residuals), best * sizes
     judgement = Judgement.of(vary, values, sizes, residuals, jacobian / sizes, weights)
     for name, value, least, most in zip(vary, values, low, high, strict=True):
         if min(value - least, most - value) <= 1e-6 * abs(value):
             notes.append(f"{name} = {value:.6g} is at its bound")
+    constants = dict(zip(vary, values.tolist(), strict=True))
+    notes += dict.fromkeys(note for experiment in listed for note in stability_notes(experiment.made_of(constants)))
     return Fit(
-        tuple(vary), values, first, judgement, listed, problem.tests, problem.shaped(residuals), problem.shown(found.x),
+        tuple(vary), values, first, judgement, listed, problem.tests, problem.shaped(residuals), problem.shown(best),
         notes, problem.evaluations, perf_counter() - begin, bool(found.success),
     )  # fmt: skip
 
@@ -140,15 +152,19 @@ def _limits(
 class Problem:
     """Residuals and derivatives of all tests, as functions of the constants over their sizes.
 
+    The size of a constant is the change that changes a residual by one, whatever its start value; of one that changes
+    none, its start value. It is 1 until `find_sizes` finds it.
+
     Attributes:
         evaluations: Number of evaluations of the models so far.
         refused: Why trials had no result, one line each.
     """
 
     def __init__(
-        self, experiments: Sequence[Experiment], vary: Sequence[str], start: np.ndarray, sizes: np.ndarray,
-        device: str | None, precision: int | None,
+        self, experiments: Sequence[Experiment], vary: Sequence[str], start: np.ndarray, device: str | None,
+        precision: int | None,
     ) -> None:  # fmt: skip
+        self._vary = list(vary)
         self._known: list[list[int]] = []
         self._models: list[Model] = []
         used = np.zeros(len(vary), bool)
@@ -165,7 +181,7 @@ class Problem:
         self._measured = [_data(test) for test in self.tests]
         self._usable = [np.isfinite(data) for data in self._measured]
         self._scales = [test.scale for test in self.tests]
-        self._sizes, self.evaluations = sizes, 0
+        self._sizes, self.evaluations = np.ones(len(vary)), 0
         self.refused: list[str] = []
         self._last: tuple[np.ndarray, list[np.ndarray]] | None = None
         if sum(int(u.sum()) for u in self._usable) <= len(vary):
@@ -200,7 +216,84 @@ class Problem:
                 full[:, mine] = slopes[self._usable[test]] / self._scales[test]
                 rows.append(full)
                 test += 1
-        return np.asarray(np.concatenate(rows) * self._sizes)
+        found = np.asarray(np.concatenate(rows) * self._sizes)
+        endless = ~np.isfinite(found).all(axis=0)
+        if endless.any():
+            k = int(np.argmax(endless))
+            value = q[k] * self._sizes[k]
+            raise InputError(
+                f"{self._vary[k]} = {value:.6g}: the tests have no finite derivatives there; expected another start "
+                "value, or bounds (--bounds)"
+            )
+        return found
+
+    def find_sizes(self, start: np.ndarray) -> np.ndarray:
+        """Find the sizes of the constants from derivatives at the start values, shape (P,)."""
+        steps = np.where(start != 0.0, np.abs(start), TINY)
+        self._take_sizes(steps)
+        felt = self._felt(start) * steps
+        for _ in range(MOST_RAISES):
+            weak = felt < UNFELT
+            if not weak.any():
+                break
+            factors = np.clip(FELT / np.maximum(felt, 1e-300), LEAST_RAISED, MOST_RAISED)
+            raised = np.where(weak, factors * steps, steps)
+            self._take_sizes(raised)
+            try:
+                felt, steps = self._felt(start) * raised, raised
+            except (NoEquilibriumError, InputError):
+                self._take_sizes(steps)
+                break
+        sizes = np.where(felt >= UNFELT, steps / np.maximum(felt, UNFELT), np.where(start != 0.0, np.abs(start), 1.0))
+        self._sizes, self._last = sizes, None
+        return sizes
+
+    def _felt(self, start: np.ndarray) -> np.ndarray:
+        """Largest derivative of the residuals by each constant, shape (P,)."""
+        return np.asarray(np.abs(self.jacobian(start)).max(axis=0))
+
+    def _take_sizes(self, sizes: np.ndarray) -> None:
+        """Use sizes for the steps of differences."""
+        for model, mine in zip(self._models, self._known, strict=True):
+            model.take_sizes(sizes[mine])
+
+    def linear_solution(self, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """The solution of the linearised problem, which is that of a linear one, or a point on the way that helps."""
+        step = self._step(q, np.ones_like(self.residuals(q)))
+        before = float(self.residuals(q) @ self.residuals(q))
+        for fraction in 0.5 ** np.arange(MOST_HALVINGS):
+            there = q + fraction * step
+            if ((low < there) & (there < high)).all():
+                after = self.residuals(there)
+                if np.isfinite(after).all() and float(after @ after) < before:
+                    return there
+        return q
+
+    def polished(
+        self, q: np.ndarray, low: np.ndarray, high: np.ndarray, weights_of: Callable[[np.ndarray], np.ndarray],
+        tolerance: float,
+    ) -> np.ndarray:  # fmt: skip
+        """Follow steps of Gauss and Newton, without any pull, from the best values of a search; kept if they help."""
+        for _ in range(MOST_POLISHES):
+            residuals = self.residuals(q)
+            weights = weights_of(residuals)
+            step = self._step(q, weights)
+            there = np.clip(q + step, low, high)
+            after = self.residuals(there)
+            closer = np.isfinite(after).all() and (weights * after**2).sum() < (weights * residuals**2).sum()
+            if not closer:
+                break
+            q = there
+            if (np.abs(step) <= 1e-3 * tolerance * np.abs(q)).all():
+                break
+        return q
+
+    def _step(self, q: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Solution of the linearised problem, without combinations of constants that the data do not determine."""
+        root = np.sqrt(weights)
+        u, s, v = np.linalg.svd(root[:, None] * self.jacobian(q), full_matrices=False)
+        known = s > SINGULAR * s.max(initial=0.0)
+        return np.asarray(-v[known].T @ ((u[:, known].T @ (root * self.residuals(q))) / s[known]))
 
     def check(self, q: np.ndarray) -> list[str]:
         """Evaluate the start values; notes on data that are far from them."""

@@ -24,7 +24,13 @@ TOLERANCE = 1e-6
 
 
 class Model(Protocol):
-    """Simulated results of tests as a function of the constants (interface)."""
+    """Simulated results of tests as a function of the constants (interface).
+
+    Attributes:
+        sizes: Sizes of the constants, shape (P,), for the steps of differences where a constant is smaller.
+    """
+
+    sizes: np.ndarray
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
         """Simulated results, one array per test, shaped like its data.
@@ -38,6 +44,10 @@ class Model(Protocol):
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
         """Derivatives by the constants, one array per test, with the constants on the last axis."""
         ...
+
+    def take_sizes(self, sizes: np.ndarray) -> None:
+        """Replace the sizes; derivatives that were found with others are found again."""
+        self.sizes = sizes
 
 
 class Experiment(Protocol):
@@ -54,6 +64,10 @@ class Experiment(Protocol):
 
     def start(self, name: str) -> float | None:
         """Initial value of a constant, or None if it has none."""
+        ...
+
+    def made_of(self, constants: Mapping[str, float]) -> Any:
+        """The material with these constants, of which the experiment may take some."""
         ...
 
 
@@ -89,6 +103,13 @@ class SceneTests:
         value = self.settings.get(name, None if parameter is None else parameter.default)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
+    def made_of(self, constants: Mapping[str, float]) -> Any:
+        """The material of the scene with these constants."""
+        known = {*inspect.signature(self.build).parameters, *self.settings}
+        return self.build(
+            **{**self.settings, **{name: value for name, value in constants.items() if name in known}}
+        ).force.material
+
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
         """Create the model: by static equilibrium if the solver is Newton, otherwise by complete runs."""
         known = inspect.signature(self.build).parameters
@@ -105,7 +126,7 @@ class SceneTests:
             return EquilibriumModel(self, vary, settings, scene, start, device, precision)
         from .runs import RunsModel
 
-        return RunsModel(self.build, self.tests, vary, settings, device, precision)
+        return RunsModel(self.build, self.tests, vary, settings, start, device, precision)
 
 
 @dataclass(eq=False)
@@ -123,7 +144,7 @@ class Place:
     values: list[tuple[int, int | None, Value]] = field(default_factory=list)
 
 
-class EquilibriumModel:
+class EquilibriumModel(Model):
     """Tests of a scene in static equilibrium.
 
     When the constants change, each state starts from a prediction by du/dp of the previous one.
@@ -242,6 +263,10 @@ class EquilibriumModel:
             guess = u1 + (place.factor - s1) / (s1 - s0) * (u1 - u0) if s0 > 0.0 else None
         state.reach(place.factor, guess)
         return derivatives.displacements()
+
+    def take_sizes(self, sizes: np.ndarray) -> None:
+        """Replace the sizes."""
+        self.sizes, self._at = sizes, None
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
         """Derivatives at the last evaluation, which is repeated if the values differ."""

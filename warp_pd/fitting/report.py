@@ -20,6 +20,8 @@ from .model import Experiment, SceneTests
 # The data do not determine a combination of constants if its singular value is below this fraction of the largest, or
 # its relative uncertainty above this; a single constant is determined poorly above the third number.
 SINGULAR, UNTOLD, BADLY = 1e-6, 10.0, 0.3
+# Size of a constant that is zero, over the change that changes a residual by one.
+SMALL = 1e-3
 # A constant belongs to a combination from this fraction of it on.
 FRACTION = 0.3
 CORRELATED = 0.95
@@ -52,7 +54,8 @@ class Judgement:
         """Compute from residuals, (M,), and their derivatives by the constants, (M, P), at the best values."""
         freedom = max(float(weights.sum()) - len(vary), 1.0)
         deviation = math.sqrt(float((weights * residuals**2).sum()) / freedom)
-        relative = np.maximum(np.abs(values), 1e-12 * sizes)
+        # A constant that is zero has no relative uncertainty, but its size has one.
+        relative = np.maximum(np.abs(values), SMALL * sizes)
         _, s, v = np.linalg.svd(np.sqrt(weights)[:, None] * jacobian * relative, full_matrices=False)
         spread = np.where(s > 0.0, deviation / np.where(s > 0.0, s, 1.0), np.inf)
         lost = (spread > UNTOLD) | (s <= SINGULAR * s.max(initial=0.0))

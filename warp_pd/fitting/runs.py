@@ -15,18 +15,20 @@ import numpy as np
 from ..device.checks import InputError
 from ..interfaces.solver import FINISHED, STOPPED
 from .data import Curve, Test
+from .model import Model
 from .sensitivity import Build
 
 STEP = 1e-2
 
 
-class RunsModel:
+class RunsModel(Model):
     """Tests of a scene simulated by complete runs."""
 
     def __init__(
         self, build: Build, tests: Sequence[Test], vary: Sequence[str], settings: Mapping[str, Any],
-        device: str | None, precision: int | None,
+        sizes: np.ndarray, device: str | None, precision: int | None,
     ) -> None:  # fmt: skip
+        self.sizes = np.abs(sizes)
         self.build, self.vary, self.settings = build, list(vary), dict(settings)
         self.device, self.precision = device, precision
         self.tests: list[Curve] = []
@@ -63,7 +65,7 @@ class RunsModel:
         """Central differences, two runs for every constant."""
         columns = []
         for k, value in enumerate(values):
-            step = STEP * (abs(value) or 1.0)
+            step = STEP * max(abs(value), self.sizes[k])
             sides = [
                 self.evaluate(np.where(np.arange(len(values)) == k, value + s * step, values)) for s in (1.0, -1.0)
             ]

@@ -34,7 +34,8 @@ METHODS = ("auto", "adjoint", "direct")
 
 def step_of(value: float, size: float, bits: int) -> float:
     """Step of central differences: the cube root of round-off times the size of the argument."""
-    return float(np.finfo(np.float64 if bits == 64 else np.float32).eps ** (1 / 3)) * max(abs(value), abs(size))
+    eps = np.finfo(np.float64 if bits == 64 else np.float32).eps
+    return float(eps ** (1 / 3)) * (max(abs(value), abs(size)) or 1.0)
 
 
 def value_of(scene: Simulation, name: str) -> Value:
@@ -65,10 +66,18 @@ class Pair:
     ) -> None:
         value = float(settings[name])
         self.name, self.step = name, step_of(value, size, bits)
-        self.sides = [
-            Equilibrium(for_differences(build(**{**settings, name: value + sign * self.step})), device, bits)
-            for sign in (1.0, -1.0)
-        ]
+
+        def at(sign: float) -> Equilibrium:
+            return Equilibrium(for_differences(build(**{**settings, name: value + sign * self.step})), device, bits)
+
+        ahead = at(1.0)
+        try:
+            behind = at(-1.0)
+        except InputError:
+            # Zero is the least value: a difference to one side.
+            self.step *= 0.5
+            ahead, behind = at(2.0), at(0.0)
+        self.sides = [ahead, behind]
         self._weights = (0.5 / self.step, -0.5 / self.step)
 
     def force(self, displacement: np.ndarray, factor: float) -> np.ndarray:

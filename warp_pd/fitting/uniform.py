@@ -80,6 +80,13 @@ class UniformTests:
         """The value in `settings`, or None."""
         return self.settings.get(name)
 
+    def made_of(self, constants: Mapping[str, float]) -> Material:
+        """The material with these constants."""
+        known = inspect.signature(self.material).parameters
+        open_ended = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
+        mine = {name: value for name, value in constants.items() if open_ended or name in known}
+        return self.material(**{**self.settings, **mine})
+
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
         """The exact stress."""
         known = inspect.signature(self.material).parameters
@@ -96,17 +103,18 @@ class UniformTests:
             if np.min(test.at) <= 0.0:
                 raise InputError(f"{test.name}: expected positive stretches, got {np.min(test.at):g}")
             curves.append(test)
-        return UniformModel(self.material, curves, list(vary), dict(self.settings))
+        return UniformModel(self.material, curves, list(vary), dict(self.settings), np.abs(start))
 
 
 @dataclass(eq=False)
-class UniformModel:
-    """Model of uniform tests."""
+class UniformModel(Model):
+    """Model of uniform tests; `sizes` as for `Model`."""
 
     material: Callable[..., Material]
     tests: list[Curve]
     vary: list[str]
     settings: dict[str, float]
+    sizes: np.ndarray
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
         """The stress of every test [Pa]."""
@@ -114,10 +122,17 @@ class UniformModel:
         return [nominal_stress(material, test.control, test.at) for test in self.tests]
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
-        """Fourth-order differences by the constants."""
+        """Differences of fourth order by the constants; of second, to one side, where the material ends."""
         columns = []
         for k, value in enumerate(values):
-            step = CONSTANT_STEP * (abs(value) or 1.0)
-            a, b, c, d = (self.evaluate(values + n * step * np.eye(len(values))[k]) for n in (1, -1, 2, -2))
-            columns.append([(8.0 * (a[t] - b[t]) - (c[t] - d[t])) / (12.0 * step) for t in range(len(self.tests))])
+            step = CONSTANT_STEP * max(abs(value), self.sizes[k])
+
+            def at(n: int, k: int = k, step: float = step) -> list[np.ndarray]:
+                return self.evaluate(values + n * step * np.eye(len(values))[k])
+
+            try:
+                weights = [(8.0, at(1)), (-8.0, at(-1)), (-1.0, at(2)), (1.0, at(-2))]
+            except InputError:
+                weights = [(-18.0, at(0)), (24.0, at(1)), (-6.0, at(2))]
+            columns.append([sum(w * side[t] for w, side in weights) / (12.0 * step) for t in range(len(self.tests))])
         return [np.stack([column[t] for column in columns], axis=-1) for t in range(len(self.tests))]

@@ -15,6 +15,7 @@ from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Ye
 from .pairwise import Bimodular
 from .plane_stress import PlaneStress
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
+from .stability import stability_notes, stable_to
 from .tension_field import WRINKLES, TensionField, with_wrinkles
 from .viscous import Maxwell, Prony
 
@@ -44,6 +45,8 @@ __all__ = [
     "largest_energy_density",
     "modulus_in_tension",
     "padded_constants",
+    "stability_notes",
+    "stable_to",
     "stretch_of_density",
     "tension_energy_density",
     "with_wrinkles",

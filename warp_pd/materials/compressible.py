@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import positive
 from .plane_stress import PlaneStress
@@ -28,6 +28,8 @@ class NeoHookean(PlaneStress):
 
     mu: float
     bulk: float
+
+    stable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("mu", self.mu)
@@ -69,6 +71,8 @@ class Gent(PlaneStress):
     mu: float
     bulk: float
     lock: float
+
+    stable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("mu", self.mu)

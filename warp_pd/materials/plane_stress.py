@@ -19,6 +19,12 @@ class PlaneStress:
         """Factory of (stress, energy)."""
         return self.on_device.functions
 
+    def stable_to(self, loading: str) -> float:
+        """Largest stretch [-] up to which the material is stable; inf if it always is. See `stability.stable_to`."""
+        from .stability import stable_to
+
+        return stable_to(self, loading)
+
     @property
     def on_device(self) -> MaterialFunctions:
         """Factories of the material's Warp functions."""

@@ -59,6 +59,7 @@ class Capabilities:
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
         wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
         notes: Notes on its constants for the summary of a run, one line each.
+        stable: Whether its constants tell that it is stable at any stretch; others are checked by their energy.
         goes_slack: Whether it carries no compression.
         resisting: Of a material of tension field theory, the material that resists compression.
         slack_stiffness: Stiffness that it keeps where it is slack [Pa].
@@ -83,6 +84,7 @@ class Capabilities:
     volume: FunctionFactory | None = None
     wrinkle_width: FunctionFactory | None = None
     notes: tuple[str, ...] = ()
+    stable: bool = False
     goes_slack: bool = False
     resisting: Material | None = None
     slack_stiffness: float = 0.0

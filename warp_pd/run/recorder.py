@@ -86,6 +86,7 @@ class Recorder:
         missing: For each measure that failed, the number of frames and the first reason.
         others: Names of pictures that were in the folder before the run.
         codes: Versions of the code that computed the run, each with the time from which on.
+        notes: What is known about the run before it begins, one line each.
         points: The points stored in frames.
     """
 
@@ -111,6 +112,7 @@ class Recorder:
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
     codes: list[list[str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:

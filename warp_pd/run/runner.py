@@ -39,6 +39,7 @@ from .folder import (
     writable_folder,
     write_atomically,
 )
+from .foreseen import foreseen
 from .frame_points import FramePoints
 from .processes import communicator_here
 from .recorder import Recorder
@@ -166,6 +167,7 @@ def _run(
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
     recorder.points = points
+    recorder.notes = communicator.broadcast(communicator.root(lambda: foreseen(built))) or []
     if folder is not None:
         recorder.others = [path.name for path in pictures_in(folder)]
     communicator.barrier(lambda: _begin(recorder, saved))

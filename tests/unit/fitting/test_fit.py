@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import refused
 
-from warp_pd import Explicit, Gent, MooneyRivlin, NeoHookean, Ogden
+from warp_pd import Explicit, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
 from warp_pd.fitting.equilibrium import Equilibrium
 
@@ -254,3 +254,39 @@ def test_stretches_that_are_not_positive_are_refused():
     curve = Curve("uniaxial", [-1.1, 2.0], "stress", [1e5, 2e5], name="pulled")
     with refused(match=r"pulled: expected positive stretches, got -1\.1"):
         fit(UniformTests(MooneyRivlin, [curve]), ["c10"], start={"c10": 1e5})
+
+
+@pytest.mark.parametrize("start", [(1e5, 0.0, 0.0), (1e5, 1.0, -1.0), (0.2, -0.01, 0.001), (1e7, 1e6, 1e6)])
+def test_a_linear_fit_finds_its_constants_from_any_start(start):
+    """Also from zero, from megapascals, and from values a hundred times as large."""
+    stretch, truth = np.linspace(1.1, 4.0, 12), (4e5, -6e4, 8e3)
+    stress = nominal_stress(Yeoh(*truth), "uniaxial", stretch)
+    names = ["c10", "c20", "c30"]
+    tests = UniformTests(Yeoh, [Curve("uniaxial", stretch, "stress", stress)])
+    found = fit(tests, names, start=dict(zip(names, start, strict=True)))
+    np.testing.assert_allclose(found.values, truth, rtol=1e-7)
+    assert found.converged and np.all(found.judgement.errors < 1e-6 * np.abs(truth))
+
+
+def test_errors_do_not_depend_on_the_start():
+    """Noise of 1 % in data of neo-Hookean rubber: c01 is zero within its standard error, and not undetermined."""
+    stretch = np.linspace(1.1, 2.4, 10)
+    noise = 1.0 + 0.01 * np.random.default_rng(0).normal(size=10)
+    stress = nominal_stress(MooneyRivlin(1e5), "equibiaxial", stretch) * noise
+    tests = UniformTests(MooneyRivlin, [Curve("equibiaxial", stretch, "stress", stress)])
+    one, other = (fit(tests, ["c10", "c01"], start={"c10": c10, "c01": c01}) for c10, c01 in ((5e4, 0.0), (1e6, 3e5)))
+    np.testing.assert_allclose(one.values, other.values, rtol=1e-6)
+    np.testing.assert_allclose(one.judgement.errors, other.judgement.errors, rtol=1e-4)
+    assert abs(one.values[1]) < 3.0 * one.judgement.errors[1] < 1e4
+
+
+def test_a_constant_that_nothing_depends_on_stays_and_is_named():
+    def material(c10, spare):
+        return MooneyRivlin(c10)
+
+    stretch = np.linspace(1.1, 2.4, 10)
+    stress = nominal_stress(MooneyRivlin(1e5), "planar", stretch)
+    tests = UniformTests(material, [Curve("planar", stretch, "stress", stress)])
+    found = fit(tests, ["c10", "spare"], start={"c10": 2.0, "spare": 7.0})
+    np.testing.assert_allclose(found.values, (1e5, 7.0), rtol=1e-7)
+    assert found.judgement.words == ["the data do not determine spare"] and np.isinf(found.judgement.errors[1])

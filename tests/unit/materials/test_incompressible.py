@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import isihara
+import numpy as np
 import pytest
-from helpers import refused
+from helpers import GENT, NEO, refused
 
-from warp_pd import ArrudaBoyce, BondAssociated, MooneyRivlin, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, BondAssociated, ByRegion, MooneyRivlin, Ogden, TensionField, Yeoh
+from warp_pd.materials import stability_notes, stable_to
 
 
 @pytest.mark.parametrize(
@@ -28,7 +30,11 @@ from warp_pd import ArrudaBoyce, BondAssociated, MooneyRivlin, Ogden, Yeoh
             lambda: Ogden((1.0,), (-2.0,)),
             r"^mu = \(1\.0,\) with exponents = \(-2\.0,\): .* a positive sum of products$",
         ),
-        (lambda: MooneyRivlin(1.0, -1.0), r"^c01 = -1\.0: expected 0 or a positive number$"),
+        (
+            lambda: MooneyRivlin(1.0, -1.0),
+            r"^c01 = -1\.0: expected more than -c10 = -1\.0, for a positive shear modulus$",
+        ),
+        (lambda: Yeoh(1.0, float("nan")), r"^c20 = nan: expected a finite number$"),
     ],
 )
 def test_wrong_constants_are_refused(make, said):
@@ -36,13 +42,34 @@ def test_wrong_constants_are_refused(make, said):
         make()
 
 
-def test_ogden_is_stable_where_all_terms_stiffen_and_says_where_it_is_not():
-    assert Ogden((0.63e6, 1.2e3, -1e4), (1.3, 5.0, -2.0)).notes == ()
+def test_a_material_says_where_it_is_not_stable():
+    """By its energy alone: Drucker's condition, and no derivative of a material is used."""
+    stable = [Ogden((0.63e6, 1.2e3, -1e4), (1.3, 5.0, -2.0)), MooneyRivlin(1.0, 0.5), Yeoh(1.0, 0.1, 0.01), GENT, NEO]
+    for material in [*stable, ArrudaBoyce(1.0, 3.0)]:
+        assert stability_notes(material) == []
+        assert all(stable_to(material, loading) == float("inf") for loading in ("uniaxial", "planar", "equibiaxial"))
     # A term that softens: mu_1 a_1 = 2, mu_2 a_2 = -0.2. In equibiaxial tension p1 = p2 = 2 l^2 - 0.2 l^4, and
     # p1 + 2 p3 is then negative beyond l = sqrt(10), as p3 has vanished.
     weak = Ogden((1.0, -0.05), (2.0, 4.0))
     assert weak.stable_to("equibiaxial") == pytest.approx(10**0.5, rel=2e-3)
-    assert weak.notes[0].startswith("Ogden: the material is unstable beyond these stretches: uniaxial ")
+    (note,) = stability_notes(weak)
+    assert note.startswith("Ogden: the material is unstable beyond these stretches: uniaxial ")
+    # Of Mooney and Rivlin p1 + 2 p3 is 4 c10 (l^2 + 2 l^-4) + 4 c01 (2 l^4 + l^-2), and least of those in this state.
+    soft = MooneyRivlin(1.0, -0.05)
+    end = soft.stable_to("equibiaxial")
+    assert end**2 + 2.0 * end**-4 == pytest.approx(0.05 * (2.0 * end**4 + end**-2), rel=5e-3)
+    assert stability_notes(TensionField(soft)) == stability_notes(ByRegion(NEO, [([0], soft)])) != []
+
+
+@pytest.mark.parametrize("constants", [(1e5, -5e4, 1e3), (1e5, -1e4, 0.0)])
+def test_yeoh_is_unstable_where_its_tension_falls(constants):
+    """Before the nominal stress of uniaxial tension, 2 (l - l^-2) dPsi/dI1, falls with the true one."""
+    stretch = np.linspace(1.0, 6.0, 5001)
+    x = stretch**2 + 2.0 / stretch - 3.0
+    true = 2.0 * (stretch**2 - 1.0 / stretch) * (constants[0] + 2.0 * constants[1] * x + 3.0 * constants[2] * x**2)
+    falls = stretch[np.argmax(np.diff(true) < 0.0)]
+    assert 1.0 < Yeoh(*constants).stable_to("uniaxial") <= falls * 1.01
+    assert "Yeoh: the material is unstable beyond these stretches: uniaxial" in stability_notes(Yeoh(*constants))[0]
 
 
 def test_constants_that_the_functions_do_not_take_are_refused():
