@@ -266,7 +266,7 @@ class Problem:
             if ((low < there) & (there < high)).all():
                 after = self.residuals(there)
                 if np.isfinite(after).all() and float(after @ after) < before:
-                    return there
+                    return np.asarray(there)
         return q
 
     def polished(

@@ -167,7 +167,8 @@ def _run(
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
     recorder.points = points
-    recorder.notes = communicator.broadcast(communicator.root(lambda: foreseen(built))) or []
+    foreseen_notes = communicator.broadcast(communicator.root(lambda: foreseen(built)))
+    recorder.notes = foreseen_notes or []
     if folder is not None:
         recorder.others = [path.name for path in pictures_in(folder)]
     communicator.barrier(lambda: _begin(recorder, saved))
