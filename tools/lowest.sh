@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Installs the lowest versions that pyproject.toml allows, once with the lowest NumPy and once with NumPy 2, and runs
+# every tenth test with each. To be run when a bound changes.
+#
+#     tools/lowest.sh                             # two new environments in build/, some ten minutes
+#     EVERY=100 tools/lowest.sh tests/unit/output # fewer tests, of some files
+set -euo pipefail
+cd "$(dirname "$0")/.."
+folders=("${@:-tests/unit}")
+[ $# -gt 0 ] || folders=(tests/unit tests/physics tests/scenes)
+for numpy in "numpy" "numpy>=2"; do
+    environment=build/lowest
+    rm -rf "$environment"
+    python3 -m venv "$environment"
+    "$environment/bin/pip" install -q uv
+    VIRTUAL_ENV="$environment" "$environment/bin/uv" pip install --quiet --resolution lowest-direct \
+        --only-binary :all: --no-binary warp-pd . "$numpy" "pytest>=8" "hypothesis>=6.100" "scikit-fem>=10"
+    VIRTUAL_ENV="$environment" "$environment/bin/uv" pip list
+    mapfile -t tests < <("$environment/bin/pytest" --collect-only -q "${folders[@]}" | grep :: \
+        | awk -v every="${EVERY:-10}" 'NR % every == 0')
+    "$environment/bin/pytest" -q -p no:cacheprovider "${tests[@]}"
+done
