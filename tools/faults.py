@@ -1,4 +1,4 @@
-"""What a run leaves when something goes wrong: kills, damaged files, a full disk, two runs at once.
+"""What a run leaves when something goes wrong: kills, damaged files, a full disk, lost terminals, two runs at once.
 
     python tools/faults.py --out docs/reliability.md        # all of it, half an hour on two CPU cores
     python tools/faults.py --kills 2 --places 1 --sizes 2   # a little
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -131,15 +132,63 @@ def _named(name: str, wrong: str) -> str:
     return f"{name}: {wrong}" if wrong else ""
 
 
+def changes(scene: str, whole: Path, number: int, chosen: Sequence[str], work: Path) -> Iterator[Trial]:
+    """Change some bytes of each file, then ask for the contents and the page, and resume."""
+    rng = np.random.default_rng(1)
+    out = work / "changed"
+    for name in (file for file in results_in(whole) if not chosen or file in chosen):
+        for _ in range(number):
+            shutil.copytree(whole, out)
+            data = bytearray((whole / name).read_bytes())
+            for at in rng.integers(len(data), size=int(rng.integers(1, 9))):
+                data[at] ^= 1 << int(rng.integers(8))
+            (out / name).write_bytes(data)
+            for more in (["info", str(out)], ["view", str(out), "--out", str(work / "page.html")]):
+                done = run([sys.executable, "-m", "warp_pd", *more])
+                yield Trial(f"bytes changed, {more[0]}", scene, _named(name, said_badly(done)))
+            done = run(command(scene, out, "--resume"))
+            yield Trial("bytes changed, resumed", scene, _named(name, said_badly(done)))
+            shutil.rmtree(out)
+
+
+def lost_terminals(scene: str, whole: Path, seconds: float, work: Path) -> Iterator[Trial]:
+    """Standard error closed, full, or a pipe whose reader is gone; and the signal of a lost terminal, then resumed."""
+    out = work / "lost"
+    shown = [text for text in command(scene, out) if text != "--quiet"]
+    for where in ("2>&-", ">&- 2>&-", "2> /dev/full", "> /dev/full 2>&1", "> >(true) 2> >(true)"):
+        done = run(["bash", "-c", f"{shlex.join(shown)} {where}"])
+        wrong = f"exit code {done.returncode}" if done.returncode != 0 else differs(out, whole)
+        yield Trial("lost terminal", scene, wrong and f"{where}: {wrong}")
+        shutil.rmtree(out, ignore_errors=True)
+    running = subprocess.Popen(command(scene, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    time.sleep(0.7 * seconds)
+    running.send_signal(signal.SIGHUP)
+    code = running.wait(PATIENCE)
+    # Before a run has begun a signal ends a process as Python says.
+    wrong = "" if code in (0, 128 + signal.SIGHUP, -signal.SIGHUP) else f"exit code {code}"
+    how = "--resume" if (out / "restart.npz").exists() else "--overwrite"
+    done = run(command(scene, out, how))
+    yield Trial("SIGHUP, then resumed", scene, wrong or said_badly(done, (0,)) or differs(out, whole))
+    shutil.rmtree(out)
+
+
+def disk_sizes(whole: Path, number: int) -> list[int]:
+    """Sizes of disks: half of them over all, half in the 2 MB around that at which a run just ends."""
+    end = sum((whole / name).stat().st_size for name in results_in(whole))
+    full = 4 * end + 2_000_000
+    over_all = [full * (k + 1) // (number // 2 + 1) for k in range(number // 2)]
+    rest = number - number // 2
+    near_end = [end + 1_200_000 + 2_000_000 * k // rest for k in range(rest)]
+    return [max(100_000, size) for size in over_all + near_end]
+
+
 def full_disks(scene: str, whole: Path, sizes: int, work: Path) -> Iterator[Trial]:
     """Run on a disk that is too small; then it has room, and the run is resumed or begun anew. Needs root."""
     if os.geteuid() != 0:
         return
     disk = work / "disk"
     disk.mkdir()
-    full = 4 * sum((whole / name).stat().st_size for name in results_in(whole)) + 2_000_000
-    for index in range(sizes):
-        size = max(100_000, full * (index + 1) // (sizes + 1))
+    for size in disk_sizes(whole, sizes):
         if run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]).returncode != 0:
             print("full disk: not tried, as this machine mounts none")
             break
@@ -148,7 +197,7 @@ def full_disks(scene: str, whole: Path, sizes: int, work: Path) -> Iterator[Tria
             done = run(command(scene, out))
             wrong = said_badly(done)
             yield Trial("full disk", scene, wrong or (differs(out, whole) if done.returncode == 0 else ""))
-            run(["mount", "-o", f"remount,size={10 * full}", str(disk)])
+            run(["mount", "-o", f"remount,size={10 * size + 100_000_000}", str(disk)])
             if done.returncode != 0:
                 how = "--resume" if (out / "restart.npz").exists() else "--overwrite"
                 again = run(command(scene, out, how))
@@ -181,6 +230,7 @@ def main() -> None:
     parser = study_parser(__doc__, device="cpu", out=None, commit=None)
     parser.add_argument("--kills", type=int, default=50, help="of each scene")
     parser.add_argument("--places", type=int, default=20, help="at which each file is cut")
+    parser.add_argument("--changes", type=int, default=10, help="of bytes of each file")
     parser.add_argument("--files", nargs="*", default=[], help="that are cut; by default all")
     parser.add_argument("--sizes", type=int, default=50, help="of a full disk")
     parser.add_argument("--scenes", nargs="*", default=list(SCENES), choices=list(SCENES))
@@ -200,7 +250,9 @@ def main() -> None:
             for found in (
                 kills(scene, whole, seconds, options.kills, work),
                 truncations(scene, whole, options.places, options.files, work),
+                changes(scene, whole, options.changes, options.files, work),
                 full_disks(scene, whole, options.sizes, work),
+                lost_terminals(scene, whole, seconds, work),
                 two_at_once(scene, whole, work),
             ):
                 for trial in found:

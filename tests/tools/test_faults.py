@@ -9,7 +9,20 @@ TOOL = Path(__file__).parents[2] / "tools" / "faults.py"
 
 def test_no_fault_loses_a_result(tmp_path):
     page = tmp_path / "page.md"
-    command = [sys.executable, TOOL, "--kills", "1", "--places", "1", "--sizes", "1", "--scenes", "Newton: tension"]
+    command = [
+        sys.executable,
+        TOOL,
+        "--kills",
+        "1",
+        "--places",
+        "1",
+        "--sizes",
+        "1",
+        "--changes",
+        "1",
+        "--scenes",
+        "Newton: tension",
+    ]
     command += ["--files", "restart.npz", "history.csv"]
     done = subprocess.run([*map(str, command), "--out", str(page)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
