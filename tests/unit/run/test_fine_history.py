@@ -138,7 +138,7 @@ def test_tables_and_curves_of_the_rows():
     result = pulled().run(device="cpu")
     figure = result.plot("pull_x", fine=True)
     assert len(figure.axes[0].lines[0].get_xdata()) == len(result.fine_history)
-    assert figure.axes[0].get_ylabel() == "pull x [N]"
+    assert figure.axes[0].get_ylabel() == "pull x (N)"
     pytest.importorskip("pandas")
     assert len(result.table(fine=True)) == len(result.fine_history)
 
