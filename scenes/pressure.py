@@ -8,6 +8,7 @@ dead. The paper's own finite elements give 15.62 mm, its peridynamics 16.19 mm.
 from warp_pd import BondAssociated, Explicit, Fixed, Gent, Measure, Newton, Pressure, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of
 from warp_pd.interfaces import Solver
+from warp_pd.laws import point_areas
 
 FOLLOWER, DEAD = 15.6799e-3, 15.4661e-3
 
@@ -16,6 +17,7 @@ def build(
     points: int = 51,
     horizon: float = 2.015,
     weights: str = "auto",
+    areas: str = "auto",
     pressure: float = 5.0,
     follower: bool = True,
     solver: str = "auto",
@@ -33,7 +35,7 @@ def build(
     }
     # Newton needs an energy, which the published weights lack, and is slow at large horizons (docs/solvers.md).
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
-    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points, areas=point_areas(areas, weights))
     centre = sheet.nearest(0.05, 0.05)
     reference = (FOLLOWER if follower else DEAD) if pressure == 5.0 else None
     return Simulation(

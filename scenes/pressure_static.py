@@ -10,7 +10,7 @@ import numpy as np
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Newton, Pressure, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of
 from warp_pd.interfaces import Solver
-from warp_pd.laws import force_law
+from warp_pd.laws import force_law, point_areas
 
 CENTRE = {20.0: 0.302585}
 
@@ -19,6 +19,7 @@ def build(
     points: int = 101,
     horizon: float = 3.15,
     weights: str = "auto",
+    areas: str = "auto",
     force: str = "bond_associated",
     pressure: float = 20.0,
     solver: str = "auto",
@@ -34,7 +35,7 @@ def build(
     wide = weights == "published" or horizon > 2.5
     solvers["auto"] = solvers["relaxation" if wide or not law.has_tangent else "newton"]
     notes = [] if law.has_tangent or solver != "auto" else [f"solver: Relaxation, as {force} has no tangent for Newton"]
-    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)
+    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points, areas=point_areas(areas, weights))
     centre = sheet.nearest(0.5, 0.5)
     return Simulation(
         sheet,

@@ -9,6 +9,7 @@ free edge moves in by 13.543 mm, the grip force is 0.18112 N. The paper's own fi
 from warp_pd import BondAssociated, Explicit, Fixed, Gent, Measure, Motion, Newton, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import InputError, finite, one_of
 from warp_pd.interfaces import Solver
+from warp_pd.laws import point_areas
 
 CONTRACTION, GRIP = 13.5432e-3, 0.181116
 SIDE = 0.1
@@ -18,6 +19,7 @@ def build(
     points: int = 51,
     horizon: float = 2.015,
     weights: str = "auto",
+    areas: str = "auto",
     extension: float = 0.1,
     solver: str = "auto",
     tolerance: float | None = None,
@@ -36,7 +38,9 @@ def build(
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
     if finite("extension", extension) <= -SIDE:
         raise InputError(f"extension = {extension!r}: expected more than {-SIDE:g} m, at which no sheet is left")
-    sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1000.0, points=points)
+    sheet = Sheet.rectangle(
+        SIDE, SIDE, thickness=1e-3, density=1000.0, points=points, areas=point_areas(areas, weights)
+    )
     middle = sheet.nearest(0.05, 0.0)
     right = sheet.edges("right")
     published = extension == 0.1

@@ -20,10 +20,12 @@ def rectangle(
     origin: tuple[float, float],
     layers: tuple[int, int],
     centred: bool,
+    areas: str,
 ) -> Shape:
     """A rectangle on a regular grid; arguments as for `Sheet.rectangle`."""
     width, height = positive("width", width), positive("height", height)
     one_of("centred", centred, (True, False))
+    one_of("areas", areas, ("shared", "whole"))
     if not 1.0 / MAX_POINTS < height / width < MAX_POINTS:
         raise InputError(f"width = {width:g}, height = {height:g}: expected sides that the points can both resolve")
     x0, y0 = vector("origin", origin, 2)
@@ -47,7 +49,7 @@ def rectangle(
         )
     x, y = x0 + dx * np.arange(columns), y0 + dy * np.arange(rows)
     width_x, width_y = np.full(columns, dx), np.full(rows, dy)
-    if not centred:
+    if not centred and areas == "shared":
         width_x[[0, -1]] *= 0.5
         width_y[[0, -1]] *= 0.5
     return Shape(

@@ -93,6 +93,7 @@ class Sheet(Shape):
         origin: tuple[float, float] = (0.0, 0.0),
         layers: tuple[int, int] = (0, 0),
         centred: bool = False,
+        areas: str = "shared",
     ) -> Sheet:
         """A rectangle on a regular grid whose outer points lie on its edges, or half a spacing inside.
 
@@ -109,12 +110,16 @@ class Sheet(Shape):
                 corrected weights, hold the edge itself instead: families across it see a kink, a first-order error.
             centred: Whether the points are the centres of equal cells, as in most peridynamic papers; the outer points,
                 and so the triangles, then end half a spacing inside the edges.
+            areas: "shared": points on edges and corners have half and quarter areas, and the sheet has its area;
+                "whole": every point has the area of a cell, as papers count that use one volume a point (BA, NN). For
+                laws with weights "published".
 
         Raises:
             InputError: if a size, thickness or density is not positive, there are fewer than 3 points, or layers are
                 negative.
         """
-        return Sheet.of(rectangle(width, height, points, origin, layers, centred), thickness=thickness, density=density)
+        shape = rectangle(width, height, points, origin, layers, centred, areas)
+        return Sheet.of(shape, thickness=thickness, density=density)
 
     @staticmethod
     def line(length: float, section: ByPoint, *, density: ByPoint, points: int) -> Sheet:

@@ -14,6 +14,16 @@ from .nodal import Nodal
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
 
+def point_areas(areas: str, weights: str) -> str:
+    """Argument `areas` of `Sheet.rectangle` from that of a scene, whose "auto" is how a law's papers count.
+
+    BA and NN have one volume a point, so "auto" is "whole" with published weights; other weights need "shared".
+    """
+    if one_of("areas", areas, ("auto", "shared", "whole")) == "auto":
+        return "whole" if weights == "published" else "shared"
+    return areas
+
+
 def force_law(name: str, material: Material, horizon: float, weights: str = "auto", wrinkles: str = "resolved") -> Law:
     """Create the law named by a scene's argument `force`.
 

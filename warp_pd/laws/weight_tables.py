@@ -203,6 +203,16 @@ def notes_on_balance(report: dict[str, float] | None, sheet: Sheet) -> list[str]
     return [f"weights: {balance_left(report, sheet)}; another horizon, such as 2.015 or 3.15, may balance them"]
 
 
+def notes_on_areas(weights: str, sheet: Sheet) -> list[str]:
+    """A note if published weights act on points of half areas, which the papers do not have."""
+    if weights != "published" or sheet.lattice is None or sheet.areas.min() > 0.75 * sheet.areas.max():
+        return []
+    return [
+        "weights = 'published': points on edges have half areas; BA and NN count one area a point, which changes "
+        "answers by some percent: Sheet.rectangle(areas='whole')"
+    ]
+
+
 def _shapes(families: Families) -> np.ndarray:
     """K_i of every row (11, 12, 22) divided by the squared horizon and the reference area, shape (R, 3)."""
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]

@@ -21,7 +21,7 @@ from ...interfaces.phases import Phase
 from ...kernels.neural import neural
 from ...materials import Material, capabilities, check_material
 from ..nodal import PointLaw
-from ..weight_tables import MAX_CORRECTED
+from ..weight_tables import MAX_CORRECTED, notes_on_areas
 from . import networks
 from .networks import Network
 
@@ -206,15 +206,17 @@ class NeuralForce(PointLaw):
         return {"bonds_outside_training": float(np.sum(self.outside.numpy()))}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """A note if bonds left the training range."""
+        """Those of every law, and one if bonds left the training range."""
+        said = [*super().notes(history, load_duration), *notes_on_areas(self.weights, self.context.whole)]
         left = [row.get("bonds_outside_training", 0.0) for row in history]
         if self.law.loaded is None or not left or max(left) == 0.0:
-            return []
+            return said
         when = format_time(history[left.index(max(left))]["time"], load_duration)
         least, most = self.law.loaded.stretches
         return [
+            *said,
             f"training range: up to {max(left):.0f} of {self.families.bond_count} bonds (at {when}) were outside the "
-            f"principal stretches {least:g} to {most:g} of the training data"
+            f"principal stretches {least:g} to {most:g} of the training data",
         ]
 
 
