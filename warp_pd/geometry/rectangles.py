@@ -20,7 +20,7 @@ def rectangle(
     origin: tuple[float, float],
     layers: tuple[int, int],
     centred: bool,
-    areas: str,
+    areas: str = "shared",
 ) -> Shape:
     """A rectangle on a regular grid; arguments as for `Sheet.rectangle`."""
     width, height = positive("width", width), positive("height", height)
