@@ -11,6 +11,7 @@ from small_runs import cli
 from warp_pd import BondAssociated, Explicit, NeoHookean, Place, Sheet, Simulation, placed, together
 from warp_pd.geometry import picture_files
 from warp_pd.interfaces import FrameReport
+from warp_pd.output import default_pictures as default_pictures_module
 from warp_pd.output import plots
 from warp_pd.output.default_pictures import _counts, _draw_numbers, _moves, _round_off, telling_frames
 from warp_pd.output.picture_frames import frames_at
@@ -119,6 +120,23 @@ def test_numbers_that_are_round_off_have_no_panel():
     assert [name for name in units if _moves(history, name, fine, units)] == [name for name in units if name != "lone"]
     alone = [{"time": row["time"], "strain": row["strain"], "side": row["side"]} for row in history]
     assert not _moves(alone, "side", _round_off(alone, units, 0.1, 32), units)
+
+
+def test_pictures_know_what_supports_hold_in_all_components(tmp_path, monkeypatch, default_pictures):
+    """Frames with a stride have other points: there all count."""
+    framed, draw_sheet = [], default_pictures_module._draw_sheet
+
+    def noted(folder, frames):
+        framed.append([list(frame.held) for frame in frames][-1])
+        draw_sheet(folder, frames)
+
+    monkeypatch.setattr(default_pictures_module, "_draw_sheet", noted)
+    move = "Motion(right, times=[0.0, 0.01], x=[0.0, load], y=0.0), Fixed(right, 'z'), Fixed([4], 'y')"
+    run(tmp_path, "Explicit(0.01, frames=2)", move)
+    edges = [k for k in range(81) if k % 9 in (0, 8)]
+    assert framed == [edges]
+    run(tmp_path, "Explicit(0.01, frames=2)", move, "--overwrite", "--stride", "2")
+    assert framed[1:] == [[]]
 
 
 def test_cycles_between_frames_are_drawn_from_the_fine_history(tmp_path, monkeypatch, default_pictures):
