@@ -171,3 +171,12 @@ def test_fields_can_be_chosen(ball):
     assert sorted(content["fields"]) == ["damage", "displacement"]
     with refused(match=r"fields = 'damge'.*damage"):
         page(ball, Limits(fields=["damge"]))
+
+
+def test_a_page_has_the_notices_of_what_it_contains(tmp_path):
+    """The MIT licence asks for its notice in every copy."""
+    write_all(VtkHdfSeries, tmp_path / "frames.vtkhdf", last=1, frame=make_frame)
+    text = page(tmp_path)
+    assert text.count("three.js authors") == 1 and text.count("Permission is hereby granted") == 2
+    assert text.index("three.js authors") < text.index("<body>") and "Leon Sorokin" in text
+    assert "--" not in text.partition("<!-- This page contains:")[2].partition("-->")[0]
