@@ -14,8 +14,6 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from ..device.checks import InputError, said
 from ..geometry.picture_files import pictures_in
 from ..interfaces import History
@@ -165,6 +163,9 @@ def sole_use(folder: Path | None) -> Iterator[None]:
         finally:
             _claimed.reset(token)
         return
+    # Not above: it takes longer to import than wrong input to be refused.
+    from filelock import FileLock, Timeout
+
     lock = FileLock(folder / ".lock", timeout=0)
     with _writing_in(folder):
         try:

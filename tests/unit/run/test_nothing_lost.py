@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from helpers import NEO, refused, square
 from small_runs import cli
 
@@ -17,7 +18,6 @@ from warp_pd import BondAssociated, Explicit, Fixed, InputError, Measure, Outcom
 from warp_pd.device.checks import OutputError
 from warp_pd.output import background, vtkhdf
 from warp_pd.output.background import require_room
-from warp_pd.run import folder as run_folder
 from warp_pd.run.folder import claimed_folder, newest_folder, sole_use
 
 SMALL = ["run", "pressure", "--points", "9", "--device", "cpu", "--no-pictures", "--no-usd"]
@@ -85,13 +85,13 @@ def test_a_second_run_at_the_same_time_takes_the_next_default_folder(tmp_path, m
 
 def test_results_are_looked_for_once_the_folder_is_locked(tmp_path, monkeypatch):
     """A run that ends between the two would lose its results."""
-    lock = run_folder.FileLock.acquire
+    lock = FileLock.acquire
 
     def ended_meanwhile(self, *arguments, **options):
         (tmp_path / "history.csv").write_text("time,step\n")
         return lock(self, *arguments, **options)
 
-    monkeypatch.setattr(run_folder.FileLock, "acquire", ended_meanwhile)
+    monkeypatch.setattr(FileLock, "acquire", ended_meanwhile)
     with refused(match="it contains history.csv"):
         simulation().run(out=tmp_path, device="cpu")
 
