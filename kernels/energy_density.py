@@ -1,11 +1,11 @@
-"""Energy density of a material at given principal stretches, for rupture criteria evaluated on the host."""
+"""Energy density and stress of a material at given strains, for what is evaluated on the host."""
 
 import functools
 
 import warp as wp
 
 from .effects import unstaged
-from .factories import PairFactory, constants_of
+from .factories import FunctionFactory, PairFactory, constants_of
 from .numeric import numeric
 
 
@@ -30,3 +30,24 @@ def energy_density(functions: PairFactory) -> wp.Kernel:
         out[i] = energy(G, constants)
 
     return unstaged(energy_at)
+
+
+@functools.cache
+def stress_and_volume(functions: PairFactory, volume: FunctionFactory) -> wp.Kernel:
+    """Kernel that fills S [Pa] and J^2 - 1 of strains G = C - I [n], in float64."""
+    stress, _ = functions(64)
+    volume_change = volume(64)
+    Constants = constants_of(stress)
+
+    def stress_at(
+        strain: wp.array(dtype=wp.mat22d),
+        constants: Constants,
+        out: wp.array(dtype=wp.mat22d),
+        change: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        G = strain[i]
+        out[i] = stress(G, constants)
+        change[i] = volume_change(G, constants)
+
+    return unstaged(stress_at)

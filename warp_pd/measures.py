@@ -15,7 +15,7 @@ from .geometry.topology import components, directed_edges, joined_points, shared
 from .geometry.triangulation import triangle_areas
 from .interfaces import History
 from .materials import Material, capabilities
-from .materials.energy import energy_density
+from .materials.energy import cauchy_stress, energy_density
 from .parts.reaction import require_held
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ SHRED = 16.0
 PATCH = 4.0
 # Share of the radius of a ring around a crack tip that moves with the tip as a whole, and this motion in spacings.
 RIGID_SHARE, NUDGE = 0.5, 1e-4
+# Radius around a place within which points are fitted [spacings].
+FITTED = 5.0
 # Radius of such a ring below which it is refused [spacings].
 LEAST_RADIUS = 4.0
 
@@ -239,7 +241,7 @@ def energy_release_rate(built: Built, tip: Sequence[float], direction: Sequence[
     Raises:
         InputError: for a curved sheet, another material, or a ring that is too small or reaches an edge.
     """
-    material, sheet, device = _elastic_material(built), built.context.sheet, built.context.device
+    material, sheet, device = _elastic_material(built, "energy_release_rate"), built.context.sheet, built.context.device
     corners, follows, thickness = _ring(built, np.array(vector("tip", tip, 2)), positive("radius", radius))
     along = np.array(vector("direction", direction, 2))
     along /= np.linalg.norm(along)
@@ -261,6 +263,62 @@ def energy_release_rate(built: Built, tip: Sequence[float], direction: Sequence[
 
     moved = NUDGE * sheet.spacing
     return (energy(-moved) - energy(moved)) / (2.0 * moved)
+
+
+def stress_at(built: Built, place: Sequence[float]) -> np.ndarray:
+    """Principal Cauchy stresses of an elastic sheet at a place, larger first [Pa], shape (2,); for peaks at free edges.
+
+    A point field is a mean over a family, which at an edge lies half a spacing inside, so a peak there is too low to
+    first order in the spacing. This is the stress of the gradient, at the place, of a cubic polynomial fitted to the
+    positions of points within five spacings, not beyond cracks.
+
+    Args:
+        built: The built simulation, with one hyperelastic material that has a `volume`.
+        place: The place [m], (x, y) on the sheet as it was given, such as a point of the edge of a hole.
+
+    Raises:
+        InputError: for a curved sheet, another material, a damaged place, or one with too few points around it.
+    """
+    material, sheet, given = _elastic_material(built, "stress_at"), built.context.sheet, built.context.given
+    at = np.array(vector("place", place, 2))
+    away = built.context.clamped_positions[:, :2] - at
+    size = np.linalg.norm(away, axis=1)
+    nearest = int(size.argmin())
+    spacing = float(given.spacing if given.spacings is None else given.spacings[nearest])
+    around = _connected(built, nearest, size <= FITTED * spacing)
+    x, y = away[around].T / (FITTED * spacing)
+    fit = np.column_stack([x**a * y**b for a in range(4) for b in range(4 - a)])
+    weights = 1.0 - x**2 - y**2
+    if size[nearest] > spacing or np.linalg.matrix_rank(fit * weights[:, None], 1e-3) < fit.shape[1]:
+        raise InputError(
+            f"place = {tuple(at.tolist())}: expected a place on the sheet, with some twenty points within five "
+            f"spacings of {spacing:.4g} m"
+        )
+    if built.law.damage is not None and built.to_numpy(built.law.damage)[around].max() > 0.0:
+        raise InputError(f"place = {tuple(at.tolist())}: expected a place without damage")
+    deformed = sheet.positions[around] + built.to_numpy(built.state.displacement)[around]
+    # Relative to points nearby, as a sheet far from the origin would lose its digits.
+    values = np.column_stack([sheet.points[around] - sheet.points[nearest], deformed - deformed.mean(axis=0)])
+    found = np.linalg.lstsq(fit * weights[:, None], values * weights[:, None], rcond=None)[0]
+    # Slopes by x and by y, the terms (a, b) = (1, 0) and (0, 1).
+    slopes = found[[4, 1]].T
+    gradient = slopes[2:] @ np.linalg.inv(slopes[:2])
+    stress = cauchy_stress(material, gradient[None], built.context.device)[0]
+    return np.asarray(np.linalg.eigvalsh(stress)[::-1])
+
+
+def _connected(built: Built, start: int, allowed: np.ndarray) -> np.ndarray:
+    """The allowed points that intact bonds join to one of them, in ascending order; `allowed` is a mask, (N,)."""
+    families, found, new = built.law.families, np.zeros(len(allowed), bool), np.array([start])
+    while len(new):
+        found[new] = True
+        members = families.members_of(new)
+        joined = members >= 0
+        if built.law.intact is not None:
+            joined &= unpack(built.law.intact.numpy()[-families.words :, new].T, families.members)
+        reached = np.unique(members[joined])
+        new = reached[allowed[reached] & ~found[reached]]
+    return np.flatnonzero(found)
 
 
 def _sides(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -287,14 +345,14 @@ def _ring(built: Built, tip: np.ndarray, radius: float) -> tuple[np.ndarray, np.
     return corners, follows, left * thickness[corners].mean(axis=1) / thickness[away.argmin()]
 
 
-def _elastic_material(built: Built) -> Material:
+def _elastic_material(built: Built, asked: str) -> Material:
     """The material of a flat, elastic sheet of one material."""
     sheet, law = built.context.sheet, built.simulation.force
-    known, title = capabilities(law.material), f"energy_release_rate: force = {type(law).__name__}"
+    known, title = capabilities(law.material), f"{asked}: force = {type(law).__name__}"
     if sheet.frames is not None:
-        raise InputError("energy_release_rate: expected a flat sheet, got a curved one")
+        raise InputError(f"{asked}: expected a flat sheet, got a curved one")
     if built.context.partition is not None:
-        raise InputError("energy_release_rate: expected a run in one process")
+        raise InputError(f"{asked}: expected a run in one process")
     varies = known.regions or known.by_point is not None or sheet.stiffness is not None
     if varies or not hasattr(law.material, "functions"):
         raise InputError(f"{title}: expected one hyperelastic material")

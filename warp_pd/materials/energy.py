@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..device.checks import InputError
 from ..device.cores import load_kernel, start_warp
 from .protocols import Material, capabilities, check_material, padded_constants
 
@@ -42,6 +43,39 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     load_kernel(kernel, wp.get_device(device))
     wp.launch(kernel, first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
+
+
+def cauchy_stress(material: Material, gradients: np.ndarray, device: Any = None) -> np.ndarray:
+    """Cauchy stress of a sheet in plane stress without its rotation, U S U / J [Pa], shape (n, 2, 2).
+
+    Args:
+        material: A continuum hyperelastic material that has a `volume`.
+        gradients: Deformation gradients, shape (n, 2, 2) or (n, 3, 2).
+        device: Warp device that evaluates the material; by default Warp's own.
+
+    Raises:
+        InputError: for any other material.
+    """
+    import warp as wp
+
+    from ..kernels.energy_density import stress_and_volume
+
+    check_material(material, "functions")
+    volume = capabilities(material).volume
+    if volume is None:
+        raise InputError(f"Cauchy stress: {type(material).__name__} has no volume: expected another material")
+    start_warp()
+    C = gradients.swapaxes(1, 2) @ gradients
+    known = padded_constants(material)
+    constants = wp.types.vector(length=len(known), dtype=wp.float64)(*known)
+    kernel: Any = stress_and_volume(material.functions, volume)
+    load_kernel(kernel, wp.get_device(device))
+    strain: Any = wp.array(C - np.eye(2), dtype=wp.mat22d, device=device)
+    found, change = (wp.empty(len(C), dtype=kind, device=device) for kind in (wp.mat22d, wp.float64))
+    wp.launch(kernel, len(C), inputs=[strain, constants, found, change], device=device)
+    squares, axes = np.linalg.eigh(C)
+    U = np.einsum("nab,nb,ncb->nac", axes, np.sqrt(squares), axes)
+    return np.asarray(U @ found.numpy() @ U / np.sqrt(1.0 + change.numpy())[:, None, None])
 
 
 def largest_energy_density(material: Material, first: Any, second: Any, device: Any = None) -> np.ndarray:
