@@ -14,10 +14,16 @@ from .numeric import numeric
 
 
 @functools.cache
-def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
+def residual(bits: int, held: bool, loaded: bool, apart: bool, stressed: bool) -> Kernel:
     """Kernel that fills the unbalanced force [points], N, its square and the squared loads and reactions, N^2.
 
-    `apart`: dead loads are also summed separately, because displacement-dependent loads may balance them.
+    Args:
+        bits: Precision, 32 or 64.
+        held: Whether any component is held.
+        loaded: Whether external forces act.
+        apart: Whether dead loads are also summed separately, because displacement-dependent loads may balance them.
+        stressed: Whether `moving` is filled with the squared loads and changes of reactions, N^2: reactions without
+            those to the `initial` internal force.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -29,10 +35,12 @@ def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
         dead: wp.array(dtype=vec3),
+        initial: wp.array(dtype=vec3),
         first: int,
         unbalanced: wp.array(dtype=vec3),
         squared: wp.array(dtype=wp.float64),
         reaction: wp.array(dtype=wp.float64),
+        moving: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
         load = vec3(real(0.0), real(0.0), real(0.0))
@@ -53,5 +61,15 @@ def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
         if wp.static(apart):
             size += wp.dot(dead[i], dead[i])
         reaction[i] = wp.float64(size)
+        if wp.static(stressed):
+            change = vec3(real(0.0), real(0.0), real(0.0))
+            if wp.static(held):
+                for c in range(3):
+                    if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                        change[c] = support[c] - initial[i][c]
+            moved = wp.dot(change, change) + wp.dot(load, load)
+            if wp.static(apart):
+                moved += wp.dot(dead[i], dead[i])
+            moving[i] = wp.float64(moved)
 
     return residual

@@ -6,6 +6,8 @@ from helpers import square
 from small_runs import run
 
 from warp_pd import (
+    BodyForce,
+    BondAssociated,
     CriticalStretch,
     Fixed,
     MooneyRivlin,
@@ -15,6 +17,7 @@ from warp_pd import (
     Pressure,
     Relaxation,
     Sheet,
+    Simulation,
     TensionField,
 )
 
@@ -89,3 +92,49 @@ def test_a_sheet_that_a_dead_load_tears_in_two_ends_with_a_message():
     assert result.status == "not converged" and result.summary["steps"] < 10_000
     assert "moved more than 100 times the size of the sheet" in result.summary["message"]
     assert np.abs(result.frame.displacement).max() < 1.0
+
+
+# A small load on a sheet under large stress ----------------------------------------------------------------
+
+
+def drum(solver, force, precision=64, points=41, load_steps=1):
+    """Deflection of a stretched strip under a small body force, over that of a string, q L^2 / (8 T)."""
+    length, stretch = 0.1, 1.1
+    sheet = Sheet.rectangle(length, 0.02, thickness=1e-3, density=1000.0, points=points).prestretched(stretch, 1.0)
+    exact = force * 1e-3 / stretch * length**2 / (8.0 * 2e5 * (stretch - stretch**-3) * 1e-3)
+    loads = [Fixed(sheet.edges("left", "right")), Fixed(range(sheet.size), "y"), BodyForce((0.0, 0.0, force))]
+    result = Simulation(
+        sheet, BondAssociated(MooneyRivlin(1e5)), solver(load_steps=load_steps), loads=loads if force else loads[:2]
+    ).run(device="cpu", precision=precision)  # fmt: skip
+    assert result.status == "finished"
+    return result, result.frame.displacement[sheet.nearest(0.05, 0.01), 2] / (exact or 1.0)
+
+
+@pytest.mark.parametrize("solver", [Relaxation, Newton])
+@pytest.mark.parametrize("force", [100.0, 1e-3])
+def test_small_loads_move_a_stressed_sheet_as_they_do_a_string(solver, force):
+    _, deflection = drum(solver, force)
+    assert deflection == pytest.approx(1.0, abs=2e-3)
+
+
+def test_load_steps_of_a_small_load_on_a_stressed_sheet():
+    _, deflection = drum(Relaxation, 100.0, points=21, load_steps=3)
+    assert deflection == pytest.approx(drum(Newton, 100.0, points=21)[1], rel=5e-4)
+
+
+def test_small_load_on_a_stressed_sheet_in_float32():
+    result, deflection = drum(Relaxation, 300.0, precision=32, points=21)
+    assert deflection == pytest.approx(drum(Newton, 300.0, points=21)[1], rel=1e-3) and not result.summary["notes"]
+    assert drum(Newton, 0.1, precision=32, points=21)[1] == pytest.approx(deflection, rel=1e-3)
+
+
+def test_load_that_round_off_hides_is_noted():
+    result, _ = drum(Relaxation, 1e-3, precision=32, points=21)
+    assert len(result.summary["notes"]) == 1 and "expected 64, or the solver Newton" in result.summary["notes"][0]
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+@pytest.mark.parametrize("solver", [Relaxation, Newton])
+def test_stressed_sheet_without_loads_stays_where_it_is(solver, precision):
+    result, moved = drum(solver, 0.0, precision=precision, points=21)
+    assert abs(moved) < 1e-9 and not result.summary["notes"]

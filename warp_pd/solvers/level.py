@@ -15,9 +15,12 @@ from ..interfaces import BuiltLaw, BuiltLoad, Tangent
 from ..interfaces.context import Context
 from ..interfaces.part import StaticContact
 from ..kernels.equilibrium import equilibrium
-from ..kernels.residual import residual
+from .load_scale import LoadScale
 
 OWNER = "Newton"
+# By precision: unbalanced force over what moves a stressed sheet, in equilibrium; and over loads and reactions, below
+# which round-off hides it.
+ACCURACY, ROUND_OFF = {64: 1e-5, 32: 1e-3}, {64: 1e-12, 32: 1e-5}
 
 
 class Level:
@@ -32,15 +35,16 @@ class Level:
         base: Last accepted displacement [m].
         direction: Newton's step [m].
         residual: Unbalanced force on free components [N].
+        scale: Loads and reactions.
         vector: Input of the product.
         image: Output of the product.
     """
 
     def __init__(
         self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
-        contacts: Sequence[StaticContact] = (),
+        contacts: Sequence[StaticContact] = (), tolerance: float | None = None,
     ) -> None:  # fmt: skip
-        """Allocate the vectors and add all stages but "evaluate"."""
+        """Allocate the vectors and add all stages but "evaluate"; a coarse lattice has no `tolerance`."""
         self.context, self.law, self.tangent = context, law, tangent
         self.following = [load for load in following if load.at_rest is None]
         self.contacts = contacts
@@ -51,7 +55,8 @@ class Level:
         self.direction = context.array("newton_step", OWNER, t.vec3, shape=n)
         self.residual = context.array("unbalanced", OWNER, t.vec3, shape=n)
         self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
-        self._reaction = context.array("reaction", OWNER, wp.float64, shape=n)
+        fine, accuracy = tolerance is not None, ACCURACY[t.bits]
+        self.scale = LoadScale(context, OWNER, tolerance or accuracy, accuracy, ROUND_OFF[t.bits], stressed=fine)
         self.vector = context.array("vector", OWNER, t.vec3, shape=n, halo=True)
         self.image = context.array("image", OWNER, t.vec3, shape=n)
         self._tension = context.array("tension", OWNER, t.real, shape=1, per="once")
@@ -87,12 +92,7 @@ class Level:
 
         `dead` are the dead loads [N] if there are also displacement-dependent loads, otherwise None.
         """
-        state, f = self.context.state, self.context.features
-        stage.launch(
-            OWNER, residual(self.context.bits, f.held, f.loaded, dead is not None), self.points,
-            held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,
-            unbalanced=self.residual, squared=self._squared, reaction=self._reaction,
-        )  # fmt: skip
+        self.scale.add(stage, dead, self.residual, self._squared)
 
     def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
         """Add the launches of image = K vector, both (N,) vec3, with zero in held components.
@@ -122,7 +122,7 @@ class Level:
     def evaluate(self) -> tuple[float, float]:
         """Norms of the unbalanced force and of loads and reactions [N] at `displacement`."""
         self.run("evaluate")
-        return float(np.sqrt(dot(self.residual, self.residual))), float(np.sqrt(total(self._reaction)))
+        return float(np.sqrt(dot(self.residual, self.residual))), self.scale.size(total)
 
     def linearise(self, tension: float) -> None:
         """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""

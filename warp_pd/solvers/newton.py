@@ -140,6 +140,7 @@ class BuiltNewton(StaticSystem):
         """Follow the load path; return the final status."""
         finest, planned = self.levels[0], self.settings.load_steps
         self._start_report(sink)
+        finest.scale.begin()
         self._set_contact_stiffness()
         reached = sink.time / self.settings.duration
         self._keep(reached)

@@ -106,6 +106,7 @@ class BuiltArcLength(TearSteps):
     def run(self, sink: FrameSink) -> str:
         """Follow the path; return the final status."""
         self._start_report(sink)
+        self.levels[0].scale.begin()
         self._set_contact_stiffness()
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:

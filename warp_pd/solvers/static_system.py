@@ -69,7 +69,8 @@ class StaticSystem(BuiltSolver):
         """Add the stages of residual and tangent."""
         system.refuse_phases(self.name, NOT_DONE)
         self.system, context, state = system, self.context, self.context.state
-        finest = Level(context, system.law, self.tangent, system.external.following, system.external.contacts)
+        loads = system.external
+        finest = Level(context, system.law, self.tangent, loads.following, loads.contacts, self.tolerance)
         dead = system.external.keep_dead_apart()
         stage = context.stage("evaluate", "every residual of Newton")
         system.law.add_force(stage, state.displacement, state.force)
