@@ -1,4 +1,4 @@
-"""Notes on the shape of an untorn sheet at the end of a run: triangles that turned over, and lost area."""
+"""Notes on the shape of an untorn sheet at the end of a run: triangles that turned over, lost area, and short waves."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from .recorder import Recorder
 # Area over that of the stress-free sheet below which a note says so, and distance from a plane [spacings] of a sheet
 # that counts as one in a plane.
 LEAST_AREA, IN_PLANE = 0.5, 1e-3
+# Height of a point over its neighbours from which it is high, and steep [spacings]; share of such points, and root mean
+# square height, from which the sheet is wavy; and likeness of neighbours below which the waves are short: 1/3 in waves
+# of four spacings in one direction, 4/5 of eight, near 1 of long ones.
+HIGH, STEEP, MANY, WAVY, ALIKE = 0.03, 0.25, 0.2, 0.05, 0.7
 # Area over the mean one below which a triangle has no side that one can tell.
 NO_AREA = 1e-9
 
@@ -35,7 +39,42 @@ def shape_notes(recorder: Recorder) -> list[str]:
         )
     if share < LEAST_AREA:
         notes.append(f"area: the untorn sheet ends with {100.0 * share:.2g} % of its stress-free area{advice}")
+    if not built.contacts:
+        notes += _waves(np.asarray(surface.points, np.float64), positions, faces, whole.spacing)
     return notes
+
+
+def _waves(start: np.ndarray, end: np.ndarray, faces: np.ndarray, spacing: float) -> list[str]:
+    """A note if the points lie in short waves at the end that were not there at the start, both (N, 3)."""
+    height = (_heights(end, faces) - _heights(start, faces)) / spacing
+    size = float(np.sqrt((height**2).mean()))
+    if size < WAVY or (np.abs(height) > HIGH).mean() < MANY:
+        return []
+    alike = float(height @ _neighbours(height[:, None], faces)[:, 0]) / (len(height) * size**2)
+    if alike > ALIKE and (np.abs(height) > STEEP).mean() < MANY:
+        return []
+    return [
+        f"short waves: points of the untorn sheet end {size:.2g} spacings over or under their neighbours, in waves of "
+        "a few spacings, which families average, so that they cost little energy; expected more points, or tension in "
+        "every direction"
+    ]
+
+
+def _neighbours(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Mean of values (N, C) over the other corners of the triangles of each point, (N, C)."""
+    points, others = len(values), values[faces].sum(axis=1)[:, None] - values[faces]
+    count = 2 * np.maximum(np.bincount(faces.ravel(), minlength=points), 1)
+    sums = [np.bincount(faces.ravel(), others[..., c].ravel(), minlength=points) for c in range(values.shape[1])]
+    return np.stack(sums, axis=1) / count[:, None]
+
+
+def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Height of each point under the mean of its neighbours along its normal [m], (N,)."""
+    each = np.repeat(_normals(positions, faces), 3, axis=0)
+    normals = np.stack([np.bincount(faces.ravel(), each[:, c], minlength=len(positions)) for c in range(3)], axis=1)
+    size = np.linalg.norm(normals, axis=1)
+    normals /= np.where(size > 0.0, size, 1.0)[:, None]
+    return np.asarray(((_neighbours(positions, faces) - positions) * normals).sum(axis=1))
 
 
 def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
