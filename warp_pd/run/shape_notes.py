@@ -65,7 +65,7 @@ def _neighbours(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
     points, others = len(values), values[faces].sum(axis=1)[:, None] - values[faces]
     count = 2 * np.maximum(np.bincount(faces.ravel(), minlength=points), 1)
     sums = [np.bincount(faces.ravel(), others[..., c].ravel(), minlength=points) for c in range(values.shape[1])]
-    return np.stack(sums, axis=1) / count[:, None]
+    return np.asarray(np.stack(sums, axis=1) / count[:, None])
 
 
 def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -73,8 +73,8 @@ def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     each = np.repeat(_normals(positions, faces), 3, axis=0)
     normals = np.stack([np.bincount(faces.ravel(), each[:, c], minlength=len(positions)) for c in range(3)], axis=1)
     size = np.linalg.norm(normals, axis=1)
-    normals /= np.where(size > 0.0, size, 1.0)[:, None]
-    return np.asarray(((_neighbours(positions, faces) - positions) * normals).sum(axis=1))
+    unit = normals / np.where(size > 0.0, size, 1.0)[:, None]
+    return np.asarray(((_neighbours(positions, faces) - positions) * unit).sum(axis=1))
 
 
 def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
