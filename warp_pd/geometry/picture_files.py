@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..device.checks import InputError, OutputError, said
 
 FORMATS = ("png", "pdf", "svg")
@@ -21,6 +23,8 @@ FORMATS = ("png", "pdf", "svg")
 RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
 # Polygons above which a vector picture holds the sheet as pixels.
 MOST_VECTORS = 20_000
+# Shorter over longer side of a flat sheet in a picture, at least; and below which it is a bar.
+THINNEST, BAR = 0.15, 1e-6
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,20 @@ def _figure_class() -> Any:
             return stream.getvalue()
 
     return Picture
+
+
+def enlargement(extent: np.ndarray) -> np.ndarray:
+    """Factors of x and y by which a flat sheet is drawn larger, so that its shorter side can be seen.
+
+    `extent` is that of the sheet [m], shape (2,). A bar, which has no shorter side, is drawn as it is.
+    """
+    least = THINNEST * extent.max()
+    return np.where(extent > BAR * extent.max(), np.maximum(1.0, least / np.maximum(extent, BAR * least)), 1.0)
+
+
+def enlarged(factors: np.ndarray) -> list[str]:
+    """Lines of a title on the directions that are drawn larger than others."""
+    return [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", factors, strict=False) if g > 1.05]
 
 
 def target(path: Any) -> Path:

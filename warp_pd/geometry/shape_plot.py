@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .picture_files import new_figure, save, target
+from .picture_files import enlarged, enlargement, new_figure, save, target
 from .shape import Shape
 from .topology import boundary_edges, boundary_rings, directed_edges, pieces
 from .triangulation import corner_sums, triangle_areas
@@ -43,7 +43,8 @@ def draw_shape(
     varying = np.asarray(thickness) if np.ndim(thickness) else None
     parts = _parts(sheet, stiffness, regions)
     figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
-    lines = [*([title] if title else []), _described(sheet, varying)]
+    thin = [] if curved else enlarged(enlargement(np.ptp(sheet.points, axis=0)))
+    lines = [*([title] if title else []), _described(sheet, varying), *thin]
     axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=8, frameon=False)
     if written is not None:
@@ -69,7 +70,8 @@ def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any
 
     where = _apart(sheet)
     low, high = where.min(axis=0), where.max(axis=0)
-    extent = np.maximum(high - low, 0.05 * (high - low).max())
+    grown = enlargement(high - low)
+    extent = (high - low) * grown
     width, height = SIDE * extent / extent.max()
     figure = new_figure(max(width, 3.0) + 2.6, max(height, 1.0) + 1.2)
     axes = figure.subplots()
@@ -96,10 +98,10 @@ def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any
         _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
     for rank, (label, chosen) in enumerate(parts):
         _markers(axes, where, chosen, label, **_part_style(parts, rank, size), zorder=6)
-    margin = 0.03 * extent.max()
-    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
+    margin = 0.03 * extent.max() / grown
+    axes.set(aspect=grown[1] / grown[0], xlabel="x (m)", ylabel="y (m)")
+    axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
+    axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
     return figure, axes
 
 

@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.picture_files import MOST_VECTORS, RESOLUTION_IN_VECTORS, current, new_figure, new_panels, save
+from ..geometry.picture_files import (
+    MOST_VECTORS,
+    RESOLUTION_IN_VECTORS,
+    current,
+    enlarged,
+    enlargement,
+    new_figure,
+    new_panels,
+    save,
+)
 from ..geometry.topology import boundary_sides, directed_edges
 from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
@@ -36,10 +45,8 @@ IN_CONTACT = 1e-3
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
 LOWEST, TALLEST = 0.3, 1.4
-# Shorter over longer side of a picture from above, at least; room for the label of a tick across and upwards [inches].
-THINNEST, TICK, TICK_UP = 0.15, 0.75, 0.3
-# The shorter side is drawn so many times as large, at most: a bar has none.
-MOST_GROWN = 100.0
+# Room for the label of a tick across and upwards [inches].
+TICK, TICK_UP = 0.75, 0.3
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
 TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
@@ -75,7 +82,7 @@ def surfaces(
     wide = (PANEL - BESIDE) * min(1.0, TALLEST / shape)
     columns = _columns(len(frames))
     points = 72.0 * wide / float((high - low)[0])
-    grown = _grown(seen.grown)
+    grown = enlarged(seen.grown)
     tall = wide * shape + BELOW + TITLE_LINE * len(grown)
     figure, panels = new_panels(len(frames), columns, (wide + BESIDE, tall), (1.4, 0.3))
     for axes, frame in zip(panels, frames, strict=True):
@@ -105,14 +112,13 @@ def from_above(
     corners = np.concatenate([f.points[f.framed, :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
     longest = float((high - low).max())
-    # The shorter side of a strip is drawn larger, so that it can be seen.
-    grown = np.clip(THINNEST * longest / np.maximum(high - low, 1e-300), 1.0, MOST_GROWN)
+    grown = enlargement(high - low)
     margin = 0.03 * longest / grown
     extent = high - low + 2.0 * margin
     shape = float(np.divide(*(extent * grown)[::-1]))
     wide = (6.0 if columns == 1 else 4.2) * min(1.0, 1.5 / shape)
     size = (wide, wide * shape)
-    told = _grown(grown)
+    told = enlarged(grown)
     # The bar of colours needs some height.
     room = (max(wide, 1.5), max(size[1], 1.2) + 0.5 + TITLE_LINE * len(told))
     figure, panels = new_panels(len(frames), columns, room, (1.4, 0.4), sharex=True, sharey=True)
@@ -278,11 +284,6 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     figure.colorbar(drawn, ax=axes, label=label)
     _name(figure, [frame])
     save(figure, path)
-
-
-def _grown(factors: np.ndarray) -> list[str]:
-    """Lines on the directions that are drawn larger than others."""
-    return [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", factors, strict=False) if g > 1.05]
 
 
 def _columns(panels: int) -> int:

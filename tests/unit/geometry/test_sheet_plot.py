@@ -146,6 +146,15 @@ def test_pictures_of_a_run_outline_the_regions():
     assert len(edges) == 36 + 16 and owners.max() < len(torn)
 
 
+def test_the_shorter_side_of_a_strip_can_be_seen():
+    for width, height, name in ((0.5, 0.01, "y"), (0.01, 0.5, "x")):
+        axes = drawn(Sheet.rectangle(width, height, points=101 if width > height else 3, **FLAT))
+        assert axes.get_title().split("\n")[-1] == f"{name} drawn 7.5 times as large"
+        box = axes.get_position().size * axes.figure.get_size_inches()
+        assert box.min() > 0.14 * box.max() and box.min() > 0.5
+    assert "drawn" not in drawn(Sheet.rectangle(0.5, 0.1, points=51, **FLAT)).get_title()
+
+
 def test_a_bar():
     axes = drawn(Sheet.line(1.0, 1e-4, density=1.0, points=20))
     assert labels(axes) == ["20 points"] and np.diff(axes.get_ylim())[0] > 0.0
