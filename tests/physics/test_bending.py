@@ -7,6 +7,7 @@ from small_runs import run
 
 from warp_pd import (
     ArcLength,
+    Circle,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -15,6 +16,7 @@ from warp_pd import (
     NeoHookean,
     Newton,
     PointForce,
+    Pressure,
     Relaxation,
     Sheet,
     TearingEnergy,
@@ -184,6 +186,46 @@ def test_a_clamped_plate_vibrates_at_its_frequency():
         exact = 35.985 * np.sqrt(2e-5 / (1000.0 * THICKNESS)) / LENGTH**2 / (2.0 * np.pi)
         errors.append(frequency / exact - 1.0)
     assert abs(errors[-1]) < 6e-3 and errors[1] / errors[0] == pytest.approx(0.25, abs=0.05)
+
+
+def test_plates_with_held_slopes_bend_as_clamped_ones():
+    """A circle from an outline, q a^4 / (64 D), and a square, 0.00126532 q a^4 / D (Timoshenko, table 35)."""
+    errors = []
+    for points in (11, 21):
+        h = 0.1 / (points - 1)
+        disc = Sheet.outline(Circle((0.0, 0.0), 0.05), spacing=h, thickness=2e-3, density=1000.0)
+        side = Sheet.rectangle(0.1, 0.1, points=points, thickness=2e-3, density=1000.0)
+        for sheet, edge, share in ((disc, "outline", 0.05**4 / 64.0), (side, "all", 0.00126532 * 0.1**4)):
+            loads = [Fixed(sheet.edges(edge), slope=True), Pressure(1e-3)]
+            result = run(sheet, Newton(load_steps=1), loads=loads, bending=0.02)
+            errors.append(result.frame.displacement[:, 2].max() * 0.02 / (1e-3 * share) - 1.0)
+    coarse, fine = np.array(errors).reshape(2, 2)
+    assert (fine < 0.023).all() and (fine > 0.0).all() and orders([coarse.max(), fine.max()]).min() > 1.8
+
+
+def test_held_slopes_are_those_of_two_held_rows():
+    """Of a tube under pressure from outside, one row with held slopes moves as two held rows do."""
+    found = []
+    for slope in (True, False):
+        tube = Sheet.tube(0.05, 0.1, points=(24, 9), thickness=2e-3, density=1000.0)
+        step = 0.1 / 8
+        if not slope:
+            tube = Sheet.tube(0.05, 0.1 + step, points=(24, 10), thickness=2e-3, density=1000.0)
+        z = tube.points[:, 2] - (0.0 if slope else step)
+        held = Fixed(np.flatnonzero(z < 1e-6), slope=slope)
+        result = run(tube, Newton(load_steps=1), loads=[held, Pressure(-1.0)], bending=0.1)
+        found.append(np.linalg.norm(result.frame.displacement[np.abs(z - 4 * step) < 1e-6], axis=1).mean())
+    assert found[0] == pytest.approx(found[1], rel=0.02)
+
+
+def test_held_slopes_are_refused_where_they_mean_nothing():
+    sheet = square(11)
+    with refused(match="Fixed.slope = True: expected bending"):
+        build(sheet, loads=[Fixed(sheet.edges("all"), slope=True)])
+    with refused(match="Fixed.slope = True with components = 'z': expected 'xyz'"):
+        Fixed([0], "z", slope=True)
+    with refused(match="Fixed.slope = True: not supported on a prestretched sheet"):
+        build(sheet.prestretched(1.1), bending=True, loads=[Fixed(sheet.edges("all"), slope=True)])
 
 
 def test_a_strip_buckles_at_eulers_load():

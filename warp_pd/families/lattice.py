@@ -113,6 +113,6 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
     touched = np.flatnonzero(distance_from_segments(points, np.array(sheet.cuts), reach) <= reach)
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
-    for segment in sheet.cuts:
-        lost |= crosses(tail, tail + offsets, segment)
+    for segment, tips in zip(sheet.cuts, sheet.tips, strict=True):
+        lost |= crosses(tail, tail + offsets, segment, tips)
     return touched, lost

@@ -260,5 +260,6 @@ def sheet_on_partition(sheet: Sheet, partition: Partition) -> Sheet:
         points=partition.rows(sheet.points), areas=partition.rows(sheet.areas),
         triangles=partition.here(sheet.triangles[partition.faces].ravel())[1].reshape(-1, 3),
         grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
-        pieces=of(sheet.pieces), **sheet.at_points(partition.rows), barriers=None, cuts=(), parts={}, inclusions=(),
+        pieces=of(sheet.pieces), **sheet.at_points(partition.rows), barriers=None, cuts=(), tips=(), parts={},
+        inclusions=(),
     )  # fmt: skip

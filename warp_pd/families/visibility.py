@@ -44,8 +44,8 @@ def _in_two_pieces(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
 def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Mask, shape (B,), of pairs of points, shape (B, 2), on opposite sides of a cut."""
     lost = np.zeros(len(pairs), bool)
-    for segment in sheet.cuts:
-        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
+    for segment, tips in zip(sheet.cuts, sheet.tips, strict=True):
+        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment, tips)
     return lost
 
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..device.checks import InputError
+from .couplings import distance_from_segments
 from .shape import Shape
 from .topology import boundary_edges
 from .triangulation import (
@@ -22,6 +23,9 @@ from .triangulation import (
     whole_cells,
 )
 
+# A point so near to a segment, in spacings, is on it.
+ON_SEGMENT = 1e-6
+
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
 
@@ -35,14 +39,32 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     margin = 1e-6 * float((high - low).max())
     near = ((corners.max(axis=1) >= low - margin) & (corners.min(axis=1) <= high + margin)).all(axis=1)
     tried = corners[near]
-    gone = np.flatnonzero(near)[crosses(tried, np.roll(tried, -1, axis=1), segment).any(axis=1)]
+    tips = _tips(shape, segment)
+    gone = np.flatnonzero(near)[crosses(tried, np.roll(tried, -1, axis=1), segment, tips[-1]).any(axis=1)]
     if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         raise InputError(
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
-    return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment))
+    return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment), tips=tips)
+
+
+def _tips(shape: Shape, segment: Segment) -> tuple[tuple[bool, bool], ...]:
+    """Tips of the cuts of a shape and of one more: no end on the edge of the shape or on another cut is one."""
+    within = ON_SEGMENT * shape.spacing
+    ends = np.array([*shape.cuts, segment])
+    edges = np.zeros((0, 2, 2))
+    if shape.whole_lattice is not None or not len(shape.triangles):
+        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+        corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+        edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    else:
+        edges = shape.points[boundary_edges(shape.triangles)]
+    own = distance_from_segments(ends[-1], np.concatenate([ends[:-1], edges]), within) > within
+    met = distance_from_segments(ends[:-1].reshape(-1, 2), ends[-1:], within).reshape(-1, 2) <= within
+    old = np.array(shape.tips, bool).reshape(-1, 2) & ~met
+    return tuple((bool(first), bool(last)) for first, last in [*old, own])
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:

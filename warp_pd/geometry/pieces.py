@@ -90,6 +90,7 @@ def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Sh
         triangles=np.concatenate([shape.triangles + first[k] for k, shape in numbered]).astype(np.int32),
         spacing=max(shape.spacing for shape in shapes),
         cuts=tuple(moved_cut(cut, partial(np.add, moves[k])) for k, shape in numbered for cut in shape.cuts),
+        tips=tuple(tip for shape in shapes for tip in shape.tips),
         inclusions=tuple(np.asarray(m + first[k], np.int32) for k, shape in numbered for m in shape.inclusions),
         spacings=None if alike else np.concatenate(spacings),
         frames=np.concatenate(frames) if frames else None,

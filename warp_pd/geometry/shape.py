@@ -21,6 +21,8 @@ class Shape:
         spacing: Distance of neighbouring points [m], the minimum on a graded sheet; the horizon is a multiple of it.
         lattice: The lattice if the points form a complete rectangular grid, otherwise None.
         cuts: Segments that no bond crosses.
+        tips: Whether the ends of each cut are tips, inside the shape and not on another cut: a bond through a tip
+            exists, so that a cut acts as long as it is drawn.
         inclusions: Point indices of each rigid inclusion.
         grid: Column and row of each point on a square grid of pitch `spacing`, -1 for other points, int32, shape (N,
             2); or None. Points on the grid are in order, row by row. The grid may have gaps.
@@ -45,6 +47,7 @@ class Shape:
     spacing: float
     lattice: Lattice | None = None
     cuts: tuple[Segment, ...] = ()
+    tips: tuple[tuple[bool, bool], ...] = ()
     inclusions: tuple[np.ndarray, ...] = ()
     grid: np.ndarray | None = None
     spacings: np.ndarray | None = None

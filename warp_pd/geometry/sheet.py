@@ -451,7 +451,8 @@ class Sheet(Shape):
         """A copy in which no bond crosses the segment from `start` to `end` [m].
 
         These bonds are not part of the families, so a cut does not count as damage. Points on the segment belong to its
-        left side. Triangles crossed by the cut are removed, also from pictures.
+        left side. Bonds through an end inside the sheet stay: with its ends on columns of points, or midway between
+        two, a cut acts as long as it is drawn. Triangles crossed by the cut are removed, also from pictures.
 
         Raises:
             InputError: if the segment has no length or crosses no triangle, or the sheet is curved and needs

@@ -11,6 +11,8 @@ import numpy as np
 from ..device.checks import InputError
 
 Segment = tuple[tuple[float, float], tuple[float, float]]
+# Part of the length of a segment that places along it are uncertain by.
+ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,13 @@ class CoarseLattice:
         return found.ravel()
 
 
-def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
+def crosses(
+    tail: np.ndarray, head: np.ndarray, segment: Segment, tips: tuple[bool, bool] = (False, False)
+) -> np.ndarray:
     """Mask, shape (B,), of the bonds from `tail` to `head`, shape (B, 2), that cross the segment.
 
-    A point on the line of the segment counts as left of it.
+    A point on the line of the segment counts as left of it. A bond through an end of the segment crosses it, unless the
+    end is among the `tips`.
     """
     start, end = np.array(segment[0]), np.array(segment[1])
     along = end - start
@@ -98,7 +103,9 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     fraction = above / np.where(differ, above - below, 1.0)
     meeting = tail + fraction[..., None] * (head - tail) - start
     place = (meeting @ along) / length_squared
-    return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
+    # Beyond an end, or short of a tip, by what round-off moves.
+    begin, end = (ROUND_OFF if tip else -1e-12 for tip in tips)
+    return np.asarray(differ & (place >= begin) & (place <= 1.0 - end))
 
 
 def moved_cut(cut: Segment, move: Callable[[np.ndarray], np.ndarray]) -> Segment:

@@ -15,12 +15,25 @@ if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
     from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
     from .output import FrameReport, Writer
-    from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, Load, Part, Rupture, Solid, Turn
+    from .part import (
+        SLOPE,
+        BuiltContact,
+        BuiltLoad,
+        BuiltRupture,
+        Constraint,
+        Contact,
+        Load,
+        Part,
+        Rupture,
+        Solid,
+        Turn,
+    )
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "SLOPE",
     "BuiltContact",
     "BuiltLaw",
     "BuiltLoad",

@@ -47,6 +47,10 @@ class Turn:
         return np.asarray(-2.0 * np.sin(0.5 * angle) ** 2 * away + np.sin(angle) * across)
 
 
+# Bit of points whose slope is held, beside those of their components.
+SLOPE = 16
+
+
 @dataclass(frozen=True, eq=False)
 class Constraint:
     """Components of points whose motion a part prescribes.
@@ -54,7 +58,7 @@ class Constraint:
     Attributes:
         owner: Name of the part, for messages.
         points: Point indices, int32.
-        components: Bits: 1, 2, 4 for x, y, z; 8 for points of a rigid inclusion.
+        components: Bits: 1, 2, 4 for x, y, z; 8 for points of a rigid inclusion, SLOPE for held slopes.
         motion: Schedule of the displacement [m], or None for points that stay at their initial position.
         turn: Rotation added to the motion, or None.
     """

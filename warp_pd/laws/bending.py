@@ -13,7 +13,7 @@ from ..device.checks import InputError, positive, said
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
-from ..interfaces import BuiltLaw, Solve, SparseTangent, Tangent
+from ..interfaces import SLOPE, BuiltLaw, Solve, SparseTangent, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bending import ROWS, BendingKernels, bending
@@ -64,6 +64,10 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
     else:
         positive("bending", given)
     if given is False:
+        if (context.held & SLOPE).any():
+            raise InputError(
+                "Fixed.slope = True: expected bending = True or a stiffness; a membrane has no slope to hold"
+            )
         return law
     if context.partition is not None:
         raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
@@ -118,7 +122,12 @@ class BendingForce(BuiltLaw):
             context.bits, context.sheet.frames is not None, f.breakable, f.softened, f.breakable and f.tracked
         )
         self.stiffness, self.poisson = self._stiffness(given)
-        self.slopes = fitted_slopes(context.sheet, (context.held & HELD == HELD) | (context.held & RIGID != 0))
+        clamped = (context.held & HELD == HELD) | (context.held & RIGID != 0)
+        level = context.held & SLOPE != 0
+        self.slopes = fitted_slopes(context.sheet, clamped, level)
+        # Of the stress-free sheet, held slopes are those that its points have.
+        none = np.zeros_like(level)
+        self.free_slopes = fitted_slopes(context.sheet, clamped, none) if level.any() else self.slopes
         self.plate: Any = self._tables()
         n, faces = context.sheet.size, len(context.sheet.triangles)
         self.slope, self.moment = self.slope_array("slope"), self.slope_array("moment")
@@ -243,7 +252,7 @@ class BendingForce(BuiltLaw):
 
     def _rest(self, sides: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """Vectors g and r of the stress-free sheet [m], (6, F, 3); see kernels/bending.py."""
-        s, x, triangles = self.slopes, self.context.sheet.positions, self.context.sheet.triangles
+        s, x, triangles = self.free_slopes, self.context.sheet.positions, self.context.sheet.triangles
         slope = np.zeros((len(x), 3, 2))
         np.add.at(slope, s.point, np.einsum("ec,eb->ecb", x[s.other] - x[s.point], s.weights))
         d = np.stack([np.einsum("fcb,fbm->mfc", slope[triangles[:, c]], flat[c]) for c in range(3)])

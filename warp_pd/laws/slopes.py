@@ -45,11 +45,11 @@ def planes_of(sheet: Sheet) -> np.ndarray:
     return np.stack([first, np.cross(normals, first)], axis=2)
 
 
-def fitted_slopes(sheet: Sheet, clamped: np.ndarray) -> Slopes:
+def fitted_slopes(sheet: Sheet, clamped: np.ndarray, level: np.ndarray) -> Slopes:
     """Fit the slopes of a sheet, through its triangles, so that none reaches across a cut.
 
     `clamped` is the mask of points that are held in all components, (N,). A triangle of three of them is a clamp: its
-    corners have its slope.
+    corners have its slope. `level` is the mask of points whose slope is held at zero, (N,): they have no entries.
     """
     from scipy import sparse
 
@@ -64,7 +64,8 @@ def fitted_slopes(sheet: Sheet, clamped: np.ndarray) -> Slopes:
     for begin in range(0, n, CHUNK):
         every = np.arange(begin, min(begin + CHUNK, n))
         for points, graph, quadratic in (
-            (every[~in_clamp[every]], near, True), (every[in_clamp[every]], clamp, False),
+            (every[~in_clamp[every] & ~level[every]], near, True),
+            (every[in_clamp[every] & ~level[every]], clamp, False),
         ):  # fmt: skip
             if len(points):
                 found.append(_fit(sheet.positions, planes, points, sparse.csr_matrix(graph[points]), quadratic))

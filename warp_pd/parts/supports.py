@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, numbers, point_indices, said, vector
+from ..device.checks import InputError, numbers, one_of, point_indices, said, vector
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part, Turn
+from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.clock import prescribed_motion
@@ -44,19 +44,27 @@ class Fixed(Support):
     Attributes:
         points: Point indices.
         components: Held components, letters from "xyz".
+        slope: Whether the slope of a sheet with `bending` is held there, too, as in a clamp; all components must be.
     """
 
     points: Any
     components: str = AXES
+    slope: bool = False
 
     def __post_init__(self) -> None:
         names = self.components
         if not isinstance(names, str) or not names or set(names) - set(AXES) or len(set(names)) < len(names):
             raise InputError(f"Fixed.components = {said(names)}: expected distinct letters from 'xyz'")
+        if one_of("Fixed.slope", self.slope, (True, False)) and len(names) < len(AXES):
+            raise InputError(f"Fixed.slope = True with components = {said(names)}: expected 'xyz'")
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
-        """The held components. Raises InputError if a point does not exist."""
-        bits = sum(1 << AXES.index(c) for c in set(self.components))
+        """The held components. Raises InputError if a point does not exist, or for slopes of a prestretched sheet."""
+        if self.slope and sheet.stretch is not None:
+            raise InputError(
+                "Fixed.slope = True: not supported on a prestretched sheet; expected a second row of held points"
+            )
+        bits = sum(1 << AXES.index(c) for c in set(self.components)) | (SLOPE if self.slope else 0)
         return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]
 
 

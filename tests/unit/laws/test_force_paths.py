@@ -105,7 +105,7 @@ def break_at_random(built, seed=0):
     [
         (square(15), 1.5, 32, None),
         (square(15), 3.15, 64, cut_through),
-        (jittered(13), 1.5, 64, cut_through),
+        (jittered(13), 1.8, 64, cut_through),
         (SLIT, 3.15, 64, cut_through),
         (holed(19), 1.5, 64, cut_through),
         (small_tube(), 2.5, 32, None),
