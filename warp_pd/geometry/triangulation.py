@@ -104,8 +104,8 @@ def crosses(
     meeting = tail + fraction[..., None] * (head - tail) - start
     place = (meeting @ along) / length_squared
     # Beyond an end, or short of a tip, by what round-off moves.
-    begin, end = (ROUND_OFF if tip else -1e-12 for tip in tips)
-    return np.asarray(differ & (place >= begin) & (place <= 1.0 - end))
+    first, last = (ROUND_OFF if tip else -1e-12 for tip in tips)
+    return np.asarray(differ & (place >= first) & (place <= 1.0 - last))
 
 
 def moved_cut(cut: Segment, move: Callable[[np.ndarray], np.ndarray]) -> Segment:
