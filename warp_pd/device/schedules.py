@@ -17,14 +17,21 @@ class Schedule:
     Attributes:
         times: Knots [s], increasing, shape (K,).
         values: Values at the knots, shape (K, 3).
+        name: What it is of, for messages.
     """
 
     times: np.ndarray
     values: np.ndarray
+    name: str = ""
 
     def at(self, time: float) -> np.ndarray:
         """Values at a time [s], shape (3,)."""
         return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
+
+    def changes_after(self, time: float) -> bool:
+        """Whether its values change after a time [s]."""
+        later = self.values[self.times > time * (1.0 + 1e-9)]
+        return bool((later != self.at(time)).any())
 
     def top_speed(self, time: float) -> float:
         """Largest rate of change up to a time [1/s]."""
@@ -36,7 +43,7 @@ def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     """Create a schedule from checked times, shape (K,), and values, shape (K, 3)."""
     if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
         raise InputError(f"{name} times = {times.tolist()}: expected one or more increasing times")
-    return Schedule(times, values)
+    return Schedule(times, values, name)
 
 
 def proportional(duration: float) -> Schedule:

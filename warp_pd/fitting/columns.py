@@ -11,7 +11,20 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..run.simulation import Simulation
-from .data import DIMENSIONS, DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, dimension_of, read_table, si_unit
+from .data import (
+    DIMENSIONS,
+    DISPLACEMENTS,
+    MOST_STRETCH,
+    PLACES,
+    Curve,
+    FieldData,
+    Table,
+    Test,
+    dimension_of,
+    read_table,
+    require_stretches,
+    si_unit,
+)
 from .model import require_arguments
 
 CONTROLS = ("time", "load_factor")
@@ -47,6 +60,13 @@ def read_tests(
     values, rows = table.without_gaps([control, column])
     if len(rows) == 0:
         raise InputError(f"{table.path.name}: expected rows with both {control} and {column}")
+    if "stretch" in control and table.dimensions[control] == "ratio":
+        require_stretches(f"{table.path.name}: column {control!r}", values[control])
+    elif "strain" in control and np.abs(values[control]).max() > MOST_STRETCH:
+        raise InputError(
+            f"{table.path.name}: column {control!r}: strains up to {np.abs(values[control]).max():g}: expected the "
+            "unit [%] for percents"
+        )
     units = (si_unit(table.dimensions[control]), unit or si_unit(table.dimensions[column]))
     curve = Curve(control, values[control], name, values[column], name=table.path.stem, rows=rows, units=units)
     return [curve], table.notes

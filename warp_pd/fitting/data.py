@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +16,12 @@ import numpy as np
 from ..device.checks import InputError
 
 HEADER = re.compile(r"^\s*([^\[\]()]+?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
+# A number with separators; one whose commas, points or spaces may separate thousands.
+NUMERIC = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
+GROUPED = {mark: re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+") for mark in ",."}
+SPACED = re.compile(r"[-+]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?")
+# Stretches and strains beyond which numbers were likely meant as something else: no rubber goes there.
+LEAST_STRETCH, MOST_STRETCH = 0.2, 20.0
 EMPTY = ("", "nan", "na", "n/a", "-", "none")
 # Columns of a field: places in the undeformed sheet, and displacements.
 PLACES, DISPLACEMENTS = ("x", "y", "z"), ("u", "v", "w")
@@ -44,9 +52,27 @@ DIMENSIONS = {
 
 def factor_and_dimension(column: str, unit: str, file: str) -> tuple[float, str]:
     """Conversion factor to SI, and dimension. Raises InputError if the unit is unknown."""
-    if unit not in UNITS:
-        raise InputError(f"{file}: column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}")
-    return UNITS[unit]
+    # Both letters mu, and raised digits.
+    known = re.sub(r"(?<=[a-z])(\d)", r"^\1", unicodedata.normalize("NFKC", unit).replace("\u03bc", "u"))
+    if known not in UNITS:
+        near = [name for name in UNITS if name.lower() == known.lower()]
+        hint = f" (did you mean {' or '.join(near)}?)" if near else ""
+        raise InputError(
+            f"{file}: column {column!r}: unit [{unit}] is not known: expected one of {', '.join(UNITS)}{hint}"
+        )
+    return UNITS[known]
+
+
+def require_stretches(name: str, stretch: np.ndarray) -> None:
+    """Check that numbers can be stretches: 1 is undeformed. Raises InputError for strains and percents."""
+    if np.min(stretch) < LEAST_STRETCH:
+        raise InputError(
+            f"{name}: expected positive stretches, got {np.min(stretch):g}; 1 is undeformed: add 1 to strains"
+        )
+    if np.max(stretch) > MOST_STRETCH:
+        raise InputError(
+            f"{name}: expected stretches, got {np.max(stretch):g}; 1 is undeformed: write the unit [%] for percents"
+        )
 
 
 def dimension_of(unit: str) -> str | None:
@@ -173,17 +199,16 @@ class Table:
 def read_table(path: str | Path) -> Table:
     """Read a CSV file whose header names each column and its unit, as in "pressure [kPa], deflection [mm]".
 
-    Empty cells are gaps. Lines that begin with # are skipped. Columns are separated by commas, semicolons or tabs; with
-    semicolons, a comma may be the decimal separator.
+    Empty cells are gaps. Lines that begin with # are skipped. Columns are separated by commas, semicolons or tabs. The
+    decimal separator is that of the file, found from all of its cells. The text is UTF-8, UTF-16 or Latin-1.
 
     Raises:
-        InputError: if the file cannot be read, a column has no unit or an unknown one, or a cell is not a number.
+        InputError: if the file cannot be read, a column has no unit or an unknown one, a cell is not a number, or
+            numbers such as 1,000 may have thousands or decimals.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"file = {str(path)!r}: cannot be read ({type(error).__name__})") from None
+    text, notes = _text_of(path)
+    lines = text.splitlines()
     kept = [
         (number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
     ]
@@ -194,14 +219,82 @@ def read_table(path: str | Path) -> Table:
     names, factors, dimensions = _header(path, next(csv.reader([first], delimiter=separator)))
     cells = [next(csv.reader([line], delimiter=separator)) for _, line in kept[1:]]
     rows = np.array([number for number, _ in kept[1:]])
-    values = np.full((len(cells), len(names)), np.nan)
-    for k, (row, number) in enumerate(zip(cells, rows, strict=True)):
+    for row, number in zip(cells, rows, strict=True):
         if len(row) != len(names):
-            raise InputError(f"{path.name}, line {number}: {len(row)} cells: expected {len(names)}, one per column")
+            commas = "; with decimal commas, separate columns by semicolons" if len(row) == 2 * len(names) else ""
+            raise InputError(
+                f"{path.name}, line {number}: {len(row)} cells: expected {len(names)}, one per column{commas}"
+            )
+    plain = [[plain_number(text) for text in row] for row in cells]
+    decimal = decimal_of(path.name, plain)
+    values = np.full((len(cells), len(names)), np.nan)
+    for k, (row, number) in enumerate(zip(plain, rows, strict=True)):
         for c, text in enumerate(row):
-            values[k, c] = factors[c] * _number(path, int(number), names[c], text.strip(), separator == ";")
+            values[k, c] = factors[c] * _number(path, int(number), names[c], text, decimal)
     columns = {name: values[:, c] for c, name in enumerate(names)}
-    return Table(path, columns, dict(zip(names, dimensions, strict=True)), rows)
+    return Table(path, columns, dict(zip(names, dimensions, strict=True)), rows, notes)
+
+
+def _text_of(path: Path) -> tuple[str, list[str]]:
+    """The text of a file, and a note if it is not UTF-8."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"file = {str(path)!r}: cannot be read ({type(error).__name__})") from None
+    try:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return content.decode("utf-16"), []
+        return content.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        pass
+    try:
+        return content.decode("cp1252"), [f"{path.name}: read as Latin-1, as it is not UTF-8"]
+    except UnicodeDecodeError:
+        raise InputError(f"file = {str(path)!r}: expected text in UTF-8, UTF-16 or Latin-1") from None
+
+
+def plain_number(text: str) -> str:
+    """The text of a number with an ASCII minus, and without spaces or apostrophes between thousands."""
+    text = text.strip().replace("\u2212", "-")
+    return re.sub(r"[\s'\u2019]", "", text) if SPACED.fullmatch(text) else text
+
+
+def decimal_of(file: str, cells: Sequence[Sequence[str]]) -> str:
+    """The decimal separator of a file, a point or a comma; the other one separates thousands.
+
+    Raises:
+        InputError: if the cells, (rows, columns), do not tell, or contradict each other.
+    """
+    columns = list(zip(*cells, strict=True))
+    texts = [text for column in columns for text in column if NUMERIC.fullmatch(text)]
+    decimals = {mark for text in texts for mark in ",." if mark in text and not GROUPED[mark].fullmatch(text)}
+    for text in texts:
+        if {",", "."} <= set(text):
+            # The last one is the decimal separator, and the first one must be that of thousands.
+            last, first = sorted(",.", key=text.rfind, reverse=True)
+            if text.count(last) > 1 or not GROUPED[first].fullmatch(text[: text.rfind(last)]):
+                raise InputError(f"{file}: {text!r}: expected a number, such as 1234.5")
+            decimals.discard(first)
+            decimals.add(last)
+    used = {mark for text in texts for mark in ",." if mark in text}
+    if len(decimals) > 1:
+        raise InputError(
+            f"{file}: points and commas are both decimal separators: expected one of them in the whole file"
+        )
+    if decimals or not used:
+        return next(iter(decimals), ".")
+    # Each could separate thousands: 1,000 or 1.000. Numbers with three decimals all have them.
+    always = all(
+        len({bool(GROUPED["."].fullmatch(text)) for text in column if NUMERIC.fullmatch(text)}) < 2
+        for column in columns
+    )
+    if used == {"."} and always:
+        return "."
+    example = next(text for text in texts if "," in text or "." in text)
+    raise InputError(
+        f"{file}: {example!r} may have thousands or decimals: expected numbers without separators of thousands, and "
+        f"with another number of decimals than three"
+    )
 
 
 def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], list[str]]:
@@ -222,11 +315,11 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], l
     return names, factors, dimensions
 
 
-def _number(path: Path, line: int, name: str, text: str, comma: bool) -> float:
+def _number(path: Path, line: int, name: str, text: str, decimal: str) -> float:
     if text.lower() in EMPTY:
         return math.nan
     try:
-        value = float(text.replace(",", ".") if comma else text)
+        value = float(text.replace("." if decimal == "," else ",", "").replace(decimal, "."))
     except ValueError:
         raise InputError(f"{path.name}, line {line}: {name} = {text!r}: expected a number, or an empty cell") from None
     return value if math.isfinite(value) else math.nan

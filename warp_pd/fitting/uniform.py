@@ -10,7 +10,7 @@ import numpy as np
 
 from ..device.checks import InputError, one_of
 from ..materials import Material, energy_density
-from .data import Curve, Test
+from .data import Curve, Test, require_stretches
 from .model import Model, require_arguments
 
 LOADINGS = ("uniaxial", "equibiaxial", "planar")
@@ -100,8 +100,7 @@ class UniformTests:
             if not isinstance(test, Curve):
                 raise InputError("UniformTests: expected curves")
             one_of("control", test.control, LOADINGS)
-            if np.min(test.at) <= 0.0:
-                raise InputError(f"{test.name}: expected positive stretches, got {np.min(test.at):g}")
+            require_stretches(test.name or "a test", test.at)
             curves.append(test)
         return UniformModel(self.material, curves, list(vary), dict(self.settings), np.abs(start))
 

@@ -74,6 +74,10 @@ class FrameSink(Protocol):
         """Report the progress of a static solver between frames; `round_of` as in "round 2 of contact", or ""."""
         return None
 
+    def stepped(self, now: float, dt: float, steps: int) -> None:
+        """Report that a frame has taken `steps` steps, the last of dt [s], and is at the time `now` [s]."""
+        return None
+
     def keep_going(self) -> None:
         """Raise KeyboardInterrupt if the user asked to stop some time ago and the frame is still not finished.
 
@@ -154,6 +158,10 @@ class BuiltSolver(BuiltPart, Protocol):
     def prepare(self, system: System) -> None:
         """Compose the stages of the solver from the launches of all parts."""
         ...
+
+    def cause_of_step(self, dt: float) -> str:
+        """Why a step of dt [s] is far shorter than waves need, as text of a message; "" if the sheet itself is why."""
+        return ""
 
     def first_step(self, sink: FrameSink) -> float:
         """Set the first step and return it [s], for the energy at half steps of frame 0; 0 without steps in time."""

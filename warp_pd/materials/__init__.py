@@ -8,6 +8,7 @@ from .energy import (
     energy_density,
     largest_energy_density,
     modulus_in_tension,
+    shear_modulus,
     stretch_of_density,
     tension_energy_density,
 )
@@ -45,6 +46,7 @@ __all__ = [
     "largest_energy_density",
     "modulus_in_tension",
     "padded_constants",
+    "shear_modulus",
     "stability_notes",
     "stable_to",
     "stretch_of_density",

@@ -36,6 +36,11 @@ class NeoHookean(PlaneStress):
         positive("bulk", self.bulk)
 
     @property
+    def shear_modulus(self) -> float:
+        """Mu [Pa]."""
+        return self.mu
+
+    @property
     def constants(self) -> tuple[float, ...]:
         """(mu, K)."""
         return (self.mu, self.bulk)
@@ -78,6 +83,11 @@ class Gent(PlaneStress):
         positive("mu", self.mu)
         positive("bulk", self.bulk)
         positive("lock", self.lock)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Mu [Pa]."""
+        return self.mu
 
     @property
     def constants(self) -> tuple[float, ...]:

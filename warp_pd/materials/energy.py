@@ -89,6 +89,15 @@ def modulus_in_tension(material: Material, device: Any = None) -> float:
     return float(largest_energy_density(material, 1.0 + SMALL_STRAIN, 1.0, device)) / SMALL_STRAIN**2
 
 
+def shear_modulus(material: Material) -> float:
+    """Shear modulus of a material at rest [Pa], of a ByRegion the largest, for scales."""
+    found = []
+    for each in capabilities(material).materials or (material,):
+        known = capabilities(capabilities(each).resisting or each).shear_modulus
+        found.append(0.5 * modulus_in_tension(each, "cpu") if known is None else known)
+    return max(found)
+
+
 def tension_energy_density(material: Material, stretch: Any, device: Any = None) -> np.ndarray:
     """Energy per reference volume of a TensionField sheet in uniaxial tension [J/m^3].
 

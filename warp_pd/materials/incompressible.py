@@ -65,6 +65,11 @@ class MooneyRivlin(Incompressible):
         return self.c01 >= 0.0
 
     @property
+    def shear_modulus(self) -> float:
+        """2 (c10 + c01) [Pa]."""
+        return 2.0 * (self.c10 + self.c01)
+
+    @property
     def constants(self) -> tuple[float, ...]:
         """(c10, c01)."""
         return (self.c10, self.c01)
@@ -105,6 +110,11 @@ class Yeoh(Incompressible):
         return self.c20 >= 0.0 and self.c30 >= 0.0
 
     @property
+    def shear_modulus(self) -> float:
+        """2 c10 [Pa]."""
+        return 2.0 * self.c10
+
+    @property
     def constants(self) -> tuple[float, ...]:
         """(c10, c20, c30)."""
         return (self.c10, self.c20, self.c30)
@@ -141,6 +151,11 @@ class ArrudaBoyce(Incompressible):
         positive("mu", self.mu)
         if finite("lock", self.lock) <= 1.0:
             raise InputError(f"lock = {self.lock!r}: expected a stretch greater than 1")
+
+    @property
+    def shear_modulus(self) -> float:
+        """The modulus mu, which the locking stretch raises by a few percent [Pa]."""
+        return self.mu
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -200,6 +215,11 @@ class Ogden(PlaneStress):
     def stable(self) -> bool:
         """Whether all products mu_p a_p are positive."""
         return all(m * a >= 0.0 for m, a in zip(self.mu, self.exponents, strict=True))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Half the sum of mu_p a_p [Pa]."""
+        return 0.5 * sum(m * a for m, a in zip(self.mu, self.exponents, strict=True))
 
     @property
     def constants(self) -> tuple[float, ...]:

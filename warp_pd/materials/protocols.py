@@ -59,6 +59,7 @@ class Capabilities:
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
         wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
         notes: Notes on its constants for the summary of a run, one line each.
+        shear_modulus: Shear modulus at rest [Pa]; that of others follows from their energy.
         stable: Whether its constants tell that it is stable at any stretch; others are checked by their energy.
         goes_slack: Whether it carries no compression.
         resisting: Of a material of tension field theory, the material that resists compression.
@@ -84,6 +85,7 @@ class Capabilities:
     volume: FunctionFactory | None = None
     wrinkle_width: FunctionFactory | None = None
     notes: tuple[str, ...] = ()
+    shear_modulus: float | None = None
     stable: bool = False
     goes_slack: bool = False
     resisting: Material | None = None

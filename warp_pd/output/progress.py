@@ -6,10 +6,22 @@ import contextlib
 import math
 import sys
 from collections.abc import Iterator
+from time import perf_counter
 from typing import Any
 
 from ..interfaces import FrameReport
 from .notebook import has_widgets, in_notebook
+
+# Seconds left that are worth a line, and between two lines.
+LONG, SECONDS_SAID = 60.0, 30.0
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in words, such as "12 min"."""
+    for size, unit in ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} s"
 
 
 class Progress:
@@ -25,6 +37,7 @@ class Progress:
         self._rounds = 0
         # Percent at the last frame, and from one frame to the next.
         self._reached, self._step = 0.0, 100.0
+        self._said_at = -math.inf
 
     def begin(self, headline: str) -> None:
         """Print the headline before the kernels are compiled."""
@@ -48,6 +61,25 @@ class Progress:
             # What matters least comes last: a narrow terminal cuts it off.
             bar_format="{percentage:3.0f}%|" + width + "| {elapsed}<{remaining}  {desc}",
         )
+
+    def say(self, *lines: str) -> None:
+        """Print lines, such as the step of a run."""
+        for line in lines:
+            self._say(line)
+
+    def between(self, fraction: float, when: str, rate: float, left: float) -> None:
+        """Show the progress between frames: time, steps per second, and seconds left.
+
+        Where there is no bar, a line is printed only if a minute is left, at first and then twice a minute.
+        """
+        if self._bar is None:
+            return
+        text = f"{when}, {rate:.0f} steps/s, {duration_text(left)} left"
+        if not self._bar.disable:
+            self._show(100.0 * fraction, text, every=1)
+        elif left > LONG and perf_counter() >= self._said_at + SECONDS_SAID:
+            self._said_at = perf_counter()
+            self._say(f"{100.0 * fraction:5.1f} %  {text}")
 
     def frame(self, report: FrameReport) -> None:
         """Show the progress and the energy balance at a frame."""

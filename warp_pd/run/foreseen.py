@@ -1,12 +1,115 @@
-"""What can be told about a run before it begins."""
+"""What can be told about a run before its first step: notes on its material, sizes, schedules and step."""
 
 from __future__ import annotations
 
-from ..materials import stability_notes
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..device.schedules import Schedule
+from ..materials import shear_modulus, stability_notes
 from .built import Built
+from .scene import Scene
+
+# Sizes that rubber sheets do not have: widths [m], thickness over width, density [kg/m^3], shear modulus [Pa], and load
+# over the stiffness of the sheet.
+WIDEST, THICKEST, LIGHTEST, SOFTEST, STIFFEST, MOST_LOAD = 50.0, 0.5, 20.0, 10.0, 1e11, 1e3
+# Step over the time in which a wave passes a spacing, below which a note tells the cause.
+TINY_STEP = 1e-3
 
 
 def foreseen(built: Built) -> list[str]:
     """Notes on a scene, one line each."""
-    material = getattr(built.simulation.force, "material", None)
-    return [] if material is None else stability_notes(material)
+    scene = built.simulation
+    material: Any = getattr(scene.force, "material", None)
+    continuum = hasattr(material, "functions") and hasattr(material, "constants")
+    notes = stability_notes(material) if continuum else []
+    unlikely = list(_unlikely_sizes(built, shear_modulus(material) if continuum else None))
+    return [*notes, *([f"sizes: {'; '.join(unlikely)}"] if unlikely else []), *dict.fromkeys(_never_reached(built))]
+
+
+def step_note(built: Built, dt: float) -> str:
+    """A note with the cause of a step [s] that is far shorter than that of waves, or ""."""
+    material: Any = getattr(built.simulation.force, "material", None)
+    if not built.simulation.solver.dynamic or not hasattr(material, "functions"):
+        return ""
+    sheet = built.context.whole
+    finest = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
+    wave = finest * math.sqrt(float(np.mean(sheet.density)) / (4.0 * shear_modulus(material)))
+    if not 0.0 < dt < TINY_STEP * wave:
+        return ""
+    cause = built.solver.cause_of_step(dt)
+    light = float(np.min(sheet.density)) / float(np.mean(sheet.density))
+    if not cause:
+        cause = "its density varies much" if light < 0.01 else "its stiffness or thickness varies much"
+    return f"step: {dt:.3g} s is {wave / dt:.3g} times shorter than a wave takes from point to point: {cause}"
+
+
+def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
+    """Sizes of a scene that cannot be meant, each with the likely unit."""
+    scene, sheet = built.simulation, built.context.whole
+    width, thickness = float(np.ptp(sheet.points, axis=0).max()), float(np.mean(sheet.thickness))
+    if width > WIDEST:
+        yield f"the sheet is {width:.3g} m wide; are its points in mm? Lengths are in m"
+    if thickness > THICKEST * width:
+        yield f"the sheet is {thickness:.3g} m thick and {width:.3g} m wide; is the thickness in mm? Lengths are in m"
+    density = float(np.mean(sheet.density))
+    # Larger ones may be chosen for longer steps.
+    if scene.solver.dynamic and density < LIGHTEST:
+        yield f"the density is {density:.3g} kg/m^3; is it in g/cm^3? Rubber has about 1000 kg/m^3"
+    if modulus is None:
+        return
+    if modulus < SOFTEST or modulus > STIFFEST:
+        meant = "MPa" if modulus < SOFTEST else "another unit"
+        yield f"the shear modulus is {modulus:.3g} Pa; are the constants in {meant}? Rubber has 1e5 to 1e6 Pa"
+        return
+    for name, force in _loads(built, width):
+        times = force / (modulus * thickness * width)
+        if times > MOST_LOAD:
+            yield f"{name} is {times:.3g} times what the sheet carries at a stretch of about two; is its unit right?"
+
+
+def _loads(built: Built, width: float) -> Iterator[tuple[str, float]]:
+    """Names of the loads, and their largest forces [N]."""
+    area = float(built.context.whole.areas.sum())
+    for load in built.simulation.loads:
+        ramp = getattr(load, "ramp", None)
+        factor = max(abs(float(pair[1])) for pair in ramp) if ramp else 1.0
+        value = getattr(load, "value", None)
+        if type(load).__name__ == "Pressure" and isinstance(value, int | float):
+            yield f"Pressure({value:g})", factor * abs(value) * area
+
+
+def _never_reached(built: Built) -> Iterator[str]:
+    """Schedules that change after the end of the run."""
+    scene = built.simulation
+    end = scene.solver.duration
+    for schedule in _schedules(built):
+        if schedule.name and schedule.changes_after(end):
+            yield _beyond(scene, schedule.name, float(schedule.times[-1]), end)
+    for contact in scene.contacts:
+        motion = getattr(contact, "motion", None)
+        times = getattr(motion, "times", None)
+        if times is not None and np.max(times) > end * (1.0 + 1e-9):
+            yield _beyond(scene, type(motion).__name__, float(np.max(times)), end)
+
+
+def _schedules(built: Built) -> Iterator[Schedule]:
+    yield from built.context.clock.schedules
+    for constraint in built.constraints:
+        if constraint.motion is not None:
+            yield constraint.motion
+        if constraint.turn is not None:
+            yield constraint.turn.angle
+
+
+def _beyond(scene: Scene, name: str, last: float, end: float) -> str:
+    if scene.solver.dynamic:
+        return f"{name}: it changes until {last:.6g} s, and the run ends at {end:.6g} s"
+    solver = type(scene.solver).__name__
+    return (
+        f"{name}: it changes until {last:.6g} s, and {solver} ends at the load time {end:.6g} s: expected times up to "
+        f"that, or {solver}(duration={last:.6g})"
+    )

@@ -25,6 +25,8 @@ from .version import code_version
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
+# Seconds between two reports within a frame, and steps after which the time left is known.
+SECONDS_SHOWN, STEPS_TIMED = 2.0, 100
 # Errors of a measure that fails in every frame; others, such as a division by zero, may be those of the first alone.
 ALWAYS = (AttributeError, ImportError, KeyError, NameError, TypeError)
 
@@ -124,6 +126,7 @@ class Recorder:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
         self._saved_at = -math.inf
+        self._shown_at = perf_counter()
         self.note_code()
 
     def note_code(self) -> None:
@@ -151,6 +154,17 @@ class Recorder:
         """Record a row of the finer history."""
         if self.fine is not None:
             self.fine.keep(now, dt)
+
+    def stepped(self, now: float, dt: float, steps: int) -> None:
+        """Show the progress and the time left between frames, from time to time."""
+        clock = perf_counter()
+        if self.reporter is None or clock < self._shown_at + SECONDS_SHOWN or steps < STEPS_TIMED:
+            return
+        self._shown_at = clock
+        rate = steps / max(clock - self._clock, 1e-9)
+        duration = self.built.simulation.solver.duration
+        left = (duration - now) / dt / rate
+        self.reporter.between(now / duration, format_time(now, None), rate, left)
 
     def keep_going(self) -> None:
         """Abort a long frame after the user asked to stop; a resumed run repeats its computation."""

@@ -39,7 +39,7 @@ from .folder import (
     writable_folder,
     write_atomically,
 )
-from .foreseen import foreseen
+from .foreseen import foreseen, step_note
 from .frame_points import FramePoints
 from .processes import communicator_here
 from .recorder import Recorder
@@ -259,6 +259,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
                 recorder.accept(frame)
         else:
             recorder.frame(0, 0.0, 0, built.solver.first_step(recorder))
+            _say_what_comes(recorder)
         recorder.start_clock()
         status = built.solver.run(recorder)
         if status in (NOT_CONVERGED, ENDED):
@@ -278,6 +279,24 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         if recorder.reporter is not None:
             recorder.reporter.close()
     return status, message
+
+
+def _say_what_comes(recorder: Recorder) -> None:
+    """Report the first step, the number of steps and the notes that are known, before any other step."""
+    built, dt = recorder.built, recorder.dt
+    if note := step_note(built, dt):
+        recorder.notes.append(note)
+    if recorder.reporter is None:
+        return
+    if built.simulation.solver.dynamic and dt > 0.0:
+        duration = built.simulation.solver.duration
+        recorder.reporter.say(f"step {dt:.3g} s, about {count_text(duration / dt)} steps for {duration:g} s")
+    recorder.reporter.say(*recorder.notes)
+
+
+def count_text(number: float) -> str:
+    """A large number for people, such as "12 000" or "4.9e+07"."""
+    return f"{number:,.0f}".replace(",", " ") if number < 1e7 else f"{number:.2g}"
 
 
 def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -35,6 +35,8 @@ MANY = 10
 SAFETY, LESS_SAFETY = 0.9, 0.5
 # Largest fraction of the velocity that mass damping removes in a step.
 MAX_DAMPED = 0.2
+# Safety below which it is why a step is short.
+SMALL_SAFETY = 0.01
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
 
@@ -155,7 +157,8 @@ class BuiltExplicit(BuiltSolver):
         if self.solver.damping > 0.0:
             limits.append(StepLimit(MAX_DAMPED / self.solver.damping, "in which damping takes a fifth of the velocity"))
         # The largest eigenvalue of a sum is no larger than the sum of the largest (Weyl).
-        self._added = [added for part in system.parts if (added := part.added_frequency()) > 0.0]
+        added = [(frequency, part.label) for part in system.parts if (frequency := part.added_frequency()) > 0.0]
+        self._added, self._stiffest = [frequency for frequency, _ in added], max(added, default=None)
         self._exchanging = [part for part in system.parts if part.interval() is not None]
         if self._exchanging:
             self._interval_seconds = self._exchange_interval()
@@ -237,8 +240,13 @@ class BuiltExplicit(BuiltSolver):
                 # Long frames are divided, because a sheet may stiffen within a frame and need a shorter step.
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
                 dt = (stop - now) / left
+                if now + dt == now:
+                    raise DivergedError(
+                        f"diverged: steps of {dt:.3g} s do not change the time of {now:.6g} s; likely cause: "
+                        f"{self.cause_of_step(dt) or 'the sheet has become stiff without bound'}"
+                    )
                 self._set_step(dt, now)
-                self._take(steps, dt, now, sink)
+                self._take(steps, dt, now, sink, taken)
                 since += steps
                 taken += steps
                 now = stop if steps == left else now + steps * dt
@@ -260,13 +268,17 @@ class BuiltExplicit(BuiltSolver):
         count = round((end - now) / self._interval_seconds)
         return [*(now + k * self._interval_seconds for k in range(1, count)), end]
 
-    def _take(self, steps: int, dt: float, begin: float, sink: FrameSink) -> None:
-        """Take steps, recording history rows between them if requested."""
+    def _take(self, steps: int, dt: float, begin: float, sink: FrameSink, before: int) -> None:
+        """Take steps after `before` others of the frame, recording history rows between them if requested."""
         every = self.solver.history_every
+
+        def stepped(taken: int) -> None:
+            sink.stepped(begin + taken * dt, dt, before + taken)
+
         taken = 0
         while taken < steps:
             chunk = steps if every is None else min(steps - taken, max(1, round(every / dt) - self._since_row))
-            self._take_chunk(chunk)
+            self._take_chunk(chunk, taken, stepped)
             taken += chunk
             if every is not None:
                 self._since_row += chunk
@@ -274,19 +286,35 @@ class BuiltExplicit(BuiltSolver):
                     self._since_row = 0
                     sink.row(begin + taken * dt, dt)
 
-    def _take_chunk(self, steps: int) -> None:
-        """Take steps, using the repeated stage where possible."""
-        while steps > 0:
-            many = self._place == 0 and steps >= self._many.repeat
+    def _take_chunk(self, steps: int, taken: int, stepped: Callable[[int], None]) -> None:
+        """Take steps after `taken` others, using the repeated stage where possible."""
+        end = taken + steps
+        while taken < end:
+            many = self._place == 0 and end - taken >= self._many.repeat
             sequence = self._many if many else self._ones[self._place]
             sequence.run()
-            steps -= sequence.repeat
+            taken += sequence.repeat
+            stepped(taken)
             self._place = (self._place + sequence.repeat) % self._interval
 
     def estimate(self, iterations: int) -> float:
         """Estimate the stable step [s]; infinite without stiffness."""
         omega = math.hypot(self.stable_step.omega(iterations), *self._added)
         return 2.0 / ((1.0 + SHORTFALL) * omega) if omega > 0.0 else math.inf
+
+    def cause_of_step(self, dt: float) -> str:
+        """What the step follows: a setting, a limit of a part, or a stiffness beside the sheet's."""
+        solver, longest = self.solver, dt * 1.01
+        if solver.step is not None:
+            return f"step = {solver.step:g} was given"
+        if solver.safety is not None and solver.safety < SMALL_SAFETY:
+            return f"safety = {solver.safety:g} was given"
+        if self._limit.seconds <= longest:
+            damping = f" (damping = {solver.damping:g})" if solver.damping > 0.0 else ""
+            return f"it is the time {self._limit.reason}{damping}"
+        if self._stiffest is not None and self.safety * 2.0 / self._stiffest[0] <= 2.0 * longest:
+            return f"the stiffness of {self._stiffest[1]}"
+        return ""
 
     def _check_step(self, stable: float) -> None:
         step = self.solver.step

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from helpers import refused
 
-from warp_pd.fitting import Curve, FieldData, read_table, read_tests
+from warp_pd import MooneyRivlin
+from warp_pd.fitting import Curve, FieldData, UniformTests, read_table, read_tests
 from warp_pd.fitting.data import UNITS
 
 
@@ -23,6 +24,49 @@ def test_units_are_those_of_the_header(tmp_path):
     comma = read_table(written(tmp_path, "time [min];force [N]\n1,5;2,25\n"))
     assert comma.columns["time"].tolist() == [90.0]
     assert comma.columns["force"].tolist() == [2.25]
+
+
+@pytest.mark.parametrize(("rows", "pressure", "height"), [
+    ("500;10.1\n1,000;14.2\n1,500;17.0", [500, 1000, 1500], [10.1, 14.2, 17.0]),
+    ("500;10,1\n1.000;14,2\n1.500;17,0", [500, 1000, 1500], [10.1, 14.2, 17.0]),
+    ("0,500;10,125\n1,000;14,250", [0.5, 1.0], [10.125, 14.25]),
+    ("1.000;10.125\n2.000;14.250", [1.0, 2.0], [10.125, 14.25]),
+    ("1.234,5;1\n12.345,678;2", [1234.5, 12345.678], [1, 2]),
+    ("1,234.5;1\n12,345.678;2", [1234.5, 12345.678], [1, 2]),
+    ("1 000;10,1\n1'500;\u22122,5", [1000, 1500], [10.1, -2.5]),
+    ("1,5e3;1", [1500], [1]),
+])  # fmt: skip
+def test_separators_are_those_of_the_file(tmp_path, rows, pressure, height):
+    columns = read_table(written(tmp_path, f"pressure [Pa];height [mm]\n{rows}\n")).columns
+    np.testing.assert_allclose(columns["pressure"], pressure)
+    np.testing.assert_allclose(columns["height"], 1e-3 * np.array(height))
+    quoted = rows.replace('"', "").replace(";", '";"').replace("\n", '"\n"').replace(";", ",")
+    columns = read_table(written(tmp_path, f'pressure [Pa],height [mm]\n"{quoted}"\n')).columns
+    np.testing.assert_allclose(columns["pressure"], pressure)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_files_of_spreadsheets_are_read(tmp_path, encoding):
+    """Also with either letter mu, and raised digits."""
+    path = tmp_path / "data.csv"
+    for unit in ("\u00b5m", "um") if encoding == "cp1252" else ("\u00b5m", "\u03bcm"):
+        path.write_bytes(f"pressure [N/mm\u00b2],height [{unit}]\n2,3\n".encode(encoding))
+        table = read_table(path)
+        assert (table.columns["pressure"][0], table.columns["height"][0]) == pytest.approx((2e6, 3e-6), rel=1e-12)
+        latin = encoding == "cp1252" and bool(path.read_bytes().count(0xB5) or path.read_bytes().count(0xB2))
+        assert table.notes == (["data.csv: read as Latin-1, as it is not UTF-8"] if latin else [])
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("stretch [1],force [N]\n0,0\n0.5,1\n", "expected positive stretches, got 0; 1 is undeformed: add 1 to strains"),
+    ("stretch [1],force [N]\n110,1\n150,2\n", r"got 150; 1 is undeformed: write the unit \[%\] for percents"),
+])  # fmt: skip
+def test_strains_and_percents_are_no_stretches(tmp_path, text, said):
+    with refused(match=said):
+        read_tests(written(tmp_path, text), lambda stretch=1.3: cases.ogden_strip(stretch=stretch), None)
+    with refused(match="expected positive stretches, got 0.05; 1 is undeformed: add 1 to strains"):
+        curve = Curve("uniaxial", [0.05, 0.5], "stress", [1e5, 2e5])
+        UniformTests(MooneyRivlin, [curve]).model(["c10"], np.ones(1), None, None)
 
 
 def test_units_agree_with_each_other():
@@ -65,6 +109,11 @@ def test_gaps_are_left_out_and_named(tmp_path):
         ("pressure [kPa],height [parsec]\n1,2\n", r"data.csv: column 'height': unit \[parsec\] is not known"),
         ("pressure [kPa],height [mm]\n1,two\n", "line 2: height = 'two': expected a number"),
         ("pressure [kPa],height [mm]\n1,2,3\n", "line 2: 3 cells: expected 2"),
+        ("pressure [kPa],height [mm]\n1,5,2,5\n", "4 cells: expected 2, one per column; with decimal commas, separate"),
+        ("pressure [kPa];height [mm]\n1,000;2,000\n", "'1,000' may have thousands or decimals: expected numbers"),
+        ("pressure [kPa];height [mm]\n500;1\n1.000;2\n", "'1.000' may have thousands or decimals"),
+        ("pressure [kPa];height [mm]\n1,5;2.5\n", "points and commas are both decimal separators"),
+        ("pressure [KPA],height [mm]\n1,2\n", r"unit \[KPA\] is not known: .*did you mean kPa"),
         ("pressure [mm],height [kPa]\n1,2\n", "column 'pressure' is a length: expected a pressure; the columns seem"),
         ("pressure [kPa],height [N]\n1,2\n", "column 'height' is a force: expected a length"),
         ("pressure [s],height [mm]\n1,2\n", "column 'pressure' is a time: expected a pressure"),

@@ -1,0 +1,147 @@
+"""What a run says before its first step, and while it runs."""
+
+import io
+
+import numpy as np
+import pytest
+from helpers import NEO, square
+from small_runs import simulate
+
+from warp_pd import (
+    BodyPath,
+    EnclosedVolume,
+    Explicit,
+    Fixed,
+    MooneyRivlin,
+    Motion,
+    NeoHookean,
+    Newton,
+    Pressure,
+    RigidBody,
+    Simulation,
+    Sphere,
+    Yeoh,
+)
+from warp_pd.output.progress import Progress, duration_text
+from warp_pd.run.foreseen import foreseen, step_note
+from warp_pd.run.runner import count_text
+
+
+def notes(sheet=None, solver=None, **parts):
+    sheet = sheet or square(7)
+    return foreseen(simulate(sheet, solver or Newton(), **parts).build("cpu"))
+
+
+def test_a_run_notes_an_unstable_material_in_its_summary():
+    sheet = square(5)
+    scene = simulate(sheet, Newton(), material=Yeoh(1e5, -5e4, 1e3), loads=[Fixed(sheet.edges())])
+    assert "Yeoh: the material is unstable beyond" in scene.run(device="cpu").summary["notes"][0]
+
+
+def test_usual_scenes_have_nothing_to_say():
+    sheet = square(7)
+    for solver in (Newton(), Explicit(0.01)):
+        for material in (NEO, MooneyRivlin(2e5, 1e4), NeoHookean(4e5, 4e7)):
+            assert notes(sheet, solver, material=material, loads=[Fixed(sheet.edges()), Pressure(5.0)]) == []
+
+
+def test_what_a_run_never_reaches_is_noted():
+    sheet = square(7)
+    right = sheet.edges("right")
+    pull = Motion(right, [0.0, 10.0], x=[0.0, 0.02])
+    (note,) = notes(sheet, loads=[Fixed(sheet.edges("left")), pull])
+    assert note == (
+        "Motion: it changes until 10 s, and Newton ends at the load time 1 s: expected times up to that, or "
+        "Newton(duration=10)"
+    )
+    assert notes(sheet, Newton(duration=10.0), loads=[Fixed(sheet.edges("left")), pull]) == []
+    # What no longer changes is reached.
+    held = Motion(right, [0.0, 1.0, 10.0], x=[0.0, 0.02, 0.02])
+    assert notes(sheet, loads=[Fixed(sheet.edges("left")), held]) == []
+    turn = Motion(right, [0.0, 2.0], angle=[0.0, 1.0])
+    ramp = Pressure(5.0, ramp=[(0.0, 0.0), (3.0, 1.0)])
+    ball = RigidBody(Sphere(0.03), BodyPath([0.0, 4.0], [(0.05, 0.05, 0.1), (0.05, 0.05, 0.05)]))
+    volume = EnclosedVolume([(0.0, 0.0), (5.0, 1e-6)], stiffness=1e6)
+    for parts, said in (
+        ({"loads": [Fixed(sheet.edges("left")), turn]}, "Motion: it changes until 2 s"),
+        ({"loads": [Fixed(sheet.edges()), ramp]}, "Pressure ramp: it changes until 3 s"),
+        ({"loads": [Fixed(sheet.edges())], "contact": ball}, "BodyPath: it changes until 4 s"),
+        ({"loads": [Fixed(sheet.edges()), volume]}, "EnclosedVolume.volume ramp: it changes until 5 s"),
+    ):
+        assert [note for note in notes(sheet, Explicit(0.01), **parts) if note.startswith(said)], said
+        assert "and the run ends at 0.01 s" in notes(sheet, Explicit(0.01), **parts)[0]
+
+
+@pytest.mark.parametrize(("changes", "parts", "said"), [
+    ({"size": 100.0}, {}, "the sheet is 100 m wide; are its points in mm"),
+    ({"thickness": 1.0}, {}, "1 m thick and 0.1 m wide; is the thickness in mm"),
+    ({"density": 1.1}, {}, r"the density is 1.1 kg/m^3; is it in g/cm^3"),
+    ({}, {"material": NeoHookean(0.4, 40.0)}, "the shear modulus is 0.4 Pa; are the constants in MPa"),
+    ({}, {"material": MooneyRivlin(0.2, 0.02)}, "the shear modulus is 0.44 Pa; are the constants in MPa"),
+    ({}, {"pressure": 5e5}, "Pressure(500000) is 5e+04 times what the sheet carries"),
+])  # fmt: skip
+def test_sizes_that_cannot_be_meant_are_one_note(changes, parts, said):
+    sheet = square(7, **changes)
+    loads = [Fixed(sheet.edges()), Pressure(parts.pop("pressure", 1.0))]
+    (note,) = notes(sheet, Explicit(1e-3), loads=loads, **parts)
+    assert note.startswith("sizes: ") and said in note
+
+
+def test_a_tiny_step_is_noted_with_its_cause():
+    sheet = square(7)
+
+    def said(material=NEO, **solver):
+        scene = simulate(sheet, Explicit(1e-3, **solver), material=material, loads=[Fixed(sheet.edges())])
+        built = scene.build("cpu")
+        return step_note(built, built.solver.first_step(Silent()))
+
+    assert said() == ""
+    assert said(safety=1e-7).endswith("safety = 1e-07 was given")
+    assert said(damping=1e9).endswith("in which damping takes a fifth of the velocity (damping = 1e+09)")
+    assert said(step=1e-9).endswith("step = 1e-09 was given")
+
+
+class Silent:
+    """A sink of frames that keeps what the solver says."""
+
+    stable_dt = None
+
+
+def test_progress_tells_the_steps_and_the_time_left(monkeypatch):
+    """Within a frame of many steps, after a hundred of them."""
+    from warp_pd.output import progress
+    from warp_pd.run import recorder
+
+    monkeypatch.setattr(recorder, "SECONDS_SHOWN", 0.0)
+    monkeypatch.setattr(progress, "LONG", 0.0)
+    shown = io.StringIO()
+    monkeypatch.setattr("sys.stderr", shown)
+    sheet = square(7)
+    scene = Simulation(sheet, simulate(sheet).force, Explicit(1e-2, frames=1, safety=1e-5), [Fixed(sheet.edges())])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder.Recorder, "keep_going", stop_later())
+        result = scene.run(device="cpu", reporter=Progress())
+    lines = shown.getvalue().splitlines()
+    assert result.status == "interrupted"
+    assert any(line.startswith("step ") and "steps for 0.01 s" in line for line in lines)
+    assert any("steps/s, " in line and line.endswith(" left") for line in lines)
+
+
+def stop_later():
+    """A `keep_going` that ends the run at its third call."""
+    calls = []
+
+    def keep_going(self):
+        calls.append(1)
+        if len(calls) > 2:
+            raise KeyboardInterrupt
+
+    return keep_going
+
+
+def test_durations_and_counts_are_for_people():
+    assert [duration_text(s) for s in (5.0, 600.0, 66600.0, 8.64e5, 1e9)] == [
+        "5 s", "10 min", "18.5 h", "10 days", "31.7 years",
+    ]  # fmt: skip
+    assert [count_text(n) for n in (999.6, 12000.0, 4.9e7)] == ["1 000", "12 000", "4.9e+07"]
+    assert np.isfinite(float(count_text(4.9e7)))
