@@ -195,6 +195,21 @@ def test_glued_sheets_keep_thickness_mass_and_names():
     assert len(tube.edges("rim")) == 24
 
 
+def test_glued_sheets_of_any_density_and_stiffness_keep_mass_and_tension():
+    """The seam weighs, and carries, what its halves do: means over their volumes."""
+    heavy = Sheet.rectangle(0.05, 0.05, thickness=3e-3, density=2000.0, points=7)
+    light = Sheet.rectangle(0.05, 0.05, thickness=1e-3, density=500.0, points=7)
+    soft, stiff = heavy.stiffened(heavy.edges("right"), 0.5), light.stiffened(light.edges("left"), 4.0)
+    sheet = glued(soft, "right", stiff, "left", Place((0.05, 0.0, 0.0)))
+
+    def total(each, *factors):
+        return (each.areas * each.thickness * np.prod(factors, axis=0)).sum()
+
+    assert total(sheet, sheet.density) == pytest.approx(total(soft, soft.density) + total(stiff, stiff.density))
+    assert total(sheet, sheet.stiffness) == pytest.approx(total(soft, soft.stiffness) + total(stiff, stiff.stiffness))
+    assert sheet.density[sheet.edges("seam")] == pytest.approx(1625.0)
+
+
 SQUARE = square(9)
 
 

@@ -209,3 +209,13 @@ def test_glove():
     assert np.allclose(rings.boundary.points.min(axis=0), (-0.0869, 0.0), atol=1e-4)
     assert np.allclose(rings.boundary.points.max(axis=0), (0.0660, 0.1850), atol=1e-4)
     assert 0.012 < area(rings.boundary.points) < 0.016
+
+
+@pytest.mark.parametrize(
+    ("head", "side"), [('width="10cm" height="5cm"', "1in"), ('width="10cm" height="5cm"', "25.4mm"), (VIEW, "96")]
+)
+def test_lengths_with_a_unit_are_those_of_css(tmp_path, head, side):
+    """An inch is 96 pixels, and 2.54 cm."""
+    unit = "document" if head != VIEW else 0.0254 / 96.0
+    rings = read(tmp_path, f'<rect width="{side}" height="{side}"/>', head, unit=unit, tolerance=1e-6)
+    assert np.ptp(rings.boundary.points, axis=0) == pytest.approx([0.0254, 0.0254], rel=1e-6)
