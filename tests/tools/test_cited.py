@@ -94,6 +94,25 @@ def test_cited_files_exist(page):
     assert not missing
 
 
+def options_of_tools(text):
+    """Names of tools of the checkout, and an option that a page gives them."""
+    for name, rest in re.findall(r"(?:python (?:-m )?)?tools[/.](\w+)(?:\.py)?([^`]*)`", text):
+        yield from ((name, option) for option in re.findall(r"--[a-z-]+", rest))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_cited_tools_have_these_options(page):
+    for name, option in options_of_tools(page.read_text()):
+        files = [
+            *(ROOT / "tools").glob(f"{name}.*"),
+            *(ROOT / "tools" / name).glob("*.py"),
+            ROOT / "tools" / "study.py",
+        ]
+        words = "".join(path.read_text() for path in files)
+        # The parser of the studies makes options from names.
+        assert option in words or re.search(rf"\b{option[2:].replace('-', '_')}\b", words), (name, option)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_no_number_is_of_a_tool_that_is_gone(page):
     """A reader cannot make it again."""
