@@ -29,6 +29,8 @@ class _Model:
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     node_sets: dict[str, list[int]] = field(default_factory=dict)
     element_sets: dict[str, list[int]] = field(default_factory=dict)
+    # Names of the parts that an assembly has.
+    placed: set[str] = field(default_factory=set)
 
 
 def read_abaqus(path: Path) -> Any:
@@ -89,8 +91,12 @@ def _read(path: Path, model: _Model, where: str) -> None:
             _read(path.parent / options["INPUT"], model, where)
         elif keyword in ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "SYSTEM", "NMAP"):
             raise InputError(f"{where}: *{keyword} is not read: expected all nodes and elements in the file")
-        elif keyword == "INSTANCE" and any(any(word and float(word) != 0.0 for word in row) for row in rows):
-            raise InputError(f"{where}: *INSTANCE moves a part: expected nodes where they are in the assembly")
+        elif keyword == "INSTANCE":
+            if any(any(word and float(word) != 0.0 for word in row) for row in rows):
+                raise InputError(f"{where}: *INSTANCE moves a part: expected nodes where they are in the assembly")
+            if (part := options.get("PART", "").upper()) in model.placed:
+                raise InputError(f"{where}: *INSTANCE repeats the part {options['PART']!r}: expected one of each part")
+            model.placed.add(part)
 
 
 def _add_elements(model: _Model, options: dict[str, str], words: list[int], where: str) -> None:
@@ -101,6 +107,8 @@ def _add_elements(model: _Model, options: dict[str, str], words: list[int], wher
     if len(words) % (size + 1):
         raise InputError(f"{where}: *ELEMENT, TYPE={kind}: {len(words)} numbers: expected {size + 1} for each element")
     rows = np.array(words, np.int64).reshape(-1, size + 1).tolist()
+    if again := [row[0] for row in rows if row[0] in model.elements]:
+        raise InputError(f"{where}: element {again[0]} occurs twice: expected elements with numbers of their own")
     model.elements.update({row[0]: (names[size], row[1:]) for row in rows})
     if "ELSET" in options:
         model.element_sets.setdefault(options["ELSET"], []).extend(row[0] for row in rows)

@@ -10,7 +10,7 @@ import numpy as np
 from ..device import checks
 from ..device.checks import InputError, corners, one_of, positions, positive
 from .lines import Named, named, polygon, region, ring
-from .seams import notes_on_pieces, require_distinct, require_met
+from .seams import require_distinct, seam_notes
 from .shape import Shape
 from .topology import boundary_edges, boundary_rings, directed_edges, ring_names
 from .triangulation import (
@@ -55,7 +55,7 @@ def cloud(
         triangles = delaunay(points, spacing)
     triangles = counter_clockwise(points, corners("triangles", triangles, len(points)))
     require_distinct("points", points, triangles)
-    require_met("triangles", points, triangles)
+    notes = seam_notes("triangles", points, triangles)
     areas = checks.one_each("areas", point_areas(points, triangles) if areas is None else areas, len(points))
     edges = boundary_edges(triangles)
     spacings = local_spacings(points, triangles) if graded else None
@@ -69,7 +69,7 @@ def cloud(
         barriers=None if _is_convex(points, triangles) else edges,
         parts=_with_holes(points, edges, polygons),
         notes=(
-            *notes_on_pieces("triangles", points, triangles),
+            *notes,
             *(_notes_on_long(points, triangles) if made else []),
         ),
         spacings=spacings,

@@ -15,7 +15,7 @@ from .faces import repeated_faces, sides_of, triangulate
 from .file_checks import existing_file, library_reads, meters
 from .mesh_blocks import read_faces
 from .mesh_checks import require_closed, require_faces, require_surface, require_unfolded
-from .seams import merged, notes_on_pieces, require_met
+from .seams import merged, seam_notes
 from .shape import Shape
 from .topology import boundary_edges, pieces, ring_names
 from .triangulation import counter_clockwise, voronoi_areas
@@ -105,7 +105,8 @@ def read_mesh(
     if again.any():
         notes.append(f"{where}: {int(again.sum())} faces with the corners of another one were left out")
         triangles, face_of = triangles[~again[face_of]], face_of[~again[face_of]]
-    require_surface(where, faces.points, triangles, face_of)
+    after = f"{where}: after merging {one.points} points at the place of another one" if one.points else where
+    require_surface(after, faces.points, triangles, face_of)
     if closed:
         require_closed(where, triangles)
     used = np.unique(triangles)
@@ -129,8 +130,7 @@ def read_mesh(
     if mesh.flat:
         require_unfolded(where, faces.points, triangles, face_of)
     places = faces.points[:, :2] if mesh.flat else faces.points
-    require_met(where, places, triangles)
-    return replace(mesh, notes=(*notes, *notes_on_pieces(where, places, triangles)))
+    return replace(mesh, notes=(*notes, *seam_notes(where, places, triangles)))
 
 
 def flat_shape(mesh: Mesh, graded: bool = False) -> Shape:

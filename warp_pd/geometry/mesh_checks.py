@@ -42,14 +42,18 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
     areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
     _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
-    pairs = near_pairs(points, directed_edges(triangles))
-    _refuse(where, "pair", pairs, "of coincident points: expected distinct points")
     crowded = crowded_edges(triangles)
     _refuse(where, "edge", crowded, "with more than two triangles: expected one or two")
     turned = flipped(triangles)
     if turned is None:
         raise InputError(f"{where}: the surface is not orientable (a Moebius strip): expected an orientable surface")
     _refuse(where, "face", np.unique(face_of[turned]), "flipped against the neighbours: expected one orientation")
+
+
+def require_distinct_points(where: str, points: np.ndarray, triangles: np.ndarray) -> None:
+    """Check that no two points of triangles are at one place. Raises InputError if some are."""
+    pairs = near_pairs(points, directed_edges(triangles))
+    _refuse(where, "pair", pairs, "of coincident points: expected distinct points")
 
 
 def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:

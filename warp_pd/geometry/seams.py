@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.checks import InputError
-from .topology import boundary_edges, boundary_sides, components, directed_edges, joined_points, undirected
+from .topology import boundary_sides, components, directed_edges, joined_points, undirected
 
 # Over the shortest edge at a point: points nearer than this are one, and a point nearer to an edge lies on it. Files
 # with six or seven digits move points by up to 1e-3 of their edges.
@@ -97,80 +97,81 @@ def require_distinct(name: str, points: np.ndarray, triangles: np.ndarray) -> No
         raise InputError(f"triangles[{again[0]}] = {triangles[again[0]].tolist()} is listed twice: expected it once")
 
 
-def require_met(where: str, points: np.ndarray, triangles: np.ndarray) -> None:
-    """Check that edges of triangles meet from corner to corner.
+def seam_notes(where: str, points: np.ndarray, triangles: np.ndarray) -> list[str]:
+    """Notes on several pieces of triangles, and on narrow gaps between edges, which no bond crosses.
 
     Raises InputError, which begins with `where`, for a corner in the middle of an edge (a hanging node), and on a flat
     mesh, whose points have shape (V, 2), for edges that cross and pieces that overlap.
     """
-    edges = boundary_edges(triangles)
+    sides = boundary_sides(triangles)
+    edges = directed_edges(triangles)[sides].astype(np.int64)
+    label = joined_points(len(points), triangles)[triangles[:, 0]]
+    pieces = len(np.unique(label))
+    notes = [f"{where}: {pieces} pieces, which nothing connects"] if pieces > 1 else []
     if not len(edges):
-        return
-    nodes, on, *_ = _nodes_beside(points, triangles, edges, SAME, SAME)
-    if len(nodes):
-        a, b = edges[on[0]].tolist()
-        more = f" and {len(nodes) - 1} more" if len(nodes) > 1 else ""
+        return notes
+    third = triangles[sides % len(triangles)].astype(np.int64).sum(axis=1) - edges.sum(axis=1)
+    node, edge, apart, place = _nodes_beside(points, edges, third)
+    length = np.linalg.norm(points[edges[edge, 1]] - points[edges[edge, 0]], axis=1)
+    hanging = np.flatnonzero((apart <= SAME * length) & (place > SAME) & (place < 1.0 - SAME))
+    if len(hanging):
+        (a, b), first = edges[edge[hanging[0]]].tolist(), node[hanging[0]]
+        more = f" and {len(hanging) - 1} more" if len(hanging) > 1 else ""
         raise InputError(
-            f"{where}: point {nodes[0]} at {_place(points[nodes[0]])}{more} lies in the middle of the edge of another "
+            f"{where}: point {first} at {_place(points[first])}{more} lies in the middle of the edge of another "
             f"triangle, from point {a} to point {b} (a hanging node): expected triangles that meet corner to corner"
         )
     if points.shape[1] == 2:
-        _refuse_overlaps(where, points, triangles, edges)
-
-
-def notes_on_pieces(where: str, points: np.ndarray, triangles: np.ndarray) -> list[str]:
-    """Notes on several pieces, and on narrow gaps between edges, which no bond crosses."""
-    used = np.unique(triangles)
-    pieces, notes = len(np.unique(joined_points(len(points), triangles)[used])), []
-    if pieces > 1:
-        notes.append(f"{where}: {pieces} pieces, which nothing connects")
-    edges = boundary_edges(triangles)
-    if len(edges):
-        nodes, _, apart, sharp = _nodes_beside(points, triangles, edges, NARROW, 0.0)
-        nodes, apart = nodes[~sharp], apart[~sharp]
-        if len(nodes):
-            at = int(np.argmin(apart))
-            notes.append(
-                f"{where}: a gap narrower than {NARROW:g} of the edges along it at {len(np.unique(nodes))} points, "
-                f"{apart[at]:.2g} at {_place(points[nodes[at]])}; no bond crosses it"
-            )
+        _refuse_overlaps(where, points, triangles, edges, label)
+    wide = ~_at_sharp_corners(len(points), triangles, node, edges[edge])
+    if wide.any():
+        nearest = np.flatnonzero(wide)[np.argmin(apart[wide])]
+        notes.append(
+            f"{where}: a gap narrower than {NARROW:g} of the edges along it at {len(np.unique(node[wide]))} points, "
+            f"{apart[nearest]:.2g} at {_place(points[node[nearest]])}; no bond crosses it"
+        )
     return notes
 
 
 def _nodes_beside(
-    points: np.ndarray, triangles: np.ndarray, edges: np.ndarray, reach: float, ends: float
+    points: np.ndarray, edges: np.ndarray, third: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points on open edges nearer than `reach` of its length to another open edge, but for a part `ends` at both ends.
+    """Points on open edges, shape (B, 2), nearer than NARROW of its length to another open edge.
 
-    The third corner of the edge's own triangle is left out. Returns the points, the edge beside each, the distance from
-    it, and whether the mesh has an edge to just one of its ends, as at a sharp corner, all of shape (K,).
+    The third corner of the edge's own triangle, shape (B,), is left out. Returns the points, the edge beside each, the
+    distance from it and the place along it, from 0 to 1, all of shape (K,).
     """
     from scipy.spatial import cKDTree
 
     nodes = np.unique(edges)
     start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(along, axis=1)
-    found = cKDTree(points[nodes]).query_ball_point(start + 0.5 * along, 0.5 * length * (1.0 + reach))
+    found = cKDTree(points[nodes]).query_ball_point(start + 0.5 * along, 0.5 * length * (1.0 + NARROW))
     edge = np.repeat(np.arange(len(edges)), [len(each) for each in found])
     node = nodes[np.concatenate([np.asarray(each, np.int64) for each in found])]
-    other = (node[:, None] != edges[edge]).all(axis=1)
+    other = (node[:, None] != edges[edge]).all(axis=1) & (node != third[edge])
     edge, node = edge[other], node[other]
     offset = points[node] - start[edge]
     place = (offset * along[edge]).sum(axis=1) / length[edge] ** 2
     apart = np.linalg.norm(offset - place[:, None] * along[edge], axis=1)
-    near = (place >= ends) & (place <= 1.0 - ends) & (apart <= reach * length[edge])
-    near[near] = triangles[boundary_sides(triangles) % len(triangles)][edge[near]].sum(axis=1) != (
-        edges[edge[near]].sum(axis=1) + node[near]
-    )
-    edge, node, apart = edge[near], node[near], apart[near]
-    sides = np.unique(np.sort(directed_edges(triangles).astype(np.int64), axis=1) @ [len(points), 1])
-    ways = np.sort(np.stack([np.column_stack([node, edges[edge, end]]) for end in (0, 1)], axis=1), axis=2)
-    joined = np.isin(ways.astype(np.int64) @ np.array([len(points), 1]), sides)
-    return node, edge, apart, joined.sum(axis=1) == 1
+    near = (place >= 0.0) & (place <= 1.0) & (apart <= NARROW * length[edge])
+    return node[near], edge[near], apart[near], place[near]
 
 
-def _refuse_overlaps(where: str, points: np.ndarray, triangles: np.ndarray, edges: np.ndarray) -> None:
-    """Raise InputError if open edges cross, or a piece covers another one."""
+def _at_sharp_corners(size: int, triangles: np.ndarray, node: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Whether each of some points has an edge to just one end of an edge beside it, shape (K, 2); shape (K,)."""
+    some = np.zeros(size, bool)
+    some[node] = True
+    sides = directed_edges(triangles[some[triangles].any(axis=1)]).astype(np.int64)
+    sides = np.sort(sides, axis=1) @ np.array([size, 1])
+    ways = np.sort(np.stack([np.column_stack([node, edges[:, end]]) for end in (0, 1)], axis=1), axis=2)
+    return np.asarray(np.isin(ways @ np.array([size, 1]), sides).sum(axis=1) == 1)
+
+
+def _refuse_overlaps(
+    where: str, points: np.ndarray, triangles: np.ndarray, edges: np.ndarray, label: np.ndarray
+) -> None:
+    """Raise InputError if open edges cross, or a piece covers another one; `label` is the piece of each triangle."""
     import shapely
 
     lines = shapely.linestrings(points[edges])
@@ -183,7 +184,6 @@ def _refuse_overlaps(where: str, points: np.ndarray, triangles: np.ndarray, edge
             f"{where}: the edge from point {a} to point {b} crosses another one at {_place(place)}: expected a flat "
             "mesh that covers each place once"
         )
-    label = joined_points(len(points), triangles)[triangles[:, 0]]
     pieces, first = np.unique(label, return_index=True)
     if len(pieces) == 1:
         return

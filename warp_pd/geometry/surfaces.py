@@ -6,7 +6,7 @@ import numpy as np
 
 from ..device.checks import InputError, corners, count, counts, one_of, positions, positive
 from .enclosure import volume_of
-from .seams import notes_on_pieces, require_distinct, require_met
+from .seams import require_distinct, seam_notes
 from .shape import Shape
 from .topology import boundary_edges, require_one_side
 from .triangulation import cell_triangles, doubled_normals, local_spacings
@@ -30,7 +30,7 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None, 
         flat = int(np.argmin(sizes))
         raise InputError(f"triangles[{flat}] = {triangles[flat].tolist()}: expected corners that span an area")
     rim = _rim(points, triangles)
-    require_met("triangles", points, triangles)
+    notes = seam_notes("triangles", points, triangles)
     areas = _point_sums(np.repeat(sizes[:, None] / 6.0, 3, axis=1), triangles, len(points))
     unused = np.flatnonzero(areas == 0.0)
     if len(unused):
@@ -53,7 +53,7 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None, 
         spacings=spacings,
         frames=tangents(normals),
         parts={"rim": rim} if len(rim) else {},
-        notes=tuple(notes_on_pieces("triangles", points, triangles)),
+        notes=tuple(notes),
     )
 
 

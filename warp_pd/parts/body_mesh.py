@@ -12,7 +12,7 @@ import numpy as np
 from ..device.checks import InputError, numbers
 from ..geometry.enclosure import volume_of
 from ..geometry.files import read_mesh
-from ..geometry.mesh_checks import require_closed, require_faces, require_surface
+from ..geometry.mesh_checks import require_closed, require_distinct_points, require_faces, require_surface
 from ..kernels.mesh_distance import mesh_distance, mesh_distance_of_point
 from .body_shapes import BodyShape, Outline, convex_edges
 
@@ -51,6 +51,7 @@ class TriangleMesh(BodyShape):
                 f"{where}.triangles is {triangles.dtype} of shape {triangles.shape}: expected indices, (F, 3)"
             )
         require_faces(where, points, np.full(len(triangles), 3), triangles.ravel())
+        require_distinct_points(where, points, triangles)
         require_surface(where, points, triangles, np.arange(len(triangles)))
         require_closed(where, triangles)
         volume = volume_of(points - points[0], triangles)

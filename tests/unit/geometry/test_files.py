@@ -603,6 +603,12 @@ def test_sets_of_abaqus_are_parts(tmp_path):
         ("*Boundary", "*Ngen\n1,5,1", "*NGEN is not read: expected all nodes and elements in the file"),
         ("*Boundary", "*Instance, name=a, part=b\n1., 0., 0.", "*INSTANCE moves a part"),
         ("40, 0., 2.", "10, 0., 2.", "node 10 occurs twice"),
+        ("3, 30, 40, 50", "2, 30, 40, 50", "element 2 occurs twice"),
+        (
+            "*Boundary",
+            "*Instance, name=a, part=b\n*Instance, name=c, part=B\n*Boundary",
+            "*INSTANCE repeats the part 'B'",
+        ),
     ],
 )
 def test_wrong_files_of_abaqus(tmp_path, old, new, text):
@@ -652,6 +658,16 @@ def test_groups_that_name_no_point_or_an_edge_are_noted(tmp_path):
     sheet = Sheet.from_file(tmp_path / "a.msh", unit="m", **FLAT)
     assert any("group 'line 9' has no point of the surface" in note for note in sheet.notes)
     assert any("part 'all' is the group of that name in the file, not the edge" in note for note in sheet.notes)
+
+
+def test_objects_that_touch_are_refused_with_what_was_merged(tmp_path):
+    """Three squares on one edge, each with points of its own."""
+    points, own = [[0, 0, 0], [1, 0, 0]], [[1, 1, 0], [1, -1, 0], [0, 0, 1]]
+    path = write(
+        tmp_path / "a.vtu", [p for third in own for p in (*points, third)], [("triangle", np.arange(9).reshape(3, 3))]
+    )
+    with refused(match="after merging 4 points at the place of another one: edge .* with more than two triangles"):
+        read_mesh(path, unit="m")
 
 
 def test_face_sets_of_usd_are_parts(tmp_path):
