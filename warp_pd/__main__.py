@@ -32,6 +32,13 @@ COLLECT_AFTER = 10_000
 class OneLineGroup(click.Group):
     """A command group that reports input errors in one line and exits with code 2."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the options before the command."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            ctx.exit(_refused(f"{error.format_message()} (see warp-pd --help)"))
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
         from .run.processes import processes_here
@@ -246,11 +253,16 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
+    from .geometry.picture_files import picture_formats
     from .run.processes import communicator_here, is_first, launch, processes_here
 
     require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
+    if precision is not None:
+        one_of("precision", precision, (32, 64))
+    count("stride", stride, 1)
+    picture_formats(pictures)
     quiet = quiet or not is_first()
     settings = _settings(assignments, named)
     require_settings(scene, settings)
@@ -326,9 +338,12 @@ def sweep_values(
     sweep and skips finished runs. A failed run does not stop the others: the table shows its status, and the exit code
     is that of the worst run.
     """
+    from .geometry.picture_files import picture_formats
     from .run.arguments import split_values
     from .run.sweep import run_sweep
 
+    if pictures:
+        picture_formats(pictures)
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():
         choices[name] = split_values(text)
@@ -388,8 +403,9 @@ def draw(
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
+    from .geometry.picture_files import picture_formats
     from .run.folder import run_summary
-    from .run.runner import picture_formats, redraw
+    from .run.runner import redraw
 
     summary = run_summary(folder)
     if summary is None:

@@ -18,6 +18,7 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
         ("def build(:\n", "line 1"),
         ("build = 3\n", "no function build"),
         ("def build(): return 3\n", "build returned int"),
+        ("from warp_pd import *\ndef build(): return Simulation(1, 2, 3)\n", "sheet = 1: expected a Sheet"),
         ("import numpyy\n", "line 1: ModuleNotFoundError"),
         (
             "from warp_pd import *\n\ndef build():\n    return Fixed([0], component='x')\n",
@@ -66,6 +67,10 @@ WRONG_LINES = [
     (["run", "nothing.py"], "the file does not exist"),
     (["run", "pressure", "--points", "x"], "'x' is not a valid integer"),
     (["runn"], "No such command 'runn'"),
+    (["--nope"], "No such option '--nope'"),
+    (["run", "pressure", "--stride", "0"], "stride = 0: expected a whole number of 1 or more"),
+    (["run", "pressure", "--pictures", "gif"], "pictures = 'gif': expected one of 'png', 'pdf', 'svg'"),
+    (["sweep", "pressure", "--points", "9,11", "--pictures", "bmp"], "pictures = 'bmp': expected one of"),
     (["run", "pressure", "--set", "=3"], "--set '=3': expected name=value"),
     (["info", "nothing.usd"], "the file does not exist"),
     (["info", __file__], "expected a .vtkhdf, .usd or .json"),

@@ -83,6 +83,8 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
     """Name of the measure, and of its column."""
     others = [c for c in table.columns if c != control]
     known = [m.name for m in scene.measures]
+    if not known and measure is None:
+        raise InputError(f"{table.path.name}: the scene has no measures: expected one to compare with, or --measure")
     column = measure if measure in others else None
     if column is None:
         named = [c for c in others if c in known]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, OutputError, said
+from ..device.checks import InputError, OutputError, one_of, said
 
 FORMATS = ("png", "pdf", "svg")
 # Dots per inch of a PNG, and of the parts of a vector picture that are pixels.
@@ -25,6 +25,14 @@ RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
 MOST_VECTORS = 20_000
 # Shorter over longer side of a flat sheet in a picture, at least; and below which it is a bar.
 THINNEST, BAR = 0.15, 1e-6
+
+
+def picture_formats(pictures: bool | str) -> tuple[str, ...]:
+    """Parse the formats of the pictures; empty for none."""
+    if isinstance(pictures, bool):
+        return ("png",) if pictures else ()
+    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
+    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
 
 
 @dataclass(frozen=True)

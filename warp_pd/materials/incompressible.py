@@ -192,6 +192,8 @@ class Ogden(PlaneStress):
         for name in ("mu", "exponents"):
             if not isinstance(getattr(self, name), tuple | list):
                 raise InputError(f"{name} = {getattr(self, name)!r}: expected a tuple of numbers")
+            for p, value in enumerate(getattr(self, name)):
+                finite(f"{name}[{p}]", value)
         given = f"mu = {self.mu!r} with exponents = {self.exponents!r}"
         if len(self.mu) != len(self.exponents) or not self.mu:
             raise InputError(f"{given}: expected equal numbers of both, at least one")

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, count, kind_and_text, one_of, point_indices, user_code
-from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in, unnumbered
+from ..device.checks import InputError, count, kind_and_text, point_indices, user_code
+from ..geometry.picture_files import Drawing, drawing, picture_formats, pictures_in, unnumbered
 from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
@@ -369,14 +369,6 @@ def headline(built: Built) -> str:
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
         f"{built.context.device.name}" + (f", {processes} processes" if processes > 1 else "")
     )
-
-
-def picture_formats(pictures: bool | str) -> tuple[str, ...]:
-    """Parse the formats of the pictures; empty for none."""
-    if isinstance(pictures, bool):
-        return ("png",) if pictures else ()
-    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
-    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
 
 
 def draw(

@@ -140,6 +140,7 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
         simulation = scene.build(**values)
     if not isinstance(simulation, Scene):
         raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; expected a Simulation")
+    simulation.check()
     simulation.scene = Path(name).stem
     simulation.file = str(Path(name).resolve()) if own else None
     used = {key: values.get(key, p.default) for key, p in parameters.items()}

@@ -34,6 +34,8 @@ from warp_pd.materials import stability_notes, stable_to
             lambda: MooneyRivlin(1.0, -1.0),
             r"^c01 = -1\.0: expected more than -c10 = -1\.0, for a positive shear modulus$",
         ),
+        (lambda: Ogden((float("nan"),), (1.0,)), r"^mu\[0\] = nan: expected a finite number$"),
+        (lambda: Ogden((1.0,), ("a",)), r"^exponents\[0\] = 'a': expected a number$"),
         (lambda: Yeoh(1.0, float("nan")), r"^c20 = nan: expected a finite number$"),
     ],
 )

@@ -13,12 +13,12 @@ from matplotlib.text import Text
 
 from warp_pd import Sheet, Sphere
 from warp_pd.geometry import picture_files
+from warp_pd.geometry.picture_files import picture_formats
 from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
 from warp_pd.output.projection import View, material_lines, places_of
 from warp_pd.output.quantities import column_label, column_unit, field_label
-from warp_pd.run.runner import picture_formats
 
 
 def sheet_shown(points=21, lift=0.0, width=1.0, height=1.0, **fields):
