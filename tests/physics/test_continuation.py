@@ -173,3 +173,10 @@ def test_a_sheet_below_its_strength_keeps_its_bits(precision):
     assert np.array_equal(first, second) and np.abs(first).max() > 1e-3
     assert ends[0].history[-1]["largest_damage"] == 0.0
     np.testing.assert_equal([row["strain"] for row in ends[0].history], [row["strain"] for row in ends[1].history])
+
+
+def test_a_gent_sheet_goes_on_from_where_its_energy_of_constant_volume_is_the_strength():
+    """-mu Jm / 2 log(1 - (I1 - 3) / Jm), so nothing is changed below the strength."""
+    material, strength = Gent(mu=1e3, bulk=1e5, lock=160.0), 3e4
+    excess = continued(material, strength).excess
+    assert -0.5 * material.mu * material.lock * np.log1p(-excess / material.lock) == pytest.approx(strength, rel=1e-12)

@@ -4,6 +4,7 @@ import fitting_cases as cases
 import numpy as np
 import pytest
 from helpers import refused
+from scipy.optimize import brentq
 
 from warp_pd import Explicit, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
@@ -77,6 +78,27 @@ def test_outliers_are_named_and_do_not_move_a_robust_fit():
     assert (np.abs(robust.values - truth) < 3.0 * robust.judgement.errors).all()
     assert [line.split(":")[0] for line in robust.outliers()] == ["pulled, row 4", "pulled, row 13"]
     assert "an outlier?" in robust.table()
+
+
+def test_the_deviation_of_a_robust_fit_has_the_weights_that_balance_its_residuals():
+    """At the best value the derivative of the loss vanishes; that of soft_l1 by z^2 is (1 + z^2)^(-1/2)."""
+    stretch = np.linspace(1.1, 3.0, 20)
+    stress = nominal_stress(MooneyRivlin(0.2e6), "uniaxial", stretch)
+    spoiled = stress * (1.0 + 0.01 * np.random.default_rng(5).normal(size=stress.shape))
+    spoiled[[3, 12, 18]] *= (1.5, 1.4, 1.3)
+    tests = UniformTests(MooneyRivlin, [Curve("uniaxial", stretch, "stress", spoiled)], {"c01": 0.0})
+    found = fit(tests, ["c10"], start={"c10": 0.1e6}, loss="soft_l1")
+    (residuals,), (model,) = found.residuals, found.model
+
+    def weights(margin):
+        return 1.0 / np.sqrt(1.0 + (residuals / margin) ** 2)
+
+    size = np.abs(residuals).max()
+    margin = brentq(lambda m: (weights(m) * residuals * model).sum(), 1e-4 * size, 10.0 * size)
+    w = weights(margin)
+    assert w.min() < 0.2 and w.max() > 0.9
+    deviation = np.sqrt((w * residuals**2).sum() / (w.sum() - 1.0))
+    assert found.judgement.deviation == pytest.approx(deviation, rel=1e-3)
 
 
 def test_states_share_a_scene_where_the_control_is_proportional_to_its_loads():
