@@ -8,7 +8,8 @@
 A change is picked by a seed: a constant by 4 %, a sign, a comparison turned, a term or a factor left out. It is made in
 a copy of the tree, in a new process, and counts as found if a test fails or does not end in time. Left out by
 rule: indices, texts, errors, defaults, pictures, tolerances and sizes of blocks. What Warp cannot compile counts for
-nothing. A survivor is tried with more tests; one that changes no result gets a `reason` in docs/mutations.json.
+nothing. A survivor is tried with more tests; one that changes no result gets a `reason` in docs/mutations.json. Rows of
+the kind "chosen" there were picked by hand, where an energy, a unit, a direction or an origin is computed.
 
 No kept tool fits. mutatest changes bytecode and mutmut switches between mutants in one source, while Warp compiles the
 source of a function; cosmic-ray has one command for all tests, changes constants by 1 alone and leaves out no terms.
