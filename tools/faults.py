@@ -178,7 +178,7 @@ def disk_sizes(whole: Path, number: int) -> list[int]:
     full = 4 * end + 2_000_000
     over_all = [full * (k + 1) // (number // 2 + 1) for k in range(number // 2)]
     rest = number - number // 2
-    near_end = [end + 1_200_000 + 2_000_000 * k // rest for k in range(rest)]
+    near_end = [end - 500_000 + 2_000_000 * (2 * k + 1) // (2 * rest) for k in range(rest)]
     return [max(100_000, size) for size in over_all + near_end]
 
 
