@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry.topology import boundary_edges
 from .recorder import Recorder
 
 # Area over that of the stress-free sheet below which a note says so, and distance from a plane [spacings] of a sheet
 # that counts as one in a plane.
 LEAST_AREA, IN_PLANE = 0.5, 1e-3
-# Height of a point over its neighbours from which it is high, and steep [spacings]; share of such points, and root mean
-# square height, from which the sheet is wavy; and likeness of neighbours below which the waves are short: 1/3 in waves
-# of four spacings in one direction, 4/5 of eight, near 1 of long ones.
-HIGH, STEEP, MANY, WAVY, ALIKE = 0.03, 0.25, 0.2, 0.05, 0.7
+# Height of a point over its neighbours from which it is high, and steep [their spacings]; share of such points, and
+# root mean square height, from which the sheet is wavy; and likeness of neighbours below which the waves are short:
+# 1/3 in waves of four spacings in one direction, 4/5 of eight, near 1 of long ones.
+HIGH, STEEP, MANY, WAVY, ALIKE = 0.03, 0.35, 0.2, 0.05, 0.7
 # Area over the mean one below which a triangle has no side that one can tell.
 NO_AREA = 1e-9
 
@@ -40,13 +41,17 @@ def shape_notes(recorder: Recorder) -> list[str]:
     if share < LEAST_AREA:
         notes.append(f"area: the untorn sheet ends with {100.0 * share:.2g} % of its stress-free area{advice}")
     if not built.contacts:
-        notes += _waves(np.asarray(surface.points, np.float64), positions, faces, whole.spacing)
+        notes += _waves(np.asarray(surface.points, np.float64), positions, faces)
     return notes
 
 
-def _waves(start: np.ndarray, end: np.ndarray, faces: np.ndarray, spacing: float) -> list[str]:
+def _waves(start: np.ndarray, end: np.ndarray, faces: np.ndarray) -> list[str]:
     """A note if the points lie in short waves at the end that were not there at the start, both (N, 3)."""
-    height = (_heights(end, faces) - _heights(start, faces)) / spacing
+    height = _heights(end, faces) - _heights(start, faces)
+    if (np.abs(height) > HIGH).mean() < MANY:
+        return []
+    # Neighbours on one side alone make no wave.
+    height[boundary_edges(faces)] = 0.0
     size = float(np.sqrt((height**2).mean()))
     if size < WAVY or (np.abs(height) > HIGH).mean() < MANY:
         return []
@@ -69,12 +74,16 @@ def _neighbours(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Height of each point under the mean of its neighbours along its normal [m], (N,)."""
-    each = np.repeat(_normals(positions, faces), 3, axis=0)
+    """Height of each point under the mean of its neighbours along its normal, over their spacing [-], (N,)."""
+    areas = _normals(positions, faces)
+    each = np.repeat(areas, 3, axis=0)
     normals = np.stack([np.bincount(faces.ravel(), each[:, c], minlength=len(positions)) for c in range(3)], axis=1)
     size = np.linalg.norm(normals, axis=1)
     unit = normals / np.where(size > 0.0, size, 1.0)[:, None]
-    return np.asarray(((_neighbours(positions, faces) - positions) * unit).sum(axis=1))
+    around = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(areas, axis=1), 3), minlength=len(positions))
+    spacing = np.sqrt(around / np.maximum(np.bincount(faces.ravel(), minlength=len(positions)), 1))
+    height = ((_neighbours(positions, faces) - positions) * unit).sum(axis=1)
+    return np.asarray(height / np.where(spacing > 0.0, spacing, 1.0))
 
 
 def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
