@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from ..device.checks import InputError, numbers
 from ..geometry.couplings import (
     crack_segments,
     distance_from_segments,
@@ -156,6 +157,20 @@ def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray,
     if len(facing.ends):
         damage = _at_rest(sheet, damage, length)
     return damage, ahead, facing
+
+
+def longest_between_cuts(sheet: Sheet) -> float:
+    """Largest length that cuts near each other have room for [m]."""
+    return Facing.of(sheet, DEFAULT_LENGTH * sheet.spacing, far=NEAR).length
+
+
+def initial_damage(given: np.ndarray, size: int) -> np.ndarray:
+    """`TearingEnergy.initial_damage`, checked, (N,). Raises InputError unless it is N numbers from 0 to 1."""
+    damage = numbers("TearingEnergy.initial_damage", given)
+    if damage.shape != (size,) or damage.min() < 0.0 or damage.max() > 1.0:
+        found = f"{damage.min():g} to {damage.max():g}" if damage.shape == (size,) else f"shape {damage.shape}"
+        raise InputError(f"TearingEnergy.initial_damage: expected {size} numbers from 0 to 1, got {found}")
+    return damage
 
 
 def _inner(ends: np.ndarray, edges: np.ndarray, sheet: Sheet) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
+from ..device.checks import InputError, by_point, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
 from ..geometry.couplings import gradient_couplings, points_near
@@ -24,9 +24,9 @@ from ..kernels.damage_list import TOGETHER, field_tables
 from ..kernels.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..kernels.lanes import lanes_of
 from ..materials import continued, largest_energy_density
-from .cut_profiles import NEAR, Facing, damage_of_cuts
+from .cut_profiles import Facing, damage_of_cuts, initial_damage, longest_between_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
-from .field_constants import DEFAULT_LENGTH, Density, FieldConstants, relaxations
+from .field_constants import Density, FieldConstants, relaxations
 from .field_screen import screen_of
 from .rupture import AT_REST, Damaged
 from .start_energy import density_at_start
@@ -163,17 +163,12 @@ class TearingEnergy(Rupture):
     def constants(self, context: Context, horizon: float, density: Density) -> FieldConstants:
         """Constants of the field at a horizon [m] and an energy density [J/m^3]; see `FieldConstants`."""
         points = context.given.points
+        free = self.cut_profile and self.length is None
         return FieldConstants(
             by_point("TearingEnergy.energy", self.energy, points), self.length, self.strength, self.stretch_at_break,
             horizon, density, context.sheet.spacing, float(np.linalg.norm(np.ptp(points, axis=0))),
-            self._length_of_cuts(context.whole),
+            longest_between_cuts(context.whole) if free else float("inf"),
         )  # fmt: skip
-
-    def _length_of_cuts(self, sheet: Sheet) -> float:
-        """Largest length that cuts near each other have room for [m]."""
-        if not self.cut_profile or self.length is not None:
-            return float("inf")
-        return Facing.of(sheet, DEFAULT_LENGTH * sheet.spacing, far=NEAR).length
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""
@@ -353,13 +348,7 @@ class DamageField(Damaged):
         if self.rupture.cut_profile:
             damage, ahead, self._facing = damage_of_cuts(sheet, self.length)
         if self.rupture.initial_damage is not None:
-            given = numbers("TearingEnergy.initial_damage", self.rupture.initial_damage)
-            if given.shape != damage.shape or given.min() < 0.0 or given.max() > 1.0:
-                found = f"{given.min():g} to {given.max():g}" if given.shape == damage.shape else f"shape {given.shape}"
-                raise InputError(
-                    f"TearingEnergy.initial_damage: expected {sheet.size} numbers from 0 to 1, got {found}"
-                )
-            damage = np.maximum(damage, given)
+            damage = np.maximum(damage, initial_damage(self.rupture.initial_damage, sheet.size))
         damage = np.minimum(damage, MOST_AT_START)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
