@@ -171,7 +171,7 @@ def test_damage_never_heals():
 
 
 def torn_strip(law, precision=32, screened=True, sheet=None):
-    sheet = sheet or square(17).cut((-0.01, 0.047), (0.04, 0.047))
+    sheet = sheet or square(17).cut((-0.01, 0.047), (0.035, 0.047))
     bottom, top = sheet.edges("bottom"), sheet.edges("top")
     return Simulation(
         sheet, law, Explicit(0.6, frames=60, damping=2.0, precision=precision),
@@ -336,19 +336,19 @@ def test_the_cut_of_a_sheet_breaks_no_bonds_while_nothing_pulls():
 def test_cuts_have_the_profile_of_a_crack_unless_they_are_notches():
     sheet = square(21).cut((-0.01, 0.0475), (0.05, 0.0475))
     apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.0475)
-    crack, notch = (build(sheet, damage=TearingEnergy(5.0, length=0.02, cut_profile=p)).rupture for p in (True, False))
-    np.testing.assert_allclose(crack.field.numpy(), np.maximum(1.0 - apart / 0.04, 0.0) ** 2, atol=1e-12)
+    crack, notch = (build(sheet, damage=TearingEnergy(5.0, length=0.01, cut_profile=p)).rupture for p in (True, False))
+    np.testing.assert_allclose(crack.field.numpy(), np.maximum(1.0 - apart / 0.02, 0.0) ** 2, atol=1e-12)
     assert (notch.field.numpy() == 0.0).all()
 
 
 def test_a_crack_of_an_outline_has_the_profile_too():
     sheet = Sheet.outline(
         [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], spacing=0.005, thickness=1e-3, density=1e3,
-        cracks={"slit": [(0.0, 0.05), (0.05, 0.05)]}, holes={"hole": [(0.07, 0.07), (0.09, 0.07), (0.09, 0.09)]},
+        cracks={"slit": [(0.0, 0.05), (0.05, 0.05)]}, holes={"hole": [(0.08, 0.08), (0.095, 0.08), (0.095, 0.095)]},
     )  # fmt: skip
     apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.05)
-    field = build(sheet, damage=TearingEnergy(5.0, length=0.02)).rupture.field.numpy()
-    np.testing.assert_allclose(field, np.minimum(np.maximum(1.0 - apart / 0.04, 0.0) ** 2, 0.98), atol=1e-9)
+    field = build(sheet, damage=TearingEnergy(5.0, length=0.01)).rupture.field.numpy()
+    np.testing.assert_allclose(field, np.minimum(np.maximum(1.0 - apart / 0.02, 0.0) ** 2, 0.98), atol=1e-9)
 
 
 def test_a_start_beyond_the_strength_is_one_line():
