@@ -31,7 +31,8 @@ class Field:
         own_exchange: Whether its owner keeps it valid in the whole halo.
         intermediate: Whether each step writes all of it before it is read.
         output: Unique name of the field in frames, or "" if it is not in frames.
-        volume: Frames show it divided by this volume [m^3], a field of points (N,); None to show it as it is.
+        volume: Frames show it divided by this volume [m^3], a field or an array of the host, (N,); None to show it as
+            it is.
     """
 
     name: str
@@ -42,7 +43,7 @@ class Field:
     own_exchange: bool = False
     intermediate: bool = False
     output: str = ""
-    volume: Array | None = None
+    volume: Array | np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.per not in PER:

@@ -200,7 +200,7 @@ class Context:
         own_exchange: bool = False,
         intermediate: bool = False,
         output: str = "",
-        volume: Array | None = None,
+        volume: Array | np.ndarray | None = None,
     ) -> Array:
         """Declare a field (see `Field`) and allocate it with `values`, or with zeros of shape `shape`.
 

@@ -177,9 +177,14 @@ class FamilyLaw(BuiltLaw):
         )  # fmt: skip
 
     @functools.cached_property
-    def _represented_volume(self) -> Array:
-        """Volume that the intact bonds of each family represent at the last frame [m^3], (N,) float64."""
-        volumes = self.represented_areas() * self.context.sheet.thickness
+    def _represented_volume(self) -> Array | np.ndarray:
+        """Volume that the intact bonds of each family represent at the last frame [m^3], (N,) float64.
+
+        On the host where it stays as it is and one process has the whole sheet.
+        """
+        volumes = np.asarray(self.represented_areas() * self.context.sheet.thickness, float)
+        if (self.intact is None or self.represented is None) and self.context.partition is None:
+            return volumes
         return self.context.array("represented_volume", self.owner, wp.float64, volumes)
 
     def add(self, phase: Phase, stage: Stage) -> None:

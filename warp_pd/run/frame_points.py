@@ -90,6 +90,12 @@ class FramePoints:
         """A copy of a field of points on the host."""
         return self.built.context.whole_array(array, self._coarse)
 
+    def _volumes(self, volume: Array | np.ndarray) -> np.ndarray:
+        """Volumes of points on the host."""
+        if not isinstance(volume, np.ndarray):
+            return self._values(volume)
+        return volume if self._coarse is None else volume[self._coarse.points()]
+
     def _intact(self, array: Array) -> np.ndarray:
         """Whether each triangle of the surface is intact."""
         intact = np.asarray(self.built.context.whole_array(array).view(bool))
@@ -104,7 +110,7 @@ class FramePoints:
         for stored in built.context.fields.shown():
             values = self._values(stored.array)
             if stored.field.volume is not None:
-                volume = self._values(stored.field.volume)
+                volume = self._volumes(stored.field.volume)
                 values = np.divide(values, volume, out=np.zeros_like(values), where=volume > 0.0)
             shown[stored.field.output] = values
         rupture, displacement = built.rupture, shown.pop("displacement")
