@@ -31,10 +31,11 @@ class _Model:
     element_sets: dict[str, list[int]] = field(default_factory=dict)
     # Names of the parts that an assembly has.
     placed: set[str] = field(default_factory=set)
+    notes: list[str] = field(default_factory=list)
 
 
-def read_abaqus(path: Path) -> Any:
-    """Read nodes, elements and their sets, also of several parts whose numbers differ, as a meshio mesh.
+def read_abaqus(path: Path) -> tuple[Any, list[str]]:
+    """Read nodes, elements and their sets, also of several parts whose numbers differ, as a meshio mesh, and notes.
 
     Raises:
         InputError: for elements of an unknown kind, missing nodes, sets that do not exist, parts that an assembly
@@ -59,7 +60,7 @@ def read_abaqus(path: Path) -> Any:
     for name, members in model.node_sets.items():
         if missing := [node for node in members if node not in order]:
             raise InputError(f"path = {str(path)!r}: node set {name!r} has node {missing[0]}, which is missing")
-    return meshio.Mesh(
+    mesh = meshio.Mesh(
         np.array([[*each, 0.0, 0.0][:3] for each in model.nodes.values()]).reshape(-1, 3),
         cells,
         point_sets={name: np.array([order[node] for node in members]) for name, members in model.node_sets.items()},
@@ -68,11 +69,17 @@ def read_abaqus(path: Path) -> Any:
             for name, members in model.element_sets.items()
         },
     )
+    return mesh, model.notes
 
 
 def _read(path: Path, model: _Model, where: str) -> None:
-    for keyword, options, rows in _blocks(path):
+    for keyword, options, here in _blocks(path):
+        rows = here
         name = options.get("NSET") or options.get("ELSET")
+        if options.get("SYSTEM", "R").upper() != "R":
+            raise InputError(f"{where}: *{keyword}, SYSTEM={options['SYSTEM']}: expected rectangular coordinates, R")
+        if "INPUT" in options and keyword != "INCLUDE":
+            rows = [*here, *_data(_lines(path.parent / options["INPUT"]))]
         if keyword == "NODE":
             nodes = {int(row[0]): [float(value or 0.0) for value in row[1:4]] for row in rows}
             if again := [node for node in nodes if node in model.nodes]:
@@ -107,6 +114,8 @@ def _add_elements(model: _Model, options: dict[str, str], words: list[int], wher
     if len(words) % (size + 1):
         raise InputError(f"{where}: *ELEMENT, TYPE={kind}: {len(words)} numbers: expected {size + 1} for each element")
     rows = np.array(words, np.int64).reshape(-1, size + 1).tolist()
+    if kind.startswith("R3D"):
+        model.notes.append(f"{len(rows)} rigid elements ({kind}) became part of the sheet; part= reads one element set")
     if again := [row[0] for row in rows if row[0] in model.elements]:
         raise InputError(f"{where}: element {again[0]} occurs twice: expected elements with numbers of their own")
     model.elements.update({row[0]: (names[size], row[1:]) for row in rows})
@@ -153,14 +162,13 @@ def _members(
 def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]:
     """Keyword, options and data rows of each block; comments begin with two stars."""
     keyword, options, rows = "", dict[str, str](), list[list[str]]()
-    lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
-    lines = [line for line in lines if line and not line.startswith("**")]
+    lines = _lines(path)
     index = 0
     while index < len(lines):
         line = lines[index]
         index += 1
         if not line.startswith("*"):
-            rows.append([word.strip() for word in line.split(",")])
+            rows += _data([line])
             continue
         # A comma at the end continues the options.
         while line.endswith(",") and index < len(lines):
@@ -173,3 +181,12 @@ def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]
         options = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
     if keyword:
         yield keyword, options, rows
+
+
+def _lines(path: Path) -> list[str]:
+    lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    return [line for line in lines if line and not line.startswith("**")]
+
+
+def _data(lines: list[str]) -> list[list[str]]:
+    return [[word.strip() for word in line.split(",")] for line in lines]

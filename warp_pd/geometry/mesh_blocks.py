@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from .abaqus import read_abaqus
+from .nastran import read_nastran
 from .usd_mesh import Faces
 from .wavefront import read_wavefront
 
@@ -33,7 +35,10 @@ def read_faces(path: Path) -> Faces:
     if suffix == ".obj":
         return read_wavefront(path)
     if suffix == ".inp":
-        return _faces(path, read_abaqus(path))
+        mesh, notes = read_abaqus(path)
+        return replace(_faces(path, mesh), notes=notes)
+    if suffix in (".bdf", ".nas", ".fem"):
+        return _faces(path, read_nastran(path))
     if suffix == ".msh":
         return _faces(path, _read_msh(path))
     formats = [name for name in meshio.extension_to_filetypes.get(suffix, []) if name in reader_map]

@@ -603,6 +603,7 @@ def test_sets_of_abaqus_are_parts(tmp_path):
         ("*Boundary", "*Ngen\n1,5,1", "*NGEN is not read: expected all nodes and elements in the file"),
         ("*Boundary", "*Instance, name=a, part=b\n1., 0., 0.", "*INSTANCE moves a part"),
         ("40, 0., 2.", "10, 0., 2.", "node 10 occurs twice"),
+        ("*Node\n", "*Node, system=C\n", "*NODE, SYSTEM=C: expected rectangular coordinates, R"),
         ("3, 30, 40, 50", "2, 30, 40, 50", "element 2 occurs twice"),
         (
             "*Boundary",
@@ -615,6 +616,72 @@ def test_wrong_files_of_abaqus(tmp_path, old, new, text):
     (tmp_path / "a.inp").write_text(ABAQUS.replace(old, new, 1))
     with pytest.raises(InputError, match="path = ") as error:
         read_mesh(tmp_path / "a.inp", unit="m")
+    assert text in str(error.value)
+
+
+def test_abaqus_reads_the_data_of_another_file(tmp_path):
+    (tmp_path / "more.txt").write_text("** comment\n40, 0., 2.\n50, 1., 1.\n")
+    (tmp_path / "a.inp").write_text(ABAQUS.replace("*Node\n40, 0., 2.\n50, 1., 1.\n", "*Node, input=more.txt\n"))
+    assert read_mesh(tmp_path / "a.inp", unit="m").vertices.shape == (5, 3)
+
+
+def test_rigid_elements_of_abaqus_are_noted(tmp_path):
+    (tmp_path / "a.inp").write_text(ABAQUS.replace("type=S3R", "type=R3D3"))
+    mesh = read_mesh(tmp_path / "a.inp", unit="m")
+    assert any("2 rigid elements (R3D3) became part of the sheet" in note for note in mesh.notes)
+    (tmp_path / "a.inp").write_text(ABAQUS)
+    assert read_mesh(tmp_path / "a.inp", unit="m").notes == ()
+
+
+# Fields of 8 columns, of 16 columns, between commas; continued; an angle after the corners; a number without an E.
+NASTRAN = f"""SOL 101
+BEGIN BULK
+$ comment
+GRID           1       0      0.      0.      0.
+GRID,2,,3.0,0.0,0.0
+{"GRID*":8}{3:16}{"":16}{"3.":>16}{"2.+0":>16}+A
+{"*A":8}{"0.":>16}
+{"GRID":8}{4:8}{"":8}{"0.":>8}{"20.-1":>8}{"0.":>8}
+INCLUDE 'more.bdf'
+CTRIA3         1       7       1       2       5     0.0
+CTRIA3,2,7,2,3,5,0.0
+{"CTRIA3*":8}{3:16}{8:16}{3:16}{4:16}
+{"*":8}{5:16}
+CTRIA6         4       8       4       1       5
+CBAR           5       9       4       1      1.      0.      0.
+CONM2          6       1       0      2.
+ENDDATA
+after the end
+"""
+
+
+def test_cards_of_nastran(tmp_path):
+    """Cards in any of the three forms make one mesh; the properties are groups."""
+    (tmp_path / "more.bdf").write_text("GRID           5              1.      1.      0.\n")
+    (tmp_path / "a.bdf").write_text(NASTRAN)
+    sheet = Sheet.from_file(tmp_path / "a.bdf", unit="m", **FLAT)
+    assert sheet.points.tolist() == [[0, 0], [3, 0], [3, 2], [0, 2], [1, 1]]
+    assert sheet.areas.sum() == pytest.approx(6.0)
+    parts = {name: part.tolist() for name, part in sheet.parts.items() if name != "outline"}
+    assert parts == {"surface 7": [0, 1, 2, 4], "surface 8": [0, 2, 3, 4], "line 9": [0, 3]}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("GRID,2,,", "GRID,2,5,", "GRID 2: coordinate system 5: expected the basic one, 0"),
+        ("SOL 101\nBEGIN BULK\n", "GRDSET,,5\n", "GRDSET : coordinate system 5"),
+        ("GRID,2,,", "GRID,1,,", "GRID 1 occurs twice"),
+        ("CTRIA3,2,7,2,3,5", "CTRIA3,2,7,2,3,6", "an element has the point 6, which is missing"),
+        ("CTRIA3,2,7,2,3,5", "CTRIAX6,2,7,2,3,5", "CTRIAX6 2: expected a surface"),
+        ("CTRIA3,2,7,2,3,5", "CTETRA,2,7,2,3,5,4", "CTETRA 2: expected a surface"),
+    ],
+)
+def test_wrong_files_of_nastran(tmp_path, old, new, text):
+    (tmp_path / "more.bdf").write_text("GRID,5,,1.,1.,0.\n")
+    (tmp_path / "a.nas").write_text(NASTRAN.replace(old, new, 1))
+    with pytest.raises(InputError, match="path = ") as error:
+        read_mesh(tmp_path / "a.nas", unit="m")
     assert text in str(error.value)
 
 
