@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warp_pd import BondAssociated, Fixed, Measure, MooneyRivlin, Motion, Newton, Sheet, Simulation
+from warp_pd import BondAssociated, Circle, Fixed, Measure, MooneyRivlin, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.families import build_families
 from warp_pd.measures import support_force
 
@@ -69,3 +69,25 @@ def test_a_cut_from_a_hole_begins_at_its_edge():
     start = edge[edge[:, 0] > 0.05][0, 0]
     cut = sheet.cut((start, 0.0525), (0.09, 0.0525))
     assert crossing(sheet, (start, 0.0525)) and not crossing(cut, (start, 0.0525))
+
+
+def test_a_hole_with_points_on_its_rim_has_converged_where_one_of_steps_has_not():
+    """The pull of the guide's scene hole.py, beside 0.080379 N, its value at 81 points with points on the circle."""
+    square, bore = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], Circle((0.05, 0.05), 0.02)
+    drawn = Sheet.outline(square, holes=[bore], spacing=0.005, **SOLID)
+    stepped = Sheet.rectangle(0.1, 0.1, points=21, **SOLID).hole((0.05, 0.05), 0.02)
+    assert drawn.notes == () and "encloses 1.19 times its circle" in stepped.notes[0]
+    pulls = []
+    for sheet in (drawn, stepped):
+        right = sheet.edges("right")
+        run = Simulation(
+            sheet, BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=2.015), Newton(load_steps=2),
+            loads=[
+                Fixed(range(sheet.size), "z"), Fixed(sheet.edges("left"), "xy"),
+                Motion(right, [0.0, 1.0], x=[0.0, 0.05], y=0.0),
+            ],
+            measures=[Measure("pull", "N", lambda built, frame, right=right: support_force(built, right)[0])],
+        ).run(device="cpu")  # fmt: skip
+        pulls.append(run.history[-1]["pull"])
+        assert sheet is drawn or any("encloses 1.19 times its circle" in note for note in run.summary["notes"])
+    assert pulls == pytest.approx([0.080379 * 1.0024, 0.080379 * 0.938], rel=5e-4)

@@ -125,6 +125,19 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
     return smaller, kept
 
 
+def stepped_rim(before: AnyShape, after: AnyShape, touched: np.ndarray, radius: float) -> str:
+    """Say how much larger than its circle a hole is, if by more than 2 %; empty on curved sheets, and at an edge.
+
+    `touched` is the mask of the points of `before` whose areas changed, shape (N,).
+    """
+    if before.points.shape[1] != 2 or touched[boundary_edges(before.triangles)].any():
+        return ""
+    ratio = float(before.areas.sum() - after.areas.sum()) / (np.pi * radius**2)
+    if abs(ratio - 1.0) <= 0.02:
+        return ""
+    return f"its rim has steps and encloses {ratio:.2f} times its circle; a Circle of Sheet.outline has points on it"
+
+
 def _square_grid(lattice: Lattice) -> np.ndarray | None:
     """Column and row of each point, int32, shape (N, 2); None on a lattice that is not square."""
     if abs(lattice.dx - lattice.dy) > 1e-9 * lattice.dx or lattice.rows == 1:

@@ -12,7 +12,7 @@ import numpy as np
 from ..device.checks import InputError, by_point, called, finite, numbers, point_indices, positive, truth_values, vector
 from .clouds import cloud
 from .edges import edge_points
-from .edits import before_stretch, punched, slit, turned
+from .edits import before_stretch, punched, slit, stepped_rim, turned
 from .files import flat_shape, read_mesh
 from .lines import Named
 from .outline import outline
@@ -466,7 +466,8 @@ class Sheet(Shape):
         """A copy without the points closer than `radius` [m] to `centre`; the other points stay on their grid.
 
         On a grid, cells that lost a corner are also removed, and the areas of the points around them shrink. On a
-        curved sheet, triangles that lost a corner are removed.
+        curved sheet, triangles that lost a corner are removed. So the rim has steps, and `notes` say by how much the
+        hole of a flat sheet is larger than the circle. `Sheet.outline` has points on the rim.
 
         Raises:
             InputError: if the hole contains no points, removes the whole sheet, or takes part of a rigid body.
@@ -481,6 +482,9 @@ class Sheet(Shape):
             raise InputError(
                 f"{name} changes the mass of a rigid body: expected a hole beside it; or make the hole first"
             )
+        note = stepped_rim(self, smaller, touched, radius)
+        if note:
+            smaller = replace(smaller, notes=(*smaller.notes, f"{name}: {note}"))
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:

@@ -15,6 +15,15 @@ def test_a_hole_shrinks_areas():
     assert holed.lattice is None and holed.size < complete.size
 
 
+def test_a_rim_of_steps_is_noted():
+    """A hole of four spacings is 1.19 times its circle; one in the edge, and a fine one, say nothing."""
+    (note,) = square(21).hole((0.05, 0.05), 0.02).notes
+    assert note.startswith("hole at (0.05, 0.05) of radius 0.02: its rim has steps and encloses 1.19 times its circle")
+    assert square(21).hole((0.0, 0.05), 0.02).notes == () and square(401).hole((0.05, 0.05), 0.03).notes == ()
+    both = square(41).hole((0.03, 0.05), 0.01).hole((0.07, 0.05), 0.01)
+    assert len(both.notes) == 2
+
+
 def test_points_beside_holes_keep_their_places_on_the_grid():
     complete = square(41)
     holed = complete.hole((0.03, 0.05), 0.01).hole((0.07, 0.05), 0.01).cut((0.0, 0.011), (0.02, 0.011))
