@@ -28,11 +28,14 @@ PLACES, DISPLACEMENTS = ("x", "y", "z"), ("u", "v", "w")
 # Factor to SI and dimension of each unit.
 UNITS: dict[str, tuple[float, str]] = {
     "1": (1.0, "ratio"), "-": (1.0, "ratio"), "%": (0.01, "ratio"),
+    "mm/mm": (1.0, "ratio"), "m/m": (1.0, "ratio"), "in/in": (1.0, "ratio"),
     "m": (1.0, "length"), "mm": (1e-3, "length"), "cm": (1e-2, "length"), "um": (1e-6, "length"),
     "µm": (1e-6, "length"), "in": (0.0254, "length"),
     "Pa": (1.0, "pressure"), "kPa": (1e3, "pressure"), "MPa": (1e6, "pressure"), "GPa": (1e9, "pressure"),
     "bar": (1e5, "pressure"), "mbar": (1e2, "pressure"), "psi": (6894.757293168, "pressure"),
     "mmHg": (133.322387415, "pressure"), "kg/cm^2": (98066.5, "pressure"), "N/mm^2": (1e6, "pressure"),
+    "kgf/cm^2": (98066.5, "pressure"), "atm": (101325.0, "pressure"),
+    "mmH2O": (9.80665, "pressure"), "cmH2O": (98.0665, "pressure"), "inH2O": (249.08891, "pressure"),
     "N": (1.0, "force"), "mN": (1e-3, "force"), "kN": (1e3, "force"), "gf": (9.80665e-3, "force"),
     "kgf": (9.80665, "force"), "lbf": (4.4482216152605, "force"),
     "s": (1.0, "time"), "ms": (1e-3, "time"), "min": (60.0, "time"), "h": (3600.0, "time"),

@@ -18,6 +18,8 @@ SURFACES = {3: "triangle", 4: "quad", 6: "triangle6", 7: "triangle7", 8: "quad8"
 # Names of elements: of shells, membranes, rigid surfaces and in the plane, and along lines.
 SURFACE = re.compile(r"(?:CPS|CPEG|CPE|CAX|CGAX|M3D|R3D|SFM3D|STRI|S|DS|DC2D)(\d)")
 LINE = re.compile(r"(?:T2D|T3D|R2D|RAX|RB2D|RB3D|SAX|FRAME2D|FRAME3D)(\d)")
+# Elements that mean something else than a sheet in their program.
+NOT_SHEETS = {"R3D": "rigid elements", "CAX": "axisymmetric elements", "CGAX": "axisymmetric elements"}
 BEAM = re.compile(r"B[23]([123])")
 BEAM_NODES = {"1": 2, "2": 3, "3": 2}
 
@@ -114,8 +116,9 @@ def _add_elements(model: _Model, options: dict[str, str], words: list[int], wher
     if len(words) % (size + 1):
         raise InputError(f"{where}: *ELEMENT, TYPE={kind}: {len(words)} numbers: expected {size + 1} for each element")
     rows = np.array(words, np.int64).reshape(-1, size + 1).tolist()
-    if kind.startswith("R3D"):
-        model.notes.append(f"{len(rows)} rigid elements ({kind}) became part of the sheet; part= reads one element set")
+    for begins, what in NOT_SHEETS.items():
+        if kind.startswith(begins):
+            model.notes.append(f"{len(rows)} {what} ({kind}) became part of the sheet; part= reads one element set")
     if again := [row[0] for row in rows if row[0] in model.elements]:
         raise InputError(f"{where}: element {again[0]} occurs twice: expected elements with numbers of their own")
     model.elements.update({row[0]: (names[size], row[1:]) for row in rows})

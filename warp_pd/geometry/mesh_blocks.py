@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +22,18 @@ KINDS = ("point", "line", "surface")
 # Arrays of group numbers, by the reader of meshio that makes them.
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "su2:tag", "netgen:index")
 
+# Meshes in one file, of which the reader of meshio keeps one.
+SEVERAL = {
+    ".vtu": (re.compile(rb"<Piece\s"), "pieces"),
+    **dict.fromkeys((".dat", ".tec"), (re.compile(rb"^\s*ZONE\b", re.IGNORECASE | re.MULTILINE), "zones")),
+}
+
 
 def read_faces(path: Path) -> Faces:
     """Read the faces of a file by its suffix.
 
     Raises:
-        InputError: for an unknown suffix, or volume elements.
+        InputError: for an unknown suffix, several pieces or zones in one file, or volume elements.
     """
     import meshio
     from meshio._helpers import reader_map
@@ -48,6 +55,10 @@ def read_faces(path: Path) -> Faces:
             f"path = {str(path)!r}: expected .msh, .stl, .obj, .ply, .vtu, .vtk, .off, .usd, .usda, .usdc, or another "
             f"format of meshio{hint}"
         )
+    if suffix in SEVERAL:
+        begins, name = SEVERAL[suffix]
+        if (count := len(begins.findall(path.read_bytes()))) > 1:
+            raise InputError(f"path = {str(path)!r}: {count} {name}: expected one")
     # meshio.read tries the formats of a suffix in turn and ends the process if none fits.
     for name in formats[:-1]:
         try:

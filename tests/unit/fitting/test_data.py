@@ -73,7 +73,7 @@ def test_units_agree_with_each_other():
     """By definition: standard gravity, the inch, the pound and the density of mercury."""
     si = {unit: factor for unit, (factor, _) in UNITS.items()}
     gravity, pound, mercury = 9.80665, 0.45359237, 13595.1
-    base = {"1", "-", "m", "Pa", "N", "s", "m^3", "J", "J/m^2", "m/s", "Hz", "degrees", "deg"}
+    base = {"1", "-", "mm/mm", "m/m", "in/in", "m", "Pa", "N", "s", "m^3", "J", "J/m^2", "m/s", "Hz", "degrees", "deg"}
     assert {unit for unit, factor in si.items() if factor == 1.0} == base
     assert (si["mm"], si["cm"], si["um"], si["µm"], si["mJ"]) == (1e-3, 1e-2, 1e-6, 1e-6, 1e-3)
     assert si["mm/s"] == pytest.approx(si["mm"] / si["s"], rel=1e-12)
@@ -81,7 +81,10 @@ def test_units_agree_with_each_other():
     assert si["lbf"] == pytest.approx(pound * gravity, rel=1e-9)
     assert si["psi"] == pytest.approx(si["lbf"] / si["in"] ** 2, rel=1e-9)
     assert si["mmHg"] == pytest.approx(mercury * gravity * si["mm"], rel=1e-6)
-    assert si["kg/cm^2"] == pytest.approx(si["kgf"] / si["cm"] ** 2, rel=1e-9)
+    assert si["kg/cm^2"] == si["kgf/cm^2"] == pytest.approx(si["kgf"] / si["cm"] ** 2, rel=1e-9)
+    water = 1000.0 * gravity
+    assert (si["mmH2O"], si["cmH2O"]) == pytest.approx((water * si["mm"], water * si["cm"]), rel=1e-9)
+    assert si["inH2O"] == pytest.approx(water * si["in"], rel=1e-6) and si["atm"] == 101325.0
     assert (si["in"], si["cm"], si["bar"], si["%"], si["min"], si["h"]) == (0.0254, 0.01, 1e5, 0.01, 60.0, 3600.0)
     assert si["N/mm^2"] == si["MPa"] == 1e6 and si["N/mm"] == si["kJ/m^2"] == 1e3
     assert (si["l"], si["ml"], si["mm^3"]) == pytest.approx((1e-3, si["cm"] ** 3, si["mm"] ** 3), rel=1e-12)

@@ -625,12 +625,32 @@ def test_abaqus_reads_the_data_of_another_file(tmp_path):
     assert read_mesh(tmp_path / "a.inp", unit="m").vertices.shape == (5, 3)
 
 
-def test_rigid_elements_of_abaqus_are_noted(tmp_path):
-    (tmp_path / "a.inp").write_text(ABAQUS.replace("type=S3R", "type=R3D3"))
+@pytest.mark.parametrize(("kind", "what"), [("R3D3", "rigid"), ("CAX3", "axisymmetric"), ("CGAX3", "axisymmetric")])
+def test_elements_of_abaqus_that_are_no_sheet_are_noted(tmp_path, kind, what):
+    (tmp_path / "a.inp").write_text(ABAQUS.replace("type=S3R", f"type={kind}"))
     mesh = read_mesh(tmp_path / "a.inp", unit="m")
-    assert any("2 rigid elements (R3D3) became part of the sheet" in note for note in mesh.notes)
+    assert any(f"2 {what} elements ({kind}) became part of the sheet" in note for note in mesh.notes)
     (tmp_path / "a.inp").write_text(ABAQUS)
     assert read_mesh(tmp_path / "a.inp", unit="m").notes == ()
+
+
+ZONE = "ZONE N=4, E=1, F=FEPOINT, ET=QUADRILATERAL\n{0} 0\n{1} 0\n{1} 1\n{0} 1\n1 2 3 4\n"
+
+
+def test_several_meshes_in_one_file_are_refused(tmp_path):
+    """The reader would keep the first zone of Tecplot, or the last piece of VTK, and drop the rest of the sheet."""
+    (tmp_path / "a.dat").write_text('VARIABLES="X","Y"\n' + ZONE.format(0, 1))
+    assert len(read_mesh(tmp_path / "a.dat", unit="m").triangles) == 2
+    (tmp_path / "a.dat").write_text('VARIABLES="X","Y"\n' + ZONE.format(0, 1) + ZONE.format(1, 2))
+    with refused(match="2 zones: expected one"):
+        read_mesh(tmp_path / "a.dat", unit="m")
+    meshio.write(tmp_path / "a.vtu", meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]))
+    assert len(read_mesh(tmp_path / "a.vtu", unit="m").triangles) == 1
+    text = (tmp_path / "a.vtu").read_bytes()
+    piece = text[text.index(b"<Piece") : text.index(b"</Piece>") + len(b"</Piece>")]
+    (tmp_path / "a.vtu").write_bytes(text.replace(piece, piece + piece))
+    with refused(match="2 pieces: expected one"):
+        read_mesh(tmp_path / "a.vtu", unit="m")
 
 
 # Fields of 8 columns, of 16 columns, between commas; continued; an angle after the corners; a number without an E.
