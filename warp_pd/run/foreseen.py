@@ -10,12 +10,15 @@ import numpy as np
 
 from ..device.schedules import Schedule
 from ..materials import shear_modulus, stability_notes
+from ..parts.loads import BodyForce, PointForce
+from ..parts.supports import held_components
 from .built import Built
 from .scene import Scene
 
 # Sizes that rubber sheets do not have: widths [m], thickness over width, density [kg/m^3], shear modulus [Pa], and load
 # over the stiffness of the sheet.
 WIDEST, THICKEST, LIGHTEST, SOFTEST, STIFFEST, MOST_LOAD = 50.0, 0.5, 20.0, 10.0, 1e11, 1e3
+GRAVITY = 9.81
 # Step over the time in which a wave passes a spacing, below which a note tells the cause.
 TINY_STEP = 1e-3
 
@@ -27,7 +30,8 @@ def foreseen(built: Built) -> list[str]:
     continuum = hasattr(material, "functions") and hasattr(material, "constants")
     notes = stability_notes(material) if continuum else []
     unlikely = list(_unlikely_sizes(built, shear_modulus(material) if continuum else None))
-    return [*notes, *([f"sizes: {'; '.join(unlikely)}"] if unlikely else []), *dict.fromkeys(_never_reached(built))]
+    sizes = [f"sizes: {'; '.join(unlikely)}"] if unlikely else []
+    return [*notes, *sizes, *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
 
 
 def step_note(built: Built, dt: float) -> str:
@@ -59,6 +63,13 @@ def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
     # Larger ones may be chosen for longer steps.
     if scene.solver.dynamic and density < LIGHTEST:
         yield f"the density is {density:.3g} kg/m^3; is it in g/cm^3? Rubber has about 1000 kg/m^3"
+    for load in scene.loads:
+        force = float(np.linalg.norm(load.value)) if isinstance(load, BodyForce) else 0.0
+        if density > LIGHTEST and abs(force - GRAVITY) < 0.01 * GRAVITY:
+            yield (
+                f"BodyForce is {force:.3g} N/m^3; is it an acceleration? Gravity is the density times 9.81 m/s^2, "
+                f"{density * GRAVITY:.4g} N/m^3"
+            )
     if modulus is None:
         return
     if modulus < SOFTEST or modulus > STIFFEST:
@@ -80,6 +91,19 @@ def _loads(built: Built, width: float) -> Iterator[tuple[str, float]]:
         value = getattr(load, "value", None)
         if type(load).__name__ == "Pressure" and isinstance(value, int | float):
             yield f"Pressure({value:g})", factor * abs(value) * area
+
+
+def _held_forces(scene: Scene) -> Iterator[str]:
+    """Point forces that act on supports alone."""
+    forces = [load for load in scene.loads if isinstance(load, PointForce)]
+    if not forces:
+        return
+    held = held_components(scene.sheet, [c for load in scene.loads for c in load.constraints(scene.sheet)])
+    for load in forces:
+        points, force = load.forces(scene.sheet)
+        bits = held[points][:, None] >> np.arange(3) & 1
+        if force.any() and bits[force != 0.0].all():
+            yield f"PointForce {tuple(load.value)} N: supports hold all of its points, and it moves nothing"
 
 
 def _never_reached(built: Built) -> Iterator[str]:

@@ -8,6 +8,7 @@ from helpers import NEO, square
 from small_runs import simulate
 
 from warp_pd import (
+    BodyForce,
     BodyPath,
     EnclosedVolume,
     Explicit,
@@ -16,6 +17,7 @@ from warp_pd import (
     Motion,
     NeoHookean,
     Newton,
+    PointForce,
     Pressure,
     RigidBody,
     Simulation,
@@ -85,6 +87,24 @@ def test_sizes_that_cannot_be_meant_are_one_note(changes, parts, said):
     loads = [Fixed(sheet.edges()), Pressure(parts.pop("pressure", 1.0))]
     (note,) = notes(sheet, Explicit(1e-3), loads=loads, **parts)
     assert note.startswith("sizes: ") and said in note
+
+
+def test_a_body_force_of_the_size_of_g_is_noted():
+    sheet = square(7)
+    (note,) = notes(sheet, loads=[Fixed(sheet.edges()), BodyForce((0.0, 0.0, -9.81))])
+    weight = float(np.mean(sheet.density)) * 9.81
+    assert "BodyForce is 9.81 N/m^3; is it an acceleration?" in note and f"{weight:.4g} N/m^3" in note
+    assert notes(sheet, loads=[Fixed(sheet.edges()), BodyForce((0.0, 0.0, -weight))]) == []
+
+
+def test_a_point_force_on_supports_is_noted():
+    """One point or one component that is free is enough to say nothing."""
+    sheet = square(7)
+    fixed, left = Fixed(sheet.edges(), "xz"), sheet.edges("left")
+    (note,) = notes(sheet, loads=[fixed, PointForce(left, (0.0, 0.0, 1.0))])
+    assert note == "PointForce (0.0, 0.0, 1.0) N: supports hold all of its points, and it moves nothing"
+    for points, force in ((left, (0.0, 1.0, 1.0)), (np.append(left, sheet.nearest(0.05, 0.05)), (0.0, 0.0, 1.0))):
+        assert notes(sheet, loads=[fixed, PointForce(points, force)]) == []
 
 
 def test_a_tiny_step_is_noted_with_its_cause():
