@@ -39,6 +39,7 @@ COMMON = {
     ),
     "turn": "Rotation of the grid [degrees].",
     "weights": "Weights of the force law: published, plain, corrected or auto.",
+    "areas": "Areas of points on edges: whole, shared, or auto, whole with published weights.",
     "wrinkles": (
         "relaxed: wrinkles are finer than the spacing and the sheet carries no compression; resolved: it carries "
         "compression."

@@ -170,7 +170,7 @@ def test_a_hole_takes_what_is_inside_a_ball(sheet):
 
 
 def test_a_tear_begins_at_the_tips_of_a_slit():
-    """The damage of a crack lies along the slit, and nowhere else. Its tips face the rims: there it ends before them."""
+    """The damage of a crack lies along the slit, and nowhere else. It ends before the tips, which face the rims."""
     built = build(SLIT, weights="corrected", damage=TearingEnergy(300.0))
     damage = built.rupture.field.numpy()
     apart = np.abs(SLIT.points - (1.0, 0.0, 1.5)) - (0.0, 0.0, 0.7)

@@ -145,8 +145,8 @@ def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
 
 
 def test_a_start_that_is_not_finite_ends_with_code_3_and_leaves_nothing(tmp_path):
-    done = cli("run", "double_notch", "--points", "20", "--horizon", "2.015", "--set", "roughness=100", "--device",
-               "cpu", "--quiet", "--out", tmp_path)  # fmt: skip
+    done = cli("run", "double_notch", "--points", "20", "--horizon", "2.015", "--set", "roughness=100", "--set",
+               "critical_stretch=2", "--device", "cpu", "--quiet", "--out", tmp_path)  # fmt: skip
     assert done.exit_code == 3, done.output
     assert "is NaN or Inf at the start" in done.output and "initial displacement" in done.output
     assert not list(tmp_path.iterdir())
