@@ -83,9 +83,9 @@ def jittered():
     return cloud_of(sheet.points + rough(sheet, 0.45)[:, :2], sheet.triangles, sheet.spacing)
 
 
-def graded():
-    """The spacing grows tenfold from one corner to the other."""
-    steps = np.geomspace(1.0, 10.0, 7)
+def graded(ratio):
+    """The spacing grows by this factor from one corner to the other."""
+    steps = np.geomspace(1.0, ratio, 7)
     x = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     points = np.column_stack([values.ravel() for values in np.meshgrid(x, x)])
     return cloud_of(points, metre(8).triangles, 0.8 * steps[-1] / steps.sum())
@@ -108,7 +108,8 @@ CASES = {
     "a bond turned by 180 degrees": (RUBBER, point_moved(1.9, 0.0), 2.0, 40),
     "compressed to half its size": (RUBBER, compressed(), 4.0, 40),
     "jittered by 0.45 spacings": (RUBBER, jittered(), 2.0, 20),
-    "graded 10:1": (RUBBER, graded(), 2.0, 20),
+    "graded 4:1": (RUBBER, graded(4.0), 2.0, 20),
+    "graded 10:1": (RUBBER, graded(10.0), 2.0, 20),
     **{f"K/mu = {k:g}": (NeoHookean(MU, k * MU), rough_start(1.3, 0.9), 2.0, 20) for k in (1.0, 1e4, 1e6)},
     **{f"lock {j:g}": (Gent(MU, 1e4 * MU, j), at_lock(j), 2.0, 20) for j in (200.0, 10.0, 3.0, 1.0)},
 }
@@ -122,8 +123,12 @@ def run_case(case, law):
     ).run(device="cpu")  # fmt: skip
 
 
-# The bond-based law has no K/mu and no lock.
-PAIRS = [(case, law) for case in CASES for law in LAWS if law != "bond-based" or CASES[case][0] is RUBBER]
+# The bond-based law has no K/mu and no lock; corrected weights refuse a horizon of 14 spacings.
+PAIRS = [
+    (case, law) for case in CASES for law in LAWS
+    if (law != "bond-based" or CASES[case][0] is RUBBER)
+    and not (case == "graded 10:1" and law in ("corrected", "visco"))
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("case", "law"), PAIRS)

@@ -64,5 +64,7 @@ def write_page(
     text = page(folder, Limits(POINTS if points is None else points, frames), frames=read)
     if path.is_dir():
         raise InputError(f"out = {str(path)!r}: it is a folder; expected a file")
+    if path.parent.exists() and not path.parent.is_dir():
+        raise InputError(f"out = {str(path)!r}: expected a file in a folder")
     write_atomically(path, text)
     return path

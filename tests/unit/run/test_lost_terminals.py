@@ -38,7 +38,7 @@ def test_nohup_keeps_a_run_alive(tmp_path):
     code = (
         "import os, signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN);"
         "from warp_pd import *; from helpers import NEO, square; sheet = square(7);"
-        "hang_up = lambda built, frame: os.kill(os.getpid(), signal.SIGHUP);"
+        "hang_up = lambda built, frame: float(bool(os.kill(os.getpid(), signal.SIGHUP)));"
         "measures = [Measure('x', 'm', hang_up)];"
         "scene = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), measures=measures);"
         "print(scene.run(device='cpu').status)"
