@@ -74,6 +74,11 @@ class BodyForce(Load):
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
 
+    @property
+    def size(self) -> float:
+        """Magnitude of the force density [N/m^3]."""
+        return float(np.linalg.norm(self.value))
+
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the force on a device."""
         sheet = context.sheet

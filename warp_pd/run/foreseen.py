@@ -10,7 +10,6 @@ import numpy as np
 
 from ..device.schedules import Schedule
 from ..materials import shear_modulus, stability_notes
-from ..parts.loads import BodyForce, PointForce
 from ..parts.supports import held_components
 from .built import Built
 from .scene import Scene
@@ -63,8 +62,7 @@ def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
     # Larger ones may be chosen for longer steps.
     if scene.solver.dynamic and density < LIGHTEST:
         yield f"the density is {density:.3g} kg/m^3; is it in g/cm^3? Rubber has about 1000 kg/m^3"
-    for load in scene.loads:
-        force = float(np.linalg.norm(load.value)) if isinstance(load, BodyForce) else 0.0
+    for force in (load.size for load in scene.loads if hasattr(load, "size")):
         if density > LIGHTEST and abs(force - GRAVITY) < 0.01 * GRAVITY:
             yield (
                 f"BodyForce is {force:.3g} N/m^3; is it an acceleration? Gravity is the density times 9.81 m/s^2, "
@@ -95,7 +93,7 @@ def _loads(built: Built, width: float) -> Iterator[tuple[str, float]]:
 
 def _held_forces(scene: Scene) -> Iterator[str]:
     """Point forces that act on supports alone."""
-    forces = [load for load in scene.loads if isinstance(load, PointForce)]
+    forces = [load for load in scene.loads if hasattr(load, "forces")]
     if not forces:
         return
     held = held_components(scene.sheet, [c for load in scene.loads for c in load.constraints(scene.sheet)])
@@ -103,7 +101,7 @@ def _held_forces(scene: Scene) -> Iterator[str]:
         points, force = load.forces(scene.sheet)
         bits = held[points][:, None] >> np.arange(3) & 1
         if force.any() and bits[force != 0.0].all():
-            yield f"PointForce {tuple(load.value)} N: supports hold all of its points, and it moves nothing"
+            yield f"{type(load).__name__} {tuple(load.value)} N: supports hold all of its points, and it moves nothing"
 
 
 def _never_reached(built: Built) -> Iterator[str]:
