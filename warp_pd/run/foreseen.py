@@ -93,7 +93,7 @@ def _loads(built: Built, width: float) -> Iterator[tuple[str, float]]:
 
 def _held_forces(scene: Scene) -> Iterator[str]:
     """Point forces that act on supports alone."""
-    forces = [load for load in scene.loads if hasattr(load, "forces")]
+    forces: list[Any] = [load for load in scene.loads if hasattr(load, "forces")]
     if not forces:
         return
     held = held_components(scene.sheet, [c for load in scene.loads for c in load.constraints(scene.sheet)])
