@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .device.lazy import lazy
+from .device.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .device.checks import InputError
@@ -71,8 +72,6 @@ if TYPE_CHECKING:
     from .solvers.relaxation import Relaxation
 else:
     __getattr__ = lazy(__name__)
-
-__version__ = "1.0.0"
 
 # In a clone kernels and scenes are folders beside this one, in an installed package inside.
 if not (Path(__file__).parent / "kernels").is_dir():

@@ -18,8 +18,8 @@ from typing import Any
 
 import click
 
-from . import __version__
 from .device.checks import InputError, OutputError, count, one_of, said
+from .device.version import __version__
 from .run.completion import SceneName, complete_setting
 from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
 from .run.scene_help import SceneCommand

@@ -11,7 +11,7 @@ from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw, History, Tangent
+from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.bond_associated import family_energies, represented_area
@@ -25,7 +25,7 @@ from .force_paths import PATHS, FamilyBlocks, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
 from .variational import BondAssociatedLaw
-from .weight_tables import MAX_CORRECTED, law_tables, notes_on_areas
+from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 
@@ -269,10 +269,6 @@ class BondAssociatedForce(BondAssociatedLaw):
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
         """Build the law with plain weights on a coarser lattice."""
         return BondAssociatedForce(replace(self.law, weights="plain", horizon=horizon), context)
-
-    def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Those of every law, and one on areas with published weights."""
-        return [*super().notes(history, load_duration), *notes_on_areas(self.weights, self.context.whole)]
 
     def likely_cause(self, safety: float) -> str:
         """The likely cause if a run diverged."""

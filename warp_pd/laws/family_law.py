@@ -24,7 +24,7 @@ from ..kernels.family_sums import energy_of_families, gather_pairs, represented_
 from ..materials import Material, capabilities, padded_constants
 from .family_struct import family_struct
 from .point_fields import ShownFields, factors, grouped, offered, refuse_other
-from .weight_tables import notes_on_balance
+from .weight_tables import notes_on_areas, notes_on_balance
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
@@ -163,8 +163,9 @@ class FamilyLaw(BuiltLaw):
         )
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes of the material on its constants, and on points that corrected weights leave unbalanced."""
-        return [*self._notes, *notes_on_balance(self.correction, self.context.whole)]
+        """Notes of the material on its constants, on points that corrected weights leave unbalanced, and on areas."""
+        whole = self.context.whole
+        return [*self._notes, *notes_on_balance(self.correction, whole), *notes_on_areas(self.weights, whole)]
 
     @functools.cached_property
     def strain_energy(self) -> Array | None:

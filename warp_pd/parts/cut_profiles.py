@@ -85,13 +85,15 @@ class Facing:
         """Largest length of a field that every cut has room for, and with which bridges start nearly intact [m]."""
         return float(np.min([self.rooms / CAP, self.gaps / OPEN], initial=np.inf))
 
+    def cap(self, length: float, spacing: float) -> float:
+        """Recess of an end far from others, in lengths of a field of a length [m] on points of a spacing [m]."""
+        return _cap(round(length / spacing, 2), self.between)
+
     def recesses(self, length: float, spacing: float) -> np.ndarray:
         """Recess of each end [m], shape (E,), of a field of a length [m] on points of a spacing [m]."""
         gaps, ways = _ways()
         wanted = 0.5 * (np.interp(self.gaps / length, ways, gaps) - self.gaps / length)
-        wanted = np.where(self.gaps > ways[-1] * length, CAP, wanted) * (
-            _cap(round(length / spacing, 2), self.between) / CAP
-        )
+        wanted = np.where(self.gaps > ways[-1] * length, CAP, wanted) * (self.cap(length, spacing) / CAP)
         return np.asarray(np.minimum(length * wanted, self.rooms))
 
     def shortened(self, length: float, spacing: float) -> np.ndarray:
@@ -127,7 +129,7 @@ class Facing:
             return []
         recesses = self.recesses(length, spacing)
         gaps, ways = _ways()
-        apart = self.gaps + 2.0 * recesses * CAP / _cap(round(length / spacing, 2), self.between)
+        apart = self.gaps + 2.0 * recesses * CAP / self.cap(length, spacing)
         taken = length * np.interp(apart / length, gaps, ways) / self.gaps / bias
         worst = int(np.argmin(taken))
         middle = self.ends[worst] + 0.5 * self.gaps[worst] * _tip(self.segments, self.ends[worst])[1]

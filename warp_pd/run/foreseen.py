@@ -10,9 +10,9 @@ import numpy as np
 
 from ..device.schedules import Schedule
 from ..materials import shear_modulus, stability_notes
-from ..parts.supports import held_components
 from .built import Built
 from .scene import Scene
+from .scene_context import held_by_loads
 
 # Sizes that rubber sheets do not have: widths [m], thickness over width, density [kg/m^3], shear modulus [Pa], and load
 # over the stiffness of the sheet.
@@ -96,7 +96,7 @@ def _held_forces(scene: Scene) -> Iterator[str]:
     forces: list[Any] = [load for load in scene.loads if hasattr(load, "forces")]
     if not forces:
         return
-    held = held_components(scene.sheet, [c for load in scene.loads for c in load.constraints(scene.sheet)])
+    held = held_by_loads(scene)
     for load in forces:
         points, force = load.forces(scene.sheet)
         bits = held[points][:, None] >> np.arange(3) & 1

@@ -45,7 +45,7 @@ from .processes import communicator_here
 from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
-from .scene_context import partition_of
+from .scene_context import held_by_loads, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
@@ -408,16 +408,7 @@ def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping
     regions = capabilities(scene.force.material).regions
     points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
     fine = read_history(folder / FINE) if (folder / FINE).is_file() else ()
-    default_pictures.draw(history, folder, summary, points, _held(scene), fine)
-
-
-def _held(scene: Scene) -> np.ndarray:
-    """Points of which supports hold or move every component."""
-    bits = np.zeros(scene.sheet.size, int)
-    for load in scene.loads:
-        for constraint in load.constraints(scene.sheet):
-            bits[constraint.points] |= constraint.components
-    return np.flatnonzero(bits & 7 == 7)
+    default_pictures.draw(history, folder, summary, points, np.flatnonzero(held_by_loads(scene) & 7 == 7), fine)
 
 
 def _not_converged(recorder: Recorder) -> str:

@@ -53,6 +53,11 @@ def scene_context(
     return made if communicator.partition is None else _context_here(made, communicator.partition)
 
 
+def held_by_loads(scene: Scene) -> np.ndarray:
+    """Bits of the components that the loads of a scene hold or move, of every point, uint8, shape (N,)."""
+    return held_components(scene.sheet, [c for load in scene.loads for c in load.constraints(scene.sheet)])
+
+
 def is_load(part: Part, scene: Scene) -> bool:
     """Whether a part adds to the external force in a scene."""
     return part.adds_force or (part.loads_at_rest and not scene.solver.dynamic)

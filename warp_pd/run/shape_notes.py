@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.topology import boundary_edges
+from ..geometry.triangulation import doubled_normals
 from .recorder import Recorder
 
 # Area over that of the stress-free sheet below which a note says so, and distance from a plane [spacings] of a sheet
@@ -25,9 +26,9 @@ def shape_notes(recorder: Recorder) -> list[str]:
         return []
     whole = built.context.whole
     positions, faces = frame.positions(surface), np.asarray(surface.faces)
-    normals = _normals(positions, faces)
+    normals = doubled_normals(positions, faces)
     areas = np.linalg.norm(normals, axis=1)
-    share = areas.sum() / np.linalg.norm(_normals(whole.positions, whole.triangles), axis=1).sum()
+    share = areas.sum() / np.linalg.norm(doubled_normals(whole.positions, whole.triangles), axis=1).sum()
     advice = ""
     if built.law.goes_slack and built.law.weights == "plain":
         advice = "; take the weights 'corrected': plain ones do not hold a free edge of a TensionField"
@@ -75,7 +76,7 @@ def _neighbours(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Height of each point under the mean of its neighbours along its normal, over their spacing [-], (N,)."""
-    areas = _normals(positions, faces)
+    areas = doubled_normals(positions, faces)
     each = np.repeat(areas, 3, axis=0)
     normals = np.stack([np.bincount(faces.ravel(), each[:, c], minlength=len(positions)) for c in range(3)], axis=1)
     size = np.linalg.norm(normals, axis=1)
@@ -84,12 +85,6 @@ def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     spacing = np.sqrt(around / np.maximum(np.bincount(faces.ravel(), minlength=len(positions)), 1))
     height = ((_neighbours(positions, faces) - positions) * unit).sum(axis=1)
     return np.asarray(height / np.where(spacing > 0.0, spacing, 1.0))
-
-
-def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Twice the area vectors of triangles, (F, 3)."""
-    a, b, c = (positions[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 def _turned_over(positions: np.ndarray, normals: np.ndarray, tolerance: float) -> int:

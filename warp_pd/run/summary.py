@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
 from ..device import kernel_cache
 from ..device.checks import InputError, said
+from ..device.version import __version__
 from ..interfaces import History
 from .description import units_of
 from .recorder import Recorder, number_of

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import warp as wp
 
-from .. import __version__, kernels
+from ..device.version import __version__
+from ..kernels import numeric
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -20,7 +21,7 @@ def code_version() -> str:
     Scenes are left out: their own hash is compared.
     """
     text = hashlib.sha1()
-    for folder in (PACKAGE, Path(kernels.__path__[0])):
+    for folder in (PACKAGE, Path(numeric.__file__).parent):
         for file in sorted(folder.rglob("*.py")):
             name = file.relative_to(folder).as_posix()
             if not name.startswith(("scenes/", "kernels/")):

@@ -21,7 +21,7 @@ from ...interfaces.phases import Phase
 from ...kernels.neural import neural
 from ...materials import Material, capabilities, check_material
 from ..nodal import PointLaw
-from ..weight_tables import MAX_CORRECTED, notes_on_areas
+from ..weight_tables import MAX_CORRECTED
 from . import networks
 from .networks import Network
 
@@ -207,7 +207,7 @@ class NeuralForce(PointLaw):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Those of every law, and one if bonds left the training range."""
-        said = [*super().notes(history, load_duration), *notes_on_areas(self.weights, self.context.whole)]
+        said = super().notes(history, load_duration)
         left = [row.get("bonds_outside_training", 0.0) for row in history]
         if self.law.loaded is None or not left or max(left) == 0.0:
             return said
