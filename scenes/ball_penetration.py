@@ -21,7 +21,7 @@ With `--set self_contact=true` the torn flaps do not pass through each other.
 The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
 outermost points were held, families at the edge would be cut off and soft, and the sheet would tear there first. Bonds
 into the clamp do not break: the kink there distributes a mean stretch of 1.13 unequally over the first rows. With a
-tearing energy, whose weights are corrected, the clamp holds the edges alone (docs/tearing-energy.md).
+tearing energy, whose weights are corrected, the clamp holds the edges alone (docs/tearing.md).
 """
 
 import math

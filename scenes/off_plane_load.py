@@ -6,7 +6,7 @@ the surface and that an empirical force along the free edges (eq. 45, here `boun
 them back. `largest_corner_distance` and `largest_edge_distance` measure how far points of the corners and of the
 free edges are from the plane through their neighbours, in spacings.
 
-Measured at 3.15 spacings (docs/scenes.md): with the published weights corner points leave by 1.04 spacings, with
+Measured at 3.15 spacings: with the published weights corner points leave by 1.04 spacings, with
 the plain ones by 0.89, and A = 1e16 keeps both below 0.04. The corrected weights need no force until the edges have
 moved by 44 mm; then a corner point leaves by 0.33. At 2.015 spacings they need none at all (0.07, at the start).
 

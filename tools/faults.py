@@ -227,7 +227,7 @@ def two_at_once(scene: str, whole: Path, work: Path) -> Iterator[Trial]:
 
 def main() -> None:
     """Try everything, then write the page."""
-    parser = study_parser(__doc__, device="cpu", out=None, commit=None)
+    parser = study_parser(__doc__, device="cpu", out=None)
     parser.add_argument("--kills", type=int, default=50, help="of each scene")
     parser.add_argument("--places", type=int, default=20, help="at which each file is cut")
     parser.add_argument("--changes", type=int, default=10, help="of bytes of each file")
@@ -263,12 +263,12 @@ def main() -> None:
     failed = sum(bool(trial.wrong) for trial in trials)
     print(f"{len(trials)} trials, {failed} failed")
     if options.out is not None:
-        renew(options.out, {"## Trials": lines_of(trials, options.commit)})
+        renew(options.out, {"## Trials": lines_of(trials)})
     if failed:
         sys.exit(1)
 
 
-def lines_of(trials: Sequence[Trial], commit: str | None) -> list[str]:
+def lines_of(trials: Sequence[Trial]) -> list[str]:
     """Where and when, and one line for each fault and scene."""
     rows = []
     for fault in dict.fromkeys(trial.fault for trial in trials):
@@ -276,7 +276,7 @@ def lines_of(trials: Sequence[Trial], commit: str | None) -> list[str]:
             some = [trial for trial in trials if (trial.fault, trial.scene) == (fault, scene)]
             wrong = sorted({trial.wrong for trial in some if trial.wrong})
             rows.append([fault, scene, f"{len(some)}", f"{sum(bool(t.wrong) for t in some)}", "; ".join(wrong)[:200]])
-    made = provenance(f"{os.cpu_count()} CPU cores", commit)
+    made = provenance(f"{os.cpu_count()} CPU cores")
     return [f"Measured on {made}.", "", *table(["fault", "scene", "trials", "failed", "how"], rows)]
 
 

@@ -1,6 +1,7 @@
-"""Run every scene small, and make the gallery: docs/gallery.md, a picture and a page of each scene in docs/gallery/.
+"""Run every scene small, and make the gallery: a picture and a page of each scene in docs/gallery/.
 
-docs/scenes.png, which shows all scenes at once, is made of these pictures.
+docs/scenes.png, which shows all scenes at once, is made of these pictures. The page of the gallery is made of the
+docstrings of the scenes when the site is built (tools/site_hooks.py).
 
     python tools/gallery.py                        all scenes, some twenty minutes on two CPU cores
     python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
@@ -12,7 +13,7 @@ this checkout; a page that `warp-pd view` writes has them inside.
 
 from __future__ import annotations
 
-import inspect
+import ast
 import io
 import shutil
 import subprocess
@@ -25,10 +26,10 @@ from typing import Any
 
 from PIL import Image, ImageDraw, ImageFont
 from small_pictures import encoded, limit, shrunk
-from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
+from study import DOCS, ROOT, RUNS, run_tool, study_parser
 
 from warp_pd import InputError
-from warp_pd.__main__ import load_scene, scene_names
+from warp_pd.__main__ import scene_names
 from warp_pd.output.view import Limits
 from warp_pd.output.vtkhdf import read_series
 from warp_pd.run.view import page
@@ -205,19 +206,24 @@ def write_overview(path: Path) -> None:
     path.write_bytes(shrunk(path, limit(path)))
 
 
+def docstring(scene: str) -> str:
+    """Docstring of a scene, without importing it."""
+    source = (ROOT / "scenes" / f"{scene}.py").read_text("utf-8")
+    return ast.get_docstring(ast.parse(source)) or ""
+
+
 def gallery_page() -> str:
-    """docs/gallery.md."""
+    """Text of gallery.md: the scenes as their docstrings tell."""
     lines = [
         "# Gallery",
         "",
         "Every scene that comes with the package, at sizes that a laptop runs in seconds to a few minutes. Follow a "
         "picture to its page: turn the sheet, play it, and choose what colours show. Every run of your own writes "
-        "such a page; see [A run in the browser](viewing.md). Numbers at full size are in [Every scene](scenes.md).",
-        "",
-        "Made by `tools/gallery.py`.",
+        "such a page; see [A run in the browser](viewing.md). `warp-pd run SCENE --help` lists the arguments of a "
+        "scene; a run prints its measures beside their references.",
     ]
     for scene in scene_names():
-        title, _, text = (inspect.getdoc(load_scene(scene)) or "").partition("\n")
+        title, _, text = docstring(scene).partition("\n")
         first = " ".join(text.strip().split("\n\n")[0].split())
         if scene in ELSEWHERE:
             page = ELSEWHERE[scene]
@@ -232,7 +238,7 @@ def gallery_page() -> str:
 
 
 def main() -> None:
-    """Run what is asked for, then write pictures, pages and the gallery."""
+    """Run what is asked for, then write pictures and pages."""
     parser = study_parser(__doc__, only_page=False, jobs=1)
     parser.add_argument("--scenes", nargs="*", default=[], help="Names of scenes; all by default.")
     options = parser.parse_args()
@@ -250,7 +256,6 @@ def main() -> None:
             list(pool.map(run_scene, scenes))
     write_pages(scenes)
     write_overview(DOCS / "scenes.png")
-    write_page(DOCS / "gallery.md", gallery_page())
 
 
 if __name__ == "__main__":

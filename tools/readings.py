@@ -63,12 +63,12 @@ def page(rows: list[Row], points: int) -> list[str]:
 
 def main() -> None:
     """Run, keep the rows, print the table."""
-    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, commit=None)
+    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False)
     parser.add_argument("--points", type=at_least_one, default=101, help="points along a side")
     options = parser.parse_args()
     rows = [] if options.out is None else load_rows(options.out)
     if not options.only_page:
-        made = provenance(device_title(options.device), options.commit)
+        made = provenance(device_title(options.device))
         cases = [
             (scene, name, {"points": options.points, "horizon": 3.15, **further, **reading}, options.device)
             for _title, scene, name, _printed, further in EXAMPLES

@@ -1,4 +1,4 @@
-"""What MkDocs does besides its own: pages of the gallery find the package's scripts in the site too."""
+"""What MkDocs does besides its own: the page of the gallery, and scripts of the package for the pages of its scenes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from gallery import gallery_page
+from mkdocs.structure.files import File
+
 FOLDER = "warp_pd/output/page"
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the page of the gallery, which is made of the docstrings of the scenes."""
+    files.append(File.generated(config, "gallery.md", content=gallery_page()))
+    return files
 
 
 def on_post_build(config: Any) -> None:

@@ -47,14 +47,14 @@ def run(scene: Simulation, device: str, cloud: bool) -> Result:
 
 def main() -> None:
     """Print the table."""
-    parser = study_parser(__doc__, device="cpu", commit=None)
+    parser = study_parser(__doc__, device="cpu")
     parser.add_argument("--points", type=int, nargs="+", default=[51, 101], help="along a side")
     parser.add_argument("--scenes", nargs="+", default=["pressure", "tension"])
     parser.add_argument("--solvers", nargs="+", default=["relaxation", "newton"])
     parser.add_argument("--tolerance", type=float, default=1e-8, help="relative residual")
     parser.add_argument("--cloud", action="store_true", help="the points of the lattice as a cloud")
     options = parser.parse_args()
-    measured = provenance(device_title(options.device), options.commit)
+    measured = provenance(device_title(options.device))
     print(f"Measured on {measured}, horizon 2.015, tolerance {options.tolerance:g}.\n")
     print(*table(HEAD, []), sep="\n")
     for scene in options.scenes:

@@ -1,4 +1,4 @@
-"""What the studies share: options, runs of scenes, numbers with their origin, pages, pictures, one-line errors.
+"""What the studies share: options, numbers with their origin, pages, pictures, one-line errors.
 
 Modules of the package without public names are imported here and nowhere else in the studies, as far as possible.
 """
@@ -12,10 +12,9 @@ import json
 import os
 import pkgutil
 import re
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
@@ -51,51 +50,6 @@ def load_scene(name: str) -> Any:
     return importlib.import_module(f"warp_pd.scenes.{name}")
 
 
-class Case:
-    """One run of a scene. A study inherits from it.
-
-    Attributes:
-        scene: Name of the scene.
-        settings: Arguments of the scene that differ from their defaults.
-        draws_pictures: Whether the run draws the pictures of the scene.
-    """
-
-    scene: str
-    settings: Mapping[str, Any]
-    draws_pictures: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name of the folder of its results."""
-        return "-".join([self.scene, *(f"{key}={value}" for key, value in self.settings.items())])
-
-    def summary(self, work: Path) -> dict[str, Any] | None:
-        """Content of its summary.json, or None if it has not ended yet."""
-        path = work / self.name / "summary.json"
-        return json.loads(path.read_text("utf-8")) if path.is_file() else None
-
-
-def execute(case: Case, work: Path, device: str) -> None:
-    """Run a case with `warp-pd run`, unless its folder in `work` holds a summary already."""
-    if case.summary(work) is not None:
-        return
-    command = [sys.executable, "-m", "warp_pd", "run", case.scene, "--device", device]
-    command += ["--out", str(work / case.name), "--no-usd", "--quiet", "--overwrite"]
-    command += [] if case.draws_pictures else ["--no-pictures"]
-    for key, value in case.settings.items():
-        command += ["--set", f"{key}={value}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    print(f"{case.name}: exit {done.returncode} {done.stderr.strip()[-200:]}", flush=True)
-
-
-def execute_all(cases: Iterable[Case], options: argparse.Namespace) -> None:
-    """Run cases, as many at a time as there are jobs. Runs nothing with --only-page."""
-    if options.only_page:
-        return
-    with ThreadPoolExecutor(options.jobs) as pool:
-        list(pool.map(lambda case: execute(case, options.work, options.device), cases))
-
-
 def in_processes(work: Callable[..., Any], cases: Iterable[tuple], jobs: int) -> Iterator[tuple[tuple, Any]]:
     """Call a function of a module for all cases; yields each case and its result as it comes.
 
@@ -127,22 +81,14 @@ def _take_core(cores: Any) -> None:
 # Numbers and where they come from ---------------------------------------------------------------------------
 
 
-def current_commit() -> str:
-    """Short hash of the checked-out commit, or "unknown" outside a repository."""
-    done = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    return done.stdout.strip() or "unknown"
-
-
 def device_title(device: str | None) -> str:
     """Name of a device for readers, such as "NVIDIA H200"; None is the one that runs take."""
     return str(find_device(device).name)
 
 
-def provenance(device: str, commit: str | None = None) -> str:
-    """Text like "NVIDIA H200, 2026-11-22, commit 9cbb211". `commit` replaces the checked-out one."""
-    return f"{device}, {datetime.date.today()}, commit {commit or current_commit()}"
+def provenance(device: str) -> str:
+    """Text like "NVIDIA H200, 2026-11-22"."""
+    return f"{device}, {datetime.date.today()}"
 
 
 def load_rows(path: Path) -> list[Row]:
@@ -247,11 +193,10 @@ def at_least_one(text: str) -> int:
 OPTIONS: dict[str, dict[str, Any]] = {
     "device": {"type": device_name, "help": "such as cpu or cuda:0"},
     "jobs": {"type": at_least_one, "help": "number of runs at a time"},
-    "work": {"type": Path, "help": "folder of the runs; finished runs in it are not repeated"},
     "out": {"type": Path, "help": "file to write; pictures and numbers go beside it"},
+    "work": {"type": Path, "help": "folder of the runs; finished runs in it are not repeated"},
     "only_page": {"action": "store_true", "help": "run nothing; make the page from what is there"},
     "missing": {"action": "store_true", "help": "run only what the numbers do not have yet"},
-    "commit": {"help": "commit to name on the page, for a copy without a repository"},
 }
 
 

@@ -252,7 +252,7 @@ KINDS = {
 
 def main() -> None:
     """Run, keep the rows, print the table."""
-    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, commit=None)
+    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False)
     parser.add_argument("kind", choices=tuple(KINDS))
     parser.add_argument("--rows", type=at_least_one, nargs="+", default=[20, 40, 80], help="of points in a strip")
     parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
@@ -270,7 +270,7 @@ def main() -> None:
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
         chosen = [*KINDS[options.kind][0](options)]
-        made = provenance(device_title(options.device), options.commit)
+        made = provenance(device_title(options.device))
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
             print(json.dumps(rows[-1]), flush=True)

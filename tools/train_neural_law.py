@@ -88,7 +88,7 @@ def worst_cases(network: Network, dense: TrainingData, errors: np.ndarray) -> li
 
 def main() -> None:
     """Train, report, write."""
-    parser = study_parser(__doc__, commit=None)
+    parser = study_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="model file to write, ending in .npz")
     parser.add_argument("--material", choices=["neo_hookean", "gent"], default="neo_hookean")
     parser.add_argument("--mu", type=float, default=1e3, help="shear modulus [Pa]; only bulk / mu matters")
@@ -120,7 +120,7 @@ def main() -> None:
 
     network, _ = train(material, training, progress)
     bar.close()
-    made = provenance("CPU, float64", options.commit)
+    made = provenance("CPU, float64")
     network = replace(network, report=network.report | {"made": made, "steps": done})
     options.out.parent.mkdir(parents=True, exist_ok=True)
     network.save(options.out)

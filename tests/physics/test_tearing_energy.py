@@ -63,7 +63,7 @@ def test_breaking_takes_energy_and_torn_strips_keep_their_balance():
 
 
 def test_a_pure_shear_strip_tears_near_its_tearing_energy():
-    """Small and fast, which takes it beyond 1; docs/tearing-energy.md measures it."""
+    """Small and fast, which takes it beyond 1; docs/tearing.md measures it."""
     scene = pure_shear_tear.build(points=16, duration=2.0, frames=80, overload=1.4, advance=4.0, damage_length=0.0075)
     result = scene.run(device="cpu")
     assert result.status == "finished"

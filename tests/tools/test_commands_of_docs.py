@@ -15,8 +15,8 @@ SMALLER = {
     "run ball_penetration": "run ball_penetration --points 15 --horizon 2.015 --duration 0.2 --frames 4",
     "run ball_penetration --points 51": "run ball_penetration --points 15 --horizon 2.015 --duration 0.2 --frames 4",
     "run my_scene.py --points 61": "run my_scene.py --points 15 --set duration=0.1",
-    "sweep my_scene.py --points 41 --set tearing_energy=4,8,16": (
-        "sweep my_scene.py --points 13 --duration 0.05 --set tearing_energy=4,8,16"
+    "sweep ball_penetration --points 41 --set tearing_energy=4,8,16": (
+        "sweep ball_penetration --points 13 --duration 0.05 --set tearing_energy=4,8,16"
     ),
     "bench --points 101 --horizon 2.015 --horizon 3.15": (
         "bench --points 15 --horizon 2.015 --horizon 3.15 --seconds 0.05"

@@ -1,21 +1,13 @@
-"""What the tools share: options, runs of scenes, numbers, sections of pages, errors in one line."""
+"""What the tools share: options, numbers, sections of pages, errors in one line."""
 
-import argparse
 import runpy
 import sys
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 import study
 
 from warp_pd import InputError
-
-
-@dataclass(frozen=True, eq=False)
-class Pressure(study.Case):
-    scene: str = "pressure"
-    settings: dict = field(default_factory=lambda: {"points": 9, "horizon": 2.015})
 
 
 @pytest.mark.parametrize(("error", "code"), [(InputError("points = 1"), 2), (study.DivergedError("points = 1"), 3)])
@@ -27,22 +19,6 @@ def test_wrong_input_and_diverged_runs_end_a_tool_with_one_line(error, code, cap
         study.run_tool(main)
     assert ended.value.code == code
     assert capsys.readouterr().err == f"{Path(sys.argv[0]).name}: points = 1\n"
-
-
-def test_a_run_is_made_once(tmp_path, capsys):
-    case = Pressure()
-    assert case.name == "pressure-points=9-horizon=2.015"
-    options = argparse.Namespace(work=tmp_path, device="cpu", jobs=2, only_page=True)
-    study.execute_all([case], options)
-    assert case.summary(tmp_path) is None, "--only-page runs nothing"
-    options.only_page = False
-    study.execute_all([case], options)
-    assert capsys.readouterr().out.startswith(f"{case.name}: exit 0")
-    summary = case.summary(tmp_path)
-    assert (summary["status"], summary["points"], summary["horizon"]) == ("finished", 81, 2.015)
-    assert not list((tmp_path / case.name).glob("*.png"))
-    study.execute_all([case], options)
-    assert capsys.readouterr().out == "", "the run was repeated"
 
 
 def test_a_renewed_section_leaves_the_others_as_they_are(tmp_path):
@@ -69,24 +45,3 @@ def test_every_tool_says_what_it_does(capsys, monkeypatch):
             runpy.run_path(str(script), run_name="__main__")
         assert ended.value.code == 0, script.name
         assert capsys.readouterr().out.startswith("usage:"), script.name
-
-
-def test_a_section_of_a_scene_has_its_numbers_beside_their_references():
-    import scenes
-
-    measure = {"value": 0.5, "unit": "m", "of": "last frame", "reference": 0.4, "source": "elements", "error": 0.25}
-    summary = {
-        "points": 9, "horizon": 2.015, "weights": "plain", "precision": 64, "steps": 3, "wall_s": 2.0,
-        "compile_s": 0.5, "status": "finished", "message": "", "device": "CPU",
-        "date": "2026-11-22T10:00:00", "measures": {"deflection": measure},
-    }  # fmt: skip
-    text = "\n".join(scenes.section(scenes.SCENES[0], summary))
-    assert "`warp-pd run tension --set points=101`: 9 points" in text
-    assert "| deflection | last frame | 0.5 m | 0.4 (elements) | +25.000 % |" in text
-    assert "3 steps in 1.5 s (and 0.5 s of compilation); finished, on CPU, 2026-11-22" in text
-
-
-def test_every_scene_is_on_a_page():
-    import scenes
-
-    assert {case.scene for cases in scenes.PAGES.values() for case in cases} == set(study.scene_names())

@@ -8,8 +8,9 @@
 
 Time is that of a whole run without files, with set-up and without compilation: the median of repeated runs.
 Point-steps are points times force evaluations (time steps, or products of Newton's method). Every call adds or replaces
-rows in docs/error-vs-time/numbers.json, and renews tables and pictures of docs/error-vs-time.md from all of them. With
---numbers elsewhere and without --out it only prints the front.
+rows in docs/error-vs-time/numbers.json, and renews tables and picture of docs/error-vs-time.md from all of them.
+With --out another page has a section and a picture of each scene on each device. With --numbers elsewhere and without
+--out it only prints the front.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ from study import DOCS, at_least_one, load_rows, renew, run_tool, study_parser
 
 from error_vs_time.studies import STUDIES
 from error_vs_time.sweep import sweep
-from error_vs_time.tables import front_table, sections
+from error_vs_time.tables import ON_PAGE, front_table, sections
 from warp_pd.device.cores import available_cores
 
-NUMBERS = DOCS / "error-vs-time" / "numbers.json"
+NUMBERS, PAGE = DOCS / "error-vs-time" / "numbers.json", DOCS / "error-vs-time.md"
 
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
-    parser = study_parser(__doc__, device=None, out=None, only_page=False, missing=False, commit=None)
+    parser = study_parser(__doc__, device=None, out=None, only_page=False, missing=False)
     scenes = [s.scene for s in STUDIES]
     laws = sorted({law for study in STUDIES for law in study.laws})
     parser.add_argument("--scenes", nargs="+", default=scenes, choices=scenes)
@@ -57,7 +58,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         options.repeats, options.scenes = 1, ["pressure"]
         options.laws = options.laws or ["published", "corrected", "bond_based"]
     if options.out is None and options.numbers == NUMBERS:
-        options.out = DOCS / "error-vs-time.md"
+        options.out = PAGE
     if options.cpu_time and available_cores() != 1:
         parser.error("--cpu-time: start it with OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time")
     return options
@@ -70,7 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not options.only_page:
         rows = [row for study in STUDIES if study.scene in options.scenes for row in sweep(study, options)]
     if options.out is not None:
-        renew(options.out, sections(load_rows(options.numbers), options.out))
+        only = ON_PAGE if options.out == PAGE else ()
+        renew(options.out, sections(load_rows(options.numbers), options.out, only))
     else:
         print("\n".join(front_table(rows or load_rows(options.numbers))))
 

@@ -103,7 +103,7 @@ def merged(known: Sequence[Row], more: Sequence[Row]) -> list[Row]:
 def sweep(study: Study, options: argparse.Namespace) -> list[Row]:
     """Run every configuration from coarse to fine, until the next one would pass the limit; saves them in groups."""
     device = device_title(options.device) + (ONE_CORE if options.cpu_time else "")
-    made, rows = provenance(device, options.commit), []
+    made, rows = provenance(device), []
     known = {case_of(row) for row in load_rows(options.numbers) if row["device"] == device} if options.missing else ()
     for coarse in configurations(study, options.horizon, options.precision):
         if options.laws and coarse.law not in options.laws:

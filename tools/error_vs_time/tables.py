@@ -14,6 +14,8 @@ from .sweep import ONE_CORE
 
 Number = Callable[[Row], float]
 TARGETS = (0.03, 0.01, 0.003, 0.001)
+# Sections of docs/error-vs-time.md; a page elsewhere has all.
+ON_PAGE = ("### pressure on CPU, one core", "### Times of finite elements and of this code")
 # Errors at which finite elements and this code are compared.
 ELEMENT_TARGETS = (0.01, 0.001, 0.0001)
 
@@ -118,12 +120,13 @@ def against_elements(rows: Sequence[Row]) -> list[str]:
     return table(["scene", "device", "error", "finite elements", "this code", "times as long"], cells)
 
 
-def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
-    """All sections of the page that are made of numbers, by heading; draws their pictures beside the page."""
+def sections(rows: Sequence[Row], page: Path, only: Sequence[str] = ()) -> dict[str, list[str]]:
+    """Sections of a page by heading, all or only some; draws their pictures beside the page."""
     found = {}
     for scene, device, here in by_scene_and_device(rows):
         everything = [row for row in rows if (row["scene"], row["device"]) == (scene, device)]
-        if not everything:
+        heading = f"### {scene} on {device}"
+        if not everything or (only and heading not in only):
             continue
         kind = "one-core" if device.endswith(ONE_CORE) else device.removeprefix("NVIDIA ").split()[0].lower()
         lines = [f"Measured: {'; '.join(sorted({row['made'] for row in everything}))}.", ""]
@@ -134,10 +137,9 @@ def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
         failed = [f"- {name_of(row)}: {row['status']}" for row in everything if row["field"] is None]
         lines += ["Runs without a result:", "", *failed, ""] if failed else []
         lines += ["Observed orders in the spacing:", "", *ordered] if (ordered := orders(here)) else []
-        found[f"### {scene} on {device}"] = lines
-    return found | {
-        "### Times of finite elements and of this code": against_elements(rows), "### The fastest": choices(rows)
-    }  # fmt: skip
+        found[heading] = lines
+    found["### Times of finite elements and of this code"] = against_elements(rows)
+    return found if only else {**found, "### The fastest": choices(rows)}
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:

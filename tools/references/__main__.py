@@ -37,7 +37,7 @@ if not __package__:
     # The folder tools/, in place of this one.
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from study import ROOT, at_least_one, current_commit, run_tool, study_parser
+from study import ROOT, at_least_one, run_tool, study_parser
 
 from references import lifted_sheet, shooting, stretched_sheet, torn_sheets
 
@@ -63,10 +63,10 @@ OPENINGS = (2e-3, 3e-3, 4e-3)
 CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
 
 
-def made(commit: str | None) -> dict[str, str]:
+def made() -> dict[str, str]:
     """Where numbers come from."""
     versions = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "scikit-fem")}
-    return {"commit": commit or current_commit(), "date": str(datetime.date.today()), **versions}
+    return {"date": str(datetime.date.today()), **versions}
 
 
 def quantity(values: Sequence[float]) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def lifted(cells: int) -> dict[str, Any]:
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
-    parser = study_parser(__doc__, commit=None)
+    parser = study_parser(__doc__)
     parser.add_argument("--only", choices=("stretch", "visco", "disc", "torn", "lifted"), help="solve only these")
     parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
     parser.add_argument("--cells", type=at_least_one, default=200, help="of the lifted sheet along a side")
@@ -188,14 +188,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "uniaxial_meshes": COARSE,
     }  # fmt: skip
     if options.only in (None, "stretch"):
-        write(options.out / "stretch.json", {"made": made(options.commit), **sheet, **sheets(options.meshes)})
+        write(options.out / "stretch.json", {"made": made(), **sheet, **sheets(options.meshes)})
     if options.only in (None, "visco"):
-        content = {"made": made(options.commit), "c10": C10, "c20": C20, "crack": CRACK, "meshes": [*options.meshes]}
+        content = {"made": made(), "c10": C10, "c20": C20, "crack": CRACK, "meshes": [*options.meshes]}
         write(options.out / "visco.json", content | visco(options.meshes))
     if options.only in (None, "disc"):
-        write(options.out / "disc.json", {"made": made(options.commit), **discs()})
+        write(options.out / "disc.json", {"made": made(), **discs()})
     if options.only in (None, "torn"):
-        write(options.out / "torn.json", {"made": made(options.commit), **torn()})
+        write(options.out / "torn.json", {"made": made(), **torn()})
 
 
 def write(path: Path, content: dict[str, Any]) -> None:

@@ -31,7 +31,7 @@ FITS = "spread"
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
-    parser = study_parser(__doc__, device=None, only_page=False, commit=None)
+    parser = study_parser(__doc__, device=None, only_page=False)
     parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join([*ROWS, FITS])}; by default all")
     parser.add_argument("--full", action="store_true", help="at full size")
     parser.add_argument("--numbers", type=Path, default=NUMBERS, help="file of the numbers")
@@ -49,10 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     unfinished: list[str] = []
     for name in [] if options.only_page else options.rows or [*ROWS, FITS]:
         if name == FITS:
-            save_rows(options.numbers.with_name("spread.json"), spread.run(options.commit))
+            save_rows(options.numbers.with_name("spread.json"), spread.run())
             continue
         try:
-            found = measured(ROWS[name], options.full, options.device, options.commit)
+            found = measured(ROWS[name], options.full, options.device)
         except UnfinishedError as error:
             print(f"{name}: not kept: {error}", file=sys.stderr, flush=True)
             unfinished.append(name)

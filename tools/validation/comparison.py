@@ -51,7 +51,7 @@ class Comparison:
         return texts[key]
 
 
-def measured(row: Comparison, full: bool, device: str | None, commit: str | None = None) -> Row:
+def measured(row: Comparison, full: bool, device: str | None) -> Row:
     """Run a row at its spacings."""
     begin, levels = time.perf_counter(), row.full if full else row.points
     ours = [[six_digits(value) for value in row.model(points, device)] for points in levels]
@@ -59,7 +59,7 @@ def measured(row: Comparison, full: bool, device: str | None, commit: str | None
     return {
         "row": row.name,
         "full": full,
-        "made": provenance(device_title(device), commit),
+        "made": provenance(device_title(device)),
         "seconds": round(time.perf_counter() - begin, 1),
         "points": list(levels),
         "spacing": [six_digits(row.width / (points - 1)) for points in levels],

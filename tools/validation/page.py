@@ -15,8 +15,6 @@ NUMBERS, PICTURE = DOCS / "validation" / "numbers.json", DOCS / "validation" / "
 SPREAD, SPREAD_PICTURE = DOCS / "validation" / "spread.json", DOCS / "validation" / "spread.png"
 PAGE, README = DOCS / "validation.md", ROOT / "README.md"
 Runs = list[Row]
-# Above this order the coarsest of three spacings is too coarse to tell one: weights are second-order accurate.
-LARGEST_ORDER = 3.0
 # All rows, by name, in the order of the page.
 ROWS = {
     row.name: row
@@ -46,12 +44,10 @@ def numbers(values: list[float | None]) -> str:
 def cells(row: Comparison, runs: Runs) -> list[str]:
     """One line of the table."""
     run = runs[-1]
-    where = f"{1e3 * run['spacing'][-1]:.2g} mm"
-    order = "-" if run["order"] is None else f"{run['order']:.1f}" if run["order"] < LARGEST_ORDER else "not yet"
     ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
     deviation = percent(run["deviation"]) if row.counts else "(bound)"
     title = f"[{row.title}](#{row.name})"
-    return [title, row.kind, row.blind, ours, theirs, row.scatter, deviation, where, order, percent(run["change"])]
+    return [title, row.kind, row.blind.partition(":")[0], ours, theirs, row.scatter, deviation, percent(run["change"])]
 
 
 def compared(found: dict[str, Runs]) -> dict[str, float]:
@@ -80,14 +76,12 @@ def summary(found: dict[str, Runs]) -> str:
 
 def section(row: Comparison, runs: Runs) -> list[str]:
     """The paragraph of a row."""
-    made = "; ".join(
-        f"{run['made']}, {run['seconds']:.0f} s, {', '.join(map(str, run['points']))} points" for run in runs
-    )
-    found = "; ".join(f"{what} {numbers([value])}" for what, value in runs[-1]["reasons"].items())
+    run = runs[-1]
+    chosen = row.blind.partition(": ")[2]
     text = (
         f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
-        f"Constants: {row.constants}. *{row.verdict}*{f' Tests: {found}.' if found else ''} "
-        f"`python -m tools.validation {row.name}`: {made}."
+        f"Constants: {row.constants}.{f' Chosen after a look: {chosen}.' if chosen else ''} *{row.verdict}* "
+        f"{run['made']}, {', '.join(map(str, run['points']))} points."
     )
     return [text, ""]
 
@@ -125,7 +119,7 @@ def draw(path: Path, found: dict[str, Runs]) -> None:
 def sections(found: dict[str, Runs]) -> dict[str, list[str]]:
     """Lines of the page by heading."""
     head = ["row", "theirs is a", "blind", "ours", "theirs", "their scatter", "median deviation"]
-    head += ["spacing", "order", "last change"]
+    head.append("last change")
     rows = table(head, [cells(ROWS[name], runs) for name, runs in found.items()])
     each = [line for name, runs in found.items() for line in section(ROWS[name], runs)]
     return {

@@ -79,9 +79,9 @@ def predictions(rubber: str, laws: Iterable[str] = LAWS) -> list[Row]:
     return rows
 
 
-def run(commit: str | None = None) -> list[Row]:
+def run() -> list[Row]:
     """All rubbers."""
-    made = provenance("CPU", commit)
+    made = provenance("CPU")
     return [{**row, "made": made} for rubber in RUBBERS for row in predictions(rubber)]
 
 

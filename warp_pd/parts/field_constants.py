@@ -12,12 +12,12 @@ from ..device.checks import InputError
 # Energy density [J/m^3] at principal stretches.
 Density: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-# Default length divided by the spacing, and its minimum divided by the horizon; see docs/tearing-energy.md.
+# Default length divided by the spacing, and its minimum divided by the horizon; see docs/tearing.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length divided by the horizon; with a shorter length damage would not reach all families cut by a tear.
 MIN_LENGTH = 0.75
 # A tear takes 1 + BIAS[0] x + BIAS[1] x^2 times the tearing energy of the field, x = horizon / length, because families
-# average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing-energy.md.
+# average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing.md.
 BIAS = (0.12, 0.075)
 # Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0

@@ -41,7 +41,7 @@ BESIDE = 4.0
 # Energy density over the strength, by triangles, from which a start is above the strength for certain.
 SURELY = 1.5
 # The damage is found once every INTERVAL steps, by LEAST_SWEEPS + SWEEPS length / spacing sweeps. The next steps go on
-# from there; see docs/tearing-energy.md for the effect of more sweeps.
+# from there.
 INTERVAL = 2
 LEAST_SWEEPS, SWEEPS = 4, 1.0
 # Factor of the sweeps over length / spacing with `every_step`; more change nothing.
@@ -96,7 +96,7 @@ class TearingEnergy(Rupture):
         screened: Whether to check only points near damage or with a strongly stretched bond; checking all points in
             every step is slow and gives the same result.
         every_step: Whether to find the damage in every step and by more sweeps, instead of in every second step. Damage
-            then does not lag behind cracks that run faster than half a shear wave; see docs/tearing-energy.md. Static
+            then does not lag behind cracks that run faster than half a shear wave; see docs/tearing.md. Static
             solvers refuse it.
         stiffens: Whether the energy of the material stiffens beyond the strength, as its formula says, rather than go
             on as that of a neo-Hookean sheet (kernels/continuation.py). Intact material is the same; tears of rubber
