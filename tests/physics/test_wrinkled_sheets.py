@@ -1,5 +1,8 @@
 """Sheets of a TensionField material: energy, forces, objectivity, and an exact solution of a wrinkled membrane."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import GENT, NEO, build, internal_force, jittered, refused, rough, sever, square, strain_energy, uniform
@@ -8,6 +11,7 @@ from wrinkled_annulus import membrane
 
 from warp_pd import (
     BondAssociated,
+    Circle,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -17,12 +21,15 @@ from warp_pd import (
     Newton,
     Nodal,
     Ogden,
+    Pressure,
     Reaction,
     Relaxation,
     Sheet,
     Simulation,
     TensionField,
 )
+from warp_pd.run.frame_points import FramePoints
+from warp_pd.run.shape_notes import ShapeWatch
 
 CUT = ((0.02, 0.031), (0.071, 0.08))
 OGDEN = Ogden((600.0, 12.0), (1.3, 5.0))
@@ -238,6 +245,30 @@ def test_a_sheared_sheet_is_the_exact_tension_field():
     assert 1e3 * shear > 1.2 * exact
 
 
+def test_half_of_a_cushion_is_as_thick_as_two_inextensible_discs():
+    """Two discs joined at their rim under pressure, by symmetry one whose rim stays in its plane.
+
+    Mladenov and Oprea, The Mylar balloon revisited, Amer. Math. Monthly 110 (2003): radius 0.7627 of that of the discs,
+    thickness 1.198 of it.
+    """
+    radius = 0.1
+    sheet = Sheet.outline(Circle((0, 0), radius), spacing=0.02, thickness=1e-4, density=1400.0)
+    rim, centre, foot = sheet.edges("outline"), sheet.nearest(0, 0), sheet.nearest(radius, 0)
+    dome = np.column_stack([0.0 * sheet.points, 0.01 * (1.0 - (sheet.points**2).sum(axis=1) / radius**2)])
+    result = Simulation(
+        sheet,
+        BondAssociated(TensionField(MooneyRivlin(1.5e7), slack_stiffness=3e4), horizon=2.015),
+        Newton(load_steps=2),
+        loads=[Fixed([centre], "xy"), Fixed(rim, "z"), Fixed([foot], "y"), Pressure(500.0)],
+        initial_displacement=dome,
+    ).run(device="cpu")
+    assert result.status == "finished"
+    place = sheet.positions + result.frame.displacement
+    wide = np.hypot(*place[rim, :2].T).mean()
+    assert wide == pytest.approx(0.7627 * radius, rel=0.01)
+    assert 2.0 * place[centre, 2] == pytest.approx(1.198 * wide, rel=0.01)
+
+
 # Free edges ---------------------------------------------------------------------------------------------
 
 
@@ -275,6 +306,24 @@ def test_strip_that_closes_like_a_curtain_is_noted():
     assert len(notes) == 2
     assert "turned over" in notes[0] and "of its stress-free area" in notes[1]
     assert all("take the weights 'corrected'" in note for note in notes)
+
+
+def test_what_turns_over_for_a_time_is_noted_with_that_time():
+    """The shape is looked at in every frame, and what was found goes into a restart file as JSON."""
+    sheet = square(5)
+    built = Simulation(sheet, BondAssociated(NEO), Explicit(1.0)).build("cpu", 64)
+    points, found, flat = FramePoints(built), {}, sheet.positions
+    shapes = [flat, flat * [-0.5, 0.5, 1.0], np.where(flat[:, :1] > 0.08, flat - [0.05, 0.0, 0.0], flat), flat]
+    for index, shape in enumerate(shapes):
+        frame = replace(points.frame(index, 0.1 * index), displacement=shape - flat)
+        ShapeWatch(built).look(points.surface, frame, found)
+        found = json.loads(json.dumps(found))
+    over, area = ShapeWatch(built).notes(points.surface, frame, found)
+    assert "8 of 32 of the untorn sheet are turned over (first at t = 0.2 s, not at the end)" in over
+    assert "its stress-free area (first at t = 0.1 s, not at the end), down to 25 %" in area
+    found = {}
+    ShapeWatch(built).look(points.surface, replace(frame, displacement=shapes[2] - flat), found)
+    assert "(from t = 0.3 s on)" in ShapeWatch(built).notes(points.surface, frame, found)[0]
 
 
 def test_rigid_turn_by_half_a_circle_is_no_note():

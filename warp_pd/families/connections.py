@@ -1,4 +1,4 @@
-"""Checks that the bonds of a sheet connect what its triangles connect."""
+"""Checks that the bonds of a sheet connect what its triangles connect, and that its families are about flat."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ import numpy as np
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
 from ..geometry.topology import components, directed_edges
+from ..geometry.triangulation import doubled_normals
 from .tables import Families, inverse_shape
 
 # Shorter horizons rarely let corrected weights balance a cloud.
 LEAST_OF_CLOUDS = 1.8
+# Angles [degrees] between the triangles on two sides of a point from which a fold is noted, and refused.
+FOLD_NOTED, FOLD_REFUSED = 80.0, 150.0
 UNEVEN = ", or triangles of more even shape and size (graded = True where only their size varies)"
 
 
@@ -49,6 +52,50 @@ def require_connected(
             f"horizon = {horizon!r}: bonds leave {len(np.unique(piece))} pieces of what triangles connect, as across "
             f"the edge of a triangle at {_text(place)}: expected at least {least:g}{UNEVEN}"
         )
+
+
+def require_unfolded(sheet: Sheet) -> None:
+    """Check that no family of a curved sheet spans a fold: its bonds hardly lie in a tangent plane, whose F they give.
+
+    Raises:
+        InputError: with the place and the angle of the sharpest fold.
+    """
+    turn = _folds(sheet)
+    if turn.max(initial=0.0) > FOLD_REFUSED:
+        point = int(np.argmax(turn))
+        raise InputError(
+            f"sheet: it is folded by {turn[point]:.0f} degrees at {_text(sheet.points[point].tolist())}, where a "
+            f"family has no tangent plane: expected at most {FOLD_REFUSED:g}: round the fold over some spacings; of "
+            "two equal halves, as of a cushion, take one flat half with its rim held in the plane of the fold: "
+            "Fixed(rim, 'z')"
+        )
+
+
+def notes_on_folds(sheet: Sheet) -> list[str]:
+    """A note if families span edges at which a curved sheet turns much."""
+    turn = _folds(sheet)
+    sharp = turn > FOLD_NOTED
+    if not sharp.any():
+        return []
+    point = int(np.argmax(turn))
+    return [
+        f"sheet: it turns by up to {turn[point]:.0f} degrees at {sharp.sum()} points, most at "
+        f"{_text(sheet.points[point].tolist())}; families across such an edge resist its opening and closing: round it "
+        "over some spacings"
+    ]
+
+
+def _folds(sheet: Sheet) -> np.ndarray:
+    """Twice the largest angle between the normal of a point and that of its triangles [degrees], shape (N,)."""
+    largest = np.ones(sheet.size)
+    if sheet.frames is None or not len(sheet.triangles):
+        return 0.0 * largest
+    triangles = np.asarray(sheet.triangles)
+    normals = doubled_normals(sheet.points, triangles)
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    for corner in range(3):
+        np.minimum.at(largest, triangles[:, corner], (normals * sheet.normals[triangles[:, corner]]).sum(axis=1))
+    return np.asarray(2.0 * np.degrees(np.arccos(np.clip(largest, -1.0, 1.0))))
 
 
 def _refuse_lines(sheet: Sheet, families: Families, bonds: np.ndarray, horizon: float) -> None:
@@ -100,4 +147,4 @@ def _pieces(sheet: Sheet, families: Families, bonds: np.ndarray) -> np.ndarray:
 
 
 def _text(place: list[float]) -> str:
-    return f"({', '.join(f'{value:.4g}' for value in place)}) m"
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in place)}) m"

@@ -13,7 +13,7 @@ import warp as wp
 from ..device.checks import InputError, said
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families import Families, pack
+from ..families import Families, notes_on_folds, pack
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
@@ -163,9 +163,10 @@ class FamilyLaw(BuiltLaw):
         )
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes of the material on its constants, on points that corrected weights leave unbalanced, and on areas."""
+        """Notes of the material on its constants, on unbalanced points of corrected weights, on areas and on folds."""
         whole = self.context.whole
-        return [*self._notes, *notes_on_balance(self.correction, whole), *notes_on_areas(self.weights, whole)]
+        balance, areas = notes_on_balance(self.correction, whole), notes_on_areas(self.weights, whole)
+        return [*self._notes, *balance, *areas, *notes_on_folds(whole)]
 
     @functools.cached_property
     def strain_energy(self) -> Array | None:

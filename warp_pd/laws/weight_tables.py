@@ -15,6 +15,7 @@ from ..families import (
     inverse_shape,
     require_connected,
     require_diagonals,
+    require_unfolded,
     unpack,
 )
 from ..families.local_families import builds_alone, local_cloud_families, local_rows
@@ -82,6 +83,7 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
 
 
 def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
+    require_unfolded(sheet)
     families, rectangle = _families(sheet, horizon, influence, weights == "corrected")
     inverse, size = families.inverse_shapes()
     require_connected(sheet, families, horizon, size > 0.0, lines=weights == "corrected")

@@ -20,6 +20,7 @@ from .built import Built
 from .divergence import Soundness
 from .frame_points import FramePoints
 from .scene import Measure, Reported
+from .shape_notes import ShapeWatch
 from .version import code_version
 
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
@@ -88,6 +89,7 @@ class Recorder:
         missing: For each measure that failed, the number of frames and the first reason.
         others: Names of pictures that were in the folder before the run.
         codes: Versions of the code that computed the run, each with the time from which on.
+        shape: What frames show of the shape of the sheet; see `ShapeWatch`.
         notes: What is known about the run before it begins, one line each.
         points: The points stored in frames.
     """
@@ -114,6 +116,7 @@ class Recorder:
     missing: dict[str, dict[str, Any]] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
     codes: list[list[str]] = field(default_factory=list)
+    shape: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     points: FramePoints = field(init=False)
 
@@ -121,6 +124,7 @@ class Recorder:
         """Create the soundness checks."""
         self.soundness = Soundness(self.built)
         self.points = FramePoints(self.built)
+        self._watch = ShapeWatch(self.built)
         self._noise = self._round_off()
         if self.built.simulation.has_fine_history:
             self.fine = FineHistory(self.built)
@@ -234,6 +238,7 @@ class Recorder:
         for writer in self.writers:
             writer.write(frame)
         self.accept(frame)
+        self._watch.look(self.points.surface, frame, self.shape)
         if self.kept is not None:
             self.kept(self.history)
         if self.saved is not None and self._restart_due(frame.index):
@@ -250,6 +255,10 @@ class Recorder:
             fraction = self.frame_index / scene.solver.frame_count
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
+
+    def shape_notes(self) -> list[str]:
+        """Notes on the shape of the sheet."""
+        return self._watch.notes(self.points.surface, self.last, self.shape)
 
     def accept(self, frame: Frame) -> None:
         """Store a frame that has passed the checks as the last good one."""

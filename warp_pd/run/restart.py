@@ -25,12 +25,12 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 9
+VERSION = 10
 # Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
 NUMBERS: dict[str, Any] = {
     "frame_index": int, "time": int | float, "steps": int, "dt": int | float, "stable_dt": int | float | None,
     "step_seconds": int | float, "residual": int | float | None, "solve": dict | None, "history": list, "missing": dict,
-    "repeated": int, "codes": list, "others": list,
+    "repeated": int, "codes": list, "others": list, "shape": dict,
 }  # fmt: skip
 FINITE, STATE = ("time", "dt", "step_seconds"), ("displacement", "velocity")
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
@@ -183,7 +183,10 @@ def _require_sound(where: str, numbers: dict[str, Any]) -> None:
     missing = all(
         isinstance(found, dict) and {"frames", "why"} <= found.keys() for found in numbers["missing"].values()
     )
-    if not (codes and missing):
+    shape = all(
+        isinstance(found, dict) and {"since", "worst", "last"} == found.keys() for found in numbers["shape"].values()
+    )
+    if not (codes and missing and shape):
         raise InputError(f"{where}: the file is damaged: its versions or notes cannot be read")
     history, time = numbers["history"], numbers["time"]
     if not history or not all(isinstance(row, dict) for row in history) or history[-1].get("time") != time:

@@ -1,12 +1,16 @@
-"""Notes on the shape of an untorn sheet at the end of a run: triangles that turned over, lost area, and short waves."""
+"""Notes on the shape of an untorn sheet: turned triangles and lost area in any frame, short waves at the end."""
 
 from __future__ import annotations
+
+import functools
+from typing import Any
 
 import numpy as np
 
 from ..geometry.topology import boundary_edges
 from ..geometry.triangulation import doubled_normals
-from .recorder import Recorder
+from ..interfaces.frame import Frame, Surface, format_time
+from .built import Built
 
 # Area over that of the stress-free sheet below which a note says so, and distance from a plane [spacings] of a sheet
 # that counts as one in a plane.
@@ -19,31 +23,62 @@ HIGH, STEEP, MANY, WAVY, ALIKE = 0.03, 0.35, 0.2, 0.05, 0.7
 NO_AREA = 1e-9
 
 
-def shape_notes(recorder: Recorder) -> list[str]:
-    """Notes on the last frame; none on a torn sheet, whose edges may crumple."""
-    built, frame, surface = recorder.built, recorder.last, recorder.points.surface
-    if frame is None or not len(surface.faces) or (frame.intact_faces is not None and not frame.intact_faces.all()):
-        return []
-    whole = built.context.whole
-    positions, faces = frame.positions(surface), np.asarray(surface.faces)
-    normals = doubled_normals(positions, faces)
-    areas = np.linalg.norm(normals, axis=1)
-    share = areas.sum() / np.linalg.norm(doubled_normals(whole.positions, whole.triangles), axis=1).sum()
-    advice = ""
-    if built.law.goes_slack and built.law.weights == "plain":
-        advice = "; take the weights 'corrected': plain ones do not hold a free edge of a TensionField"
-    notes = []
-    over = 0 if whole.frames is not None else _turned_over(positions, normals, IN_PLANE * whole.spacing)
-    if over:
-        notes.append(
-            f"triangles: {over} of {len(faces)} of the untorn sheet are turned over at the end, so it lies on itself"
-            f"{advice}"
-        )
-    if share < LEAST_AREA:
-        notes.append(f"area: the untorn sheet ends with {100.0 * share:.2g} % of its stress-free area{advice}")
-    if not built.contacts:
-        notes += _waves(np.asarray(surface.points, np.float64), positions, faces)
-    return notes
+class ShapeWatch:
+    """Looks at the shape of the sheet in every frame until it tears; edges of a torn sheet may crumple."""
+
+    def __init__(self, built: Built) -> None:
+        self.built = built
+
+    @functools.cached_property
+    def _area(self) -> float:
+        """Twice the area of the stress-free sheet [m^2]."""
+        whole = self.built.context.whole
+        return float(np.linalg.norm(doubled_normals(whole.positions, whole.triangles), axis=1).sum())
+
+    def look(self, surface: Surface, frame: Frame, found: dict[str, Any]) -> None:
+        """Add to `found` what a frame shows: when triangles turned over or area was lost, the worst, and the last."""
+        if not _untorn(surface, frame):
+            return
+        whole = self.built.context.whole
+        positions = frame.positions(surface)
+        normals = doubled_normals(positions, np.asarray(surface.faces))
+        share = float(np.linalg.norm(normals, axis=1).sum()) / self._area
+        over = 0 if whole.frames is not None else _turned_over(positions, normals, IN_PLANE * whole.spacing)
+        when = format_time(frame.time, self.built.simulation.load_duration)
+        for name, value, beyond in (("turned over", over, over > 0), ("area", -share, share < LEAST_AREA)):
+            if beyond:
+                found.setdefault(name, {"since": when, "worst": value})
+            if name in found:
+                known = found[name]
+                known["worst"], known["last"] = max(known["worst"], value), bool(beyond)
+
+    def notes(self, surface: Surface, last: Frame | None, found: dict[str, Any]) -> list[str]:
+        """Notes on what `look` found, and on waves of the last frame."""
+        law, advice, notes = self.built.law, "", []
+        if law.goes_slack and law.weights == "plain":
+            advice = "; take the weights 'corrected': plain ones do not hold a free edge of a TensionField"
+        spans = {
+            name: f"from {known['since']} on" if known["last"] else f"first at {known['since']}, not at the end"
+            for name, known in found.items()
+        }
+        if "turned over" in found:
+            notes.append(
+                f"triangles: {found['turned over']['worst']} of {len(surface.faces)} of the untorn sheet are turned "
+                f"over ({spans['turned over']}), so it lies on itself{advice}"
+            )
+        if "area" in found:
+            notes.append(
+                f"area: the untorn sheet has less than half of its stress-free area ({spans['area']}), down to "
+                f"{-100.0 * found['area']['worst']:.2g} %{advice}"
+            )
+        if last is not None and _untorn(surface, last) and not self.built.contacts:
+            faces = np.asarray(surface.faces)
+            notes += _waves(np.asarray(surface.points, np.float64), last.positions(surface), faces)
+        return notes
+
+
+def _untorn(surface: Surface, frame: Frame) -> bool:
+    return bool(len(surface.faces)) and (frame.intact_faces is None or bool(frame.intact_faces.all()))
 
 
 def _waves(start: np.ndarray, end: np.ndarray, faces: np.ndarray) -> list[str]:

@@ -18,7 +18,6 @@ from ..interfaces import History
 from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Outcome, Reported
-from .shape_notes import shape_notes
 from .version import commit_of
 
 # What an outcome is of; a measure is of the last frame.
@@ -56,7 +55,7 @@ def notes_of(recorder: Recorder) -> list[str]:
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
-    return notes + shape_notes(recorder) + _energy_notes(recorder)
+    return notes + recorder.shape_notes() + _energy_notes(recorder)
 
 
 def _energy_notes(recorder: Recorder) -> list[str]:

@@ -5,7 +5,7 @@ import pytest
 from helpers import refused
 
 from warp_pd import BondAssociated, Circle, Fixed, Measure, MooneyRivlin, Motion, Newton, Sheet, Simulation
-from warp_pd.families import build_families
+from warp_pd.families import build_families, notes_on_folds
 from warp_pd.laws.weight_tables import notes_on_balance, point_tables, weight_tables
 from warp_pd.measures import support_force
 
@@ -128,3 +128,33 @@ def test_little_left_unbalanced_is_a_note():
     assert 1e-3 < report["left"] < 0.1
     (note,) = notes_on_balance(report, sheet)
     assert f"at {report['points_left_unbalanced']} points" in note and "most at (" in note
+
+
+def folded(turn):
+    """Two squares that meet at x = 0 along a fold of an angle [degrees]."""
+    square, half = Sheet.rectangle(0.1, 0.1, points=6, **SOLID), np.radians(0.5 * turn)
+    right = np.column_stack(
+        [square.points[:, 0] * np.cos(half), square.points[:, 1], -square.points[:, 0] * np.sin(half)]
+    )
+    beyond = square.points[:, 0] > 0.0
+    number = np.where(beyond, square.size + np.cumsum(beyond) - 1, np.arange(square.size))
+    triangles = np.concatenate([square.triangles[:, ::-1], number[square.triangles]])
+    points = np.concatenate([right * (-1.0, 1.0, 1.0), right[beyond]])
+    return Sheet.from_surface(points, triangles, spacing=0.02, **SOLID)
+
+
+@pytest.mark.parametrize("turn", [60.0, 90.0, 145.0, 160.0, 175.0])
+def test_folds_are_noted_and_refused_by_their_angle(turn):
+    sheet = folded(turn)
+    if turn > 150.0:
+        with refused(match=rf"sheet: it is folded by {turn:.0f} degrees at \(0, .* m, .*: expected at most 150: round"):
+            weight_tables(sheet, 2.015, "inverse", "plain")
+        return
+    weight_tables(sheet, 2.015, "inverse", "plain")
+    notes = notes_on_folds(sheet)
+    assert len(notes) == (turn > 80.0)
+    assert not notes or f"turns by up to {turn:.0f} degrees at 6 points, most at (0, " in notes[0]
+
+
+def test_smooth_surfaces_have_no_folds():
+    assert not notes_on_folds(Sheet.sphere(0.1, points=4, **SOLID)) and not notes_on_folds(Sheet.tube(1, 1, **SOLID))
