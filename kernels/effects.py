@@ -2,7 +2,7 @@
 
 Every kernel in this package takes `first`, the index of its first thread. Arrays before `first` in the argument list
 are read; arrays after it are written (and may be read). Arrays that a thread reads at points other than its own are
-declared as `gathers`. tests/unit/kernels/test_effects.py compares the declarations with what the kernels do.
+declared as `gathers`. tests/core/kernels/test_effects.py compares the declarations with what the kernels do.
 """
 
 from __future__ import annotations

@@ -45,10 +45,10 @@ class Layout:
         curved: Whether the points of a cloud lie on a surface in space.
         compact: Name of the influence function of a compact flat cloud, or "" if the cloud is not compact.
         breakable: Whether bonds can break.
-        softened: Whether the damage of a point reduces the stiffness of its family, see kernels/damage_field.py.
-        regions: Whether bonds have several materials, see kernels/by_region.py.
+        softened: Whether the damage of a point reduces the stiffness of its family, see
+        kernels/tearing/damage_field.py. regions: Whether bonds have several materials, see kernels/by_region.py.
         by_point: Whether the last constant of the material is a value of the point.
-        remembers: Whether it is a value of the intersection instead, see kernels/memory.py.
+        remembers: Whether it is a value of the intersection instead, see kernels/visco/memory.py.
     """
 
     kind: str

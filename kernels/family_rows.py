@@ -11,8 +11,8 @@ The energy needs only the first pass. k belongs to D_ij if j belongs to D_ik, so
 intersection. If the intersection has more than half of the family, the sum over the other members is subtracted from
 the sum over all. The loops over rows are inlined by hand because a Warp function would copy the table at every call.
 
-The state of viscous laws (kernels/visco.py and kernels/maxwell.py) is updated to the end of a step where the force
-needs it, so a step of a viscous law computes each sum only once.
+The state of viscous laws (kernels/visco/visco.py and kernels/visco/maxwell.py) is updated to the end of a step where
+the force needs it, so a step of a viscous law computes each sum only once.
 """
 
 import functools

@@ -17,8 +17,8 @@ from .stiffness_left import stiffness_left
 def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points] over both ends of the bonds to the internal force [N].
 
-    If `softens`, each family's force is multiplied by g(damage) here, in a softened layout (kernels/damage_field.py);
-    otherwise `bond_force` already includes it.
+    If `softens`, each family's force is multiplied by g(damage) here, in a softened layout
+    (kernels/tearing/damage_field.py); otherwise `bond_force` already includes it.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)

@@ -5,7 +5,7 @@ Beyond the locking stretch, I1b - 3 >= Jm at constant volume, the sheet can only
 functions return NaN, and the run reports that the locking stretch was reached; the width is then the last iterate.
 
 `continued_gent` has a fourth constant x_s < Jm: from I1b - 3 = x_s on the logarithm goes on as its tangent
-(kernels/continuation.py), so there is no lock.
+(kernels/tearing/continuation.py), so there is no lock.
 """
 
 import functools

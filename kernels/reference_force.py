@@ -24,8 +24,8 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
         layout: Layout of the families.
         material: Factory of (stress, energy).
         response: Of a viscous law, factory of (G, constants, i, j, members, step, terms, state) -> S after a step, work
-            or loss [J/m^3], see kernels/visco.py and kernels/maxwell.py. The kernel then advances the state by a step
-            and adds to viscous_work [points], J; with a step of zero the state does not change.
+            or loss [J/m^3], see kernels/visco/visco.py and kernels/visco/maxwell.py. The kernel then advances the
+            state by a step and adds to viscous_work [points], J; with a step of zero the state does not change.
     """
     if response is None:
         # The damage of a point then changes nothing here: sheets with and without a damage field share a kernel.

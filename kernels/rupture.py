@@ -91,7 +91,7 @@ def critical_stretch(layout: Layout) -> Criterion:
 
 @functools.cache
 def critical_energy(layout: Layout) -> Criterion:
-    """Criterion: the energy release of an interaction exceeds its critical value, see kernels/energy_release.py."""
+    """Criterion: the energy release of an interaction exceeds its critical value (kernels/papers/energy_release.py)."""
     types = layout.types
     real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct

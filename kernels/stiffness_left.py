@@ -1,4 +1,4 @@
-"""Degradation functions: the factor by which damage reduces the stiffness of a family, see kernels/damage_field.py."""
+"""Degradation functions: by what factor damage reduces the stiffness of a family (kernels/tearing/damage_field.py)."""
 
 import functools
 

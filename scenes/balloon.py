@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import below_one, count, not_negative, one_of, positive
-from warp_pd.geometry.enclosure import volume_of
+from warp_pd.gas.enclosure import volume_of
 from warp_pd.interfaces import Solver
 from warp_pd.measures import largest
 
@@ -115,7 +115,7 @@ def held_in_place(sheet):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[0]["time"], history[len(history) // 2]["time"], history[-1]["time"]])
     plots.surfaces(folder / "balloon.png", shown, field="u3")

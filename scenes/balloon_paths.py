@@ -33,12 +33,12 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import below_one, one_of, positive
-from warp_pd.geometry.enclosure import volume_of
+from warp_pd.gas.enclosure import volume_of
 from warp_pd.scenes.balloon import EXACT, MU, RADIUS, THICKNESS, exact_pressure, held_in_place
 
 OGDEN = Ogden((1.491 * MU, 0.003 * MU, -0.0237 * MU), (1.3, 5.0, -2.0))
 # Stretches between which a sphere of Ogden's rubber is unstable as a pear: the second variation of the energy of a
-# membrane, tests/physics/test_branches.py.
+# membrane, tests/statics/test_branches.py.
 PEAR = (1.7757, 2.5238)
 HAUGHTON_OGDEN = "bifurcation of a membrane, Haughton and Ogden 1978"
 
@@ -162,7 +162,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     plots.curves(
         folder / "pressure.png", history, ["pressure", "exact_pressure"], ylabel="pressure (Pa)", against="stretch",

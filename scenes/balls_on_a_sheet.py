@@ -22,9 +22,9 @@ from warp_pd import (
     TensionField,
     newton_bodies,
 )
+from warp_pd.contact.newton_world import load_newton
 from warp_pd.device.checks import count, positive
 from warp_pd.measures import largest, worst_balance
-from warp_pd.parts.newton_world import load_newton
 
 MU = 0.4e6
 SIDE, HEIGHT = 0.3, 0.15
@@ -95,7 +95,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     last = history[-1]["time"]
     shown = plots.frames_at(folder, [fraction * last for fraction in (0.1, 0.3, 0.6, 1.0)])

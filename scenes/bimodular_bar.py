@@ -84,7 +84,7 @@ def build(
 
 
 def pictures(history, folder, ratio):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])[0]
     z = shown.reference[:, 0]

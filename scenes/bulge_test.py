@@ -13,7 +13,7 @@ discrete one is slightly compressible.
 from warp_pd import BondAssociated, Fixed, Gent, InputError, Measure, Newton, Pressure, Sheet, Simulation
 from warp_pd.device.checks import count, one_of, positive
 from warp_pd.fitting import Deflection
-from warp_pd.geometry.curves import Circle
+from warp_pd.shapes.curves import Circle
 
 RADIUS, DENSITY = 0.05, 1000.0
 # Height of the top [m] by pressure [Pa], with the defaults, but incompressible.
@@ -77,7 +77,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     plots.surfaces(folder / "bulge.png", plots.frames_at(folder, [history[-1]["time"]]), field="u3", label="u3 (m)")
     plots.curves(

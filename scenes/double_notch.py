@@ -23,10 +23,10 @@ import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
 from warp_pd.device.checks import InputError, count, finite, positive, resolved
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
 from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
+from warp_pd.shapes.roughness import rough_surface
 
 
 def build(
@@ -128,7 +128,7 @@ def build(
 
 def pictures(history, folder):
     from warp_pd.measures import time_above
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     begin = time_above("crack_length", 0.0)(history) or history[-1]["time"]
     end = time_above("pieces", 1.5)(history) or history[-1]["time"]

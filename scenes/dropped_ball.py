@@ -84,7 +84,7 @@ def energy_error(history):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     heights = [row["ball_position_z"] for row in history]
     first = heights.index(min(heights))

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.special import j0, jn_zeros
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, MooneyRivlin, Newton, Outcome, Sheet, Simulation
+from warp_pd.command.modes import natural_modes
 from warp_pd.device.checks import not_negative, positive
-from warp_pd.geometry.curves import Circle
-from warp_pd.run.modes import natural_modes
+from warp_pd.shapes.curves import Circle
 
 RADIUS, MU, DENSITY = 0.1, 1e6, 1000.0
 # Orders m and numbers n of the slowest modes; those with m > 0 come in pairs.
@@ -90,7 +90,7 @@ def first_zero(history):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     if "height" in history[0]:
         plots.curves(folder / "height.png", history, ["height"], ylabel="height of the centre (m)")

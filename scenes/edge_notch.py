@@ -18,10 +18,10 @@ import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation, TearingEnergy
 from warp_pd.device.checks import InputError, count, positive, resolved
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.parts.field_constants import DEFAULT_LENGTH
+from warp_pd.shapes.roughness import rough_surface
+from warp_pd.tearing.field_constants import DEFAULT_LENGTH
 
 WIDTH, HEIGHT, THICKNESS, DENSITY, MU = 0.04, 0.06, 1e-3, 1000.0, 1e3
 # k in tension field theory, by a / w (rows) and stretch, to about 2 %.
@@ -136,7 +136,7 @@ def release_rate(material, stretches, crack):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     begin = next((row["time"] for row in history if row["tip"] > 0.0), history[-1]["time"])
     shown = plots.frames_at(folder, [begin, 0.5 * (begin + history[-1]["time"]), history[-1]["time"]])

@@ -22,7 +22,7 @@ from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outco
 from warp_pd.device.checks import InputError, count, not_negative, positive, resolved
 from warp_pd.materials import energy_density, with_wrinkles
 from warp_pd.measures import largest, support_force, worst_balance
-from warp_pd.parts.field_constants import DEFAULT_LENGTH, bias
+from warp_pd.tearing.field_constants import DEFAULT_LENGTH, bias
 
 SIDE, THICKNESS, DENSITY, MU = 0.1, 1e-3, 1000.0, 1e3
 # C = G / (2 pi a W), by a / b (rows) and stretch.
@@ -142,7 +142,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     begin = max(history, key=lambda row: row["stress"])["time"]
     shown = plots.frames_at(folder, [begin, 0.5 * (begin + history[-1]["time"]), history[-1]["time"]])

@@ -95,7 +95,7 @@ class Clearance:
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     duration = history[-1]["time"]
     shown = plots.frames_at(folder, [fraction * duration for fraction in (0.0, 0.4, 0.7, 1.0)])

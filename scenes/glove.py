@@ -88,7 +88,7 @@ def fingertips(sheet, cuff):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[0]["time"], history[-1]["time"]])
     plots.from_above(folder / "glove.png", shown, field="u2")

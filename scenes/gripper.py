@@ -22,9 +22,9 @@ from warp_pd import (
     TensionField,
     newton_bodies,
 )
+from warp_pd.contact.newton_world import load_newton
 from warp_pd.device.checks import positive
 from warp_pd.measures import largest, time_above, worst_balance
-from warp_pd.parts.newton_world import load_newton
 
 LENGTH, WIDTH, RADIUS, MU = 0.12, 0.06, 8e-3, 0.4e6
 HOLES = {"left": (0.03, 0.5 * WIDTH), "right": (0.09, 0.5 * WIDTH)}
@@ -97,7 +97,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     last = history[-1]["time"]
     shown = plots.frames_at(folder, [fraction * last for fraction in (0.25, 0.5, 0.75, 1.0)])

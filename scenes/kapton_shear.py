@@ -129,7 +129,7 @@ def _slack(frame):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     frame = shown[0]

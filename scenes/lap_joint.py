@@ -106,7 +106,7 @@ def breaking_force(energy):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     loads = [row["load"] for row in history]
     shown = plots.frames_at(

@@ -154,7 +154,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     times = [row["time"] for row in history]
     shown = plots.frames_at(folder, times[-1:])

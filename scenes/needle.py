@@ -72,7 +72,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     last = history[-1]["time"]
     shown = plots.frames_at(folder, [fraction * last for fraction in (0.25, 0.5, 0.75, 1.0)])

@@ -172,7 +172,7 @@ def _slack(frame):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, _shown(history))
     plots.reference(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))

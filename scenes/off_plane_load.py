@@ -80,7 +80,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     end = history[-1]["time"]
     shown = plots.frames_at(folder, [fraction * end for fraction in (0.2, 0.4, 0.6, 1.0)])

@@ -126,7 +126,7 @@ def mean_load(history):
 
 def pictures(history, folder):
     from warp_pd.measures import time_above
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     begin, end = time_above("crack_length", 0.0)(history) or 0.0, history[-1]["time"]
     shown = plots.frames_at(folder, [begin + fraction * (end - begin) for fraction in (0.0, 0.33, 0.67, 1.0)])

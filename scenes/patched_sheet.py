@@ -99,7 +99,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     field = "joint_damage" if "joint_damage" in history[0] else "u2"
     shown = plots.frames_at(folder, [history[len(history) // 2]["time"], history[-1]["time"]])

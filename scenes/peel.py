@@ -138,7 +138,7 @@ def steady_state(kind, energy):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [0.4 * history[-1]["time"], history[-1]["time"]])
     plots.surfaces(folder / "peel.png", shown, field="joint_damage", limits=(0.0, 1.0), view=(8.0, -80.0))

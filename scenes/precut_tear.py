@@ -117,7 +117,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     end = history[-1]["time"]
     shown = plots.frames_at(folder, [t for t in SHOWN if t <= end] or [end])

@@ -57,7 +57,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, list(LARGEST))
     plots.surfaces(folder / "deflection.png", shown, field="u3")

@@ -58,7 +58,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.surfaces(folder / "deflection.png", shown, field="u3")

@@ -31,9 +31,9 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.device.checks import InputError, count, one_of, positive
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
+from warp_pd.shapes.roughness import rough_surface
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
@@ -167,7 +167,7 @@ def stretch_at(material, density):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     begin = next((row["time"] for row in history if row["tip"] > 0.0), history[-1]["time"])
     shown = plots.frames_at(folder, [begin, 0.5 * (begin + history[-1]["time"]), history[-1]["time"]])

@@ -14,10 +14,10 @@ import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Simulation, TearingEnergy
 from warp_pd.device.checks import InputError, count, positive
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, worst_balance
 from warp_pd.scenes.pure_shear_tear import DENSITY, HEIGHT, MU, THICKNESS, stretch_at, strip
+from warp_pd.shapes.roughness import rough_surface
 
 LENGTH, CUT = 6.0 * HEIGHT, 1.5 * HEIGHT
 BEGIN, END = 0.5 * HEIGHT, 3.5 * HEIGHT
@@ -106,7 +106,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     last = next((row["time"] for row in history if row["tip"] > END), history[-1]["time"])
     shown = plots.frames_at(folder, [fraction * last for fraction in (0.25, 0.6, 1.0)])

@@ -83,7 +83,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     plots.surfaces(folder / "slit.png", plots.frames_at(folder, [history[-1]["time"]]), field="u1", view=(15.0, -80.0))
     plots.curves(

@@ -11,9 +11,9 @@ The reference is the exact membrane (tools/references/shooting.py, with cubic = 
 from warp_pd import ArcLength, BondAssociated, Fixed, Measure, Newton, Outcome, Pressure, Sheet, Simulation, Yeoh
 from warp_pd.device.checks import count, one_of, positive
 from warp_pd.fitting import Deflection
-from warp_pd.geometry.curves import Circle
 from warp_pd.interfaces import Solver
 from warp_pd.scenes.balloon_paths import where_it_begins_to_fall, where_it_stops_falling
+from warp_pd.shapes.curves import Circle
 
 RADIUS, THICKNESS, C10, C30 = 0.05, 1e-3, 5e4, 5.0
 # Exact: largest and smallest pressure [Pa], and the height [m] at 6 kPa.
@@ -71,7 +71,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     middle = min(range(len(history)), key=lambda k: abs(history[k]["center_deflection"] - 0.09))
     shown = plots.frames_at(folder, [history[k]["time"] for k in (1, middle, -1)])

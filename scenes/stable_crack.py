@@ -160,7 +160,7 @@ def griffith_slope(length, energy):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[k]["time"] for k in (1, len(history) // 2, -1)])
     plots.from_above(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))

@@ -41,8 +41,8 @@ from warp_pd import (
 )
 from warp_pd.device.checks import count, finite, one_of, positive
 from warp_pd.interfaces import Law, Solver
-from warp_pd.materials.bond_neo_hookean import MODES, exact_traction
 from warp_pd.measures import support_force
+from warp_pd.papers.bond_neo_hookean import MODES, exact_traction
 
 SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
 HALF, RADIUS, CRACK = 0.5 * SIDE, 0.08, 0.16
@@ -255,7 +255,7 @@ def reference(mode: str, defect: str, grip: str, stretch: float) -> tuple[float 
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [row["time"] for row in history[1:]])
     plots.from_above(folder / "u1.png", shown, field="u1")

@@ -72,7 +72,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.from_above(folder / "contraction.png", shown, field="u2")

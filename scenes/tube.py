@@ -124,7 +124,7 @@ def held_in_place(sheet):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[0]["time"], history[-1]["time"]])
     plots.surfaces(folder / "tube.png", shown, field="u3")

@@ -171,7 +171,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[k]["time"] for k in (0, len(history) // 2, -1)])
     plots.surfaces(folder / "tube.png", shown, field="u3")

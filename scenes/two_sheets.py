@@ -89,7 +89,7 @@ def pull(history):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [0.0, history[-1]["time"]])
     plots.surfaces(folder / "sheets.png", shown, field="u3")

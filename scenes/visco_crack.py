@@ -42,11 +42,11 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.device.checks import InputError, not_negative, one_of, positive
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.interfaces import Solver
 from warp_pd.materials import WRINKLES, with_wrinkles
 from warp_pd.measures import TearLine, time_above
 from warp_pd.parts import stretching_edges
+from warp_pd.shapes.roughness import rough_surface
 
 SIZE, THICKNESS, CRACK = 0.5, 0.01, 0.1
 POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)
@@ -174,7 +174,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     if "mean_damage" in history[0]:
         times = SHOWN[history[-1]["time"] > 0.028]

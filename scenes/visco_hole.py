@@ -148,7 +148,7 @@ def stepped(points: int, density: float, horizon: float, families: int) -> Sheet
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.from_above(folder / "displacement_x.png", shown, field="u1")

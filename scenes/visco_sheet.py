@@ -21,8 +21,8 @@ import numpy as np
 
 from warp_pd import Explicit, Measure, Outcome, Prony, Sheet, Simulation, Visco, ViscoBondBased, Yeoh
 from warp_pd.device.checks import InputError, one_of, positive
-from warp_pd.materials.analytic_response import nominal_stress, published_stress
 from warp_pd.measures import virial_stress, worst_balance
+from warp_pd.papers.analytic_response import nominal_stress, published_stress
 from warp_pd.parts import stretching_edges
 
 SIZE, THICKNESS = 0.5, 0.01
@@ -112,7 +112,7 @@ def build(
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.from_above(folder / "displacement.png", shown, field="u1")

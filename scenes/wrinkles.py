@@ -87,7 +87,7 @@ def wavelength(across, displacement):
 
 
 def pictures(history, folder):
-    from warp_pd.output import plots
+    from warp_pd.viewer import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.from_above(folder / "wrinkles.png", shown, field="u3", label="height (m)")

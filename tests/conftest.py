@@ -1,11 +1,13 @@
 """Devices that tests run on, and what they do not wait for: pictures, and kernels of joined stages."""
 
 import functools
+import sys
 from pathlib import Path
 
 import pytest
 import warp as wp
-from helpers import tune_paths
+from helpers import play_gpu, tune_paths
+from small_runs import BALL, cli
 
 from warp_pd.device import launches
 from warp_pd.interfaces.context import find_device
@@ -20,6 +22,12 @@ def device(request):
     return request.param
 
 
+@pytest.fixture(autouse=True)
+def import_path(monkeypatch):
+    """The folders of scenes that a test loads, which Python searches first, are left out of the next tests."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+
+
 @pytest.fixture
 def default_pictures():
     """Draw the pictures of scenes without a function for them."""
@@ -29,7 +37,7 @@ def default_pictures():
 def no_default_pictures(request, monkeypatch):
     """Leave those pictures out where a test does not ask for them: they take longer than most runs."""
     if "default_pictures" not in request.fixturenames:
-        monkeypatch.setattr("warp_pd.output.default_pictures.draw", lambda *arguments: None)
+        monkeypatch.setattr("warp_pd.viewer.default_pictures.draw", lambda *arguments: None)
 
 
 @pytest.fixture
@@ -42,12 +50,12 @@ def stages_apart(request, monkeypatch):
     """Leave pointwise stages apart but for the commands of the documents and a GPU, unless a test asks for joined ones.
 
     Joined stages differ from scene to scene, and compiling them would take a fifth of the time of these tests.
-    tests/unit/device looks at how they are joined, tests/gpu/test_bits.py and tests/scenes/test_scenes.py hold them to
+    tests/core/device looks at how they are joined, tests/gpu/test_bits.py and tests/scenes/test_scenes.py hold them to
     the bits of the stages one by one, and the commands of the documents run them.
     """
     where = request.path.relative_to(Path(__file__).parent).parts
     as_users = where[-1] == "test_commands_of_docs.py" or "cuda" in request.node.name
-    looked_at = as_users or where[1] == "device" or "joined_stages" in request.fixturenames
+    looked_at = as_users or where[:2] == ("core", "device") or "joined_stages" in request.fixturenames
     if not looked_at:
         monkeypatch.setattr(launches, "_joined", lambda first, second: None)
 
@@ -56,3 +64,19 @@ def stages_apart(request, monkeypatch):
 def tune(monkeypatch):
     """`tune_paths`, for a test."""
     return functools.partial(tune_paths, monkeypatch)
+
+
+@pytest.fixture(scope="session")
+def ball(tmp_path_factory):
+    """Folder of a small ball scene that tore; not to be changed."""
+    folder = tmp_path_factory.mktemp("ball")
+    done = cli("run", *BALL, "--frames", "24", "--out", folder)
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+@pytest.fixture
+def gpu_paths(monkeypatch, tune):
+    """Force paths of a GPU on a CPU, which runs blocks of threads one after the other."""
+    play_gpu(monkeypatch)
+    tune(compact_points=0)

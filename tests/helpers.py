@@ -12,7 +12,8 @@ from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Shee
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.geometry.triangulation import crosses
-from warp_pd.laws import bond_associated_tangent, force_paths
+from warp_pd.laws import force_paths
+from warp_pd.statics import bond_associated_tangent
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)

@@ -6,7 +6,7 @@ import numpy as np
 from helpers import GENT, NEO, built_on, sever
 
 from warp_pd import CriticalStretch, Explicit, Neural, Nodal, Simulation
-from warp_pd.laws.neural.networks import Network
+from warp_pd.papers.neural.networks import Network
 
 RANGE = (0.8, 4.0)
 

@@ -6,7 +6,7 @@ from helpers import NEO
 from warp_pd import BondAssociated, Explicit, Simulation
 from warp_pd.__main__ import main
 
-# Arguments of a small ball scene; the fixture `ball` of tests/unit has the folder of its run with 24 frames.
+# Arguments of a small ball scene; the fixture `ball` of tests/core has the folder of its run with 24 frames.
 BALL = ("ball_penetration", "--points", "21", "--horizon", "2.015", "--device", "cpu", "--quiet")
 
 

@@ -30,13 +30,13 @@ from study import DOCS, ROOT, RUNS, run_tool, study_parser
 
 from warp_pd import InputError
 from warp_pd.__main__ import scene_names
-from warp_pd.output.view import Limits
 from warp_pd.output.vtkhdf import read_series
-from warp_pd.run.view import page
+from warp_pd.viewer.folder_page import page
+from warp_pd.viewer.view import Limits
 
 GALLERY = DOCS / "gallery"
 # Where its pages find scripts and styles; the site has a copy, see tools/site_hooks.py.
-SCRIPTS = "../../warp_pd/output/page"
+SCRIPTS = "../../warp_pd/viewer/page"
 # A picture in pixels and colours; and what a page holds: points of a long and of a short run, frames, bits a number.
 WIDTH, HEIGHT, COLOURS = 720, 450, 96
 POINTS, MOST_POINTS, FRAMES, BITS = 750, 1700, 16, 10

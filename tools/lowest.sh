@@ -3,11 +3,11 @@
 # every tenth test with each. To be run when a bound changes.
 #
 #     tools/lowest.sh                             # two new environments in build/, some ten minutes
-#     EVERY=100 tools/lowest.sh tests/unit/output # fewer tests, of some files
+#     EVERY=100 tools/lowest.sh tests/core/output # fewer tests, of some files
 set -euo pipefail
 cd "$(dirname "$0")/.."
-folders=("${@:-tests/unit}")
-[ $# -gt 0 ] || folders=(tests/unit tests/physics tests/scenes)
+folders=("${@:-tests/core}")
+[ $# -gt 0 ] || folders=(tests/core tests tests/scenes)
 for numpy in "numpy" "numpy>=2"; do
     environment=build/lowest
     rm -rf "$environment"

@@ -38,9 +38,11 @@ from study import DOCS, ROOT, Row, load_rows, provenance, renew, run_tool, save_
 from warp_pd.run.folder import write_atomically
 
 NUMBERS = {
-    "kernels": 66, "warp_pd/parts": 24, "warp_pd/laws": 20, "warp_pd/solvers": 16, "warp_pd/geometry": 16,
-    "warp_pd/fitting": 14, "warp_pd/output": 14, "warp_pd/materials": 10, "warp_pd/families": 10, "warp_pd/run": 6,
-    "warp_pd/device": 5, "warp_pd/interfaces": 3,
+    "kernels": 230, "warp_pd/contact": 37, "warp_pd/shapes": 30, "warp_pd/statics": 27, "warp_pd/fitting": 24,
+    "warp_pd/papers": 20, "warp_pd/parts": 17, "warp_pd/tearing": 17, "warp_pd/gas": 14, "warp_pd/laws": 11,
+    "warp_pd/viewer": 10, "warp_pd/output": 9, "warp_pd/solvers": 8, "warp_pd/bending": 7, "warp_pd/families": 7,
+    "warp_pd/geometry": 7, "warp_pd/materials": 6, "warp_pd/run": 6, "warp_pd/device": 5, "warp_pd/distributed": 3,
+    "warp_pd/command": 2, "warp_pd/visco": 2, "warp_pd/fast": 1, "warp_pd/interfaces": 1,
 }  # fmt: skip
 NO_KERNEL = re.compile("Warp[A-Za-z]*Error|Error while parsing|SyntaxError|Could(n't| not) find (?!or load)")
 # Seconds of tests that a change gets, and the survivors of these at their second trial.
@@ -131,7 +133,7 @@ def plant(tree: Path) -> Path:
 def reach(options: argparse.Namespace) -> None:
     """Run each file of tests once and note what it reaches, in `work`/reach."""
     tree = plant(options.work / "tree-reach")
-    folders = (*(f"tests/unit/{Path(name).name}" for name in NUMBERS), "tests/physics", "tests/unit", "tests/scenes")
+    folders = (*(f"tests/core/{Path(name).name}" for name in NUMBERS), "tests/core", "tests")
     for path in dict.fromkeys(path for folder in folders for path in sorted((ROOT / folder).rglob("test_*.py"))):
         file, plugin = str(path.relative_to(ROOT)), Reach(tree)
         out = options.work / "reach" / (file.replace("/", "+") + ".json")
@@ -156,7 +158,7 @@ def tests_of(row: Row, work: Path) -> list[tuple[str, float]]:
         reached = {name for file, name in run["functions"] if file == row["file"]}
         # Outside functions any of the file will do.
         if row["function"] in reached or (reached and not row["function"]):
-            near = (stem in run["file"]) + (f"unit/{folder}/" in run["file"])
+            near = (stem in run["file"]) + (f"/{folder}/" in run["file"])
             found.append((-near, run["seconds"], run["file"]))
     return [(file, seconds) for _, seconds, file in sorted(found)]
 

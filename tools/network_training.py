@@ -13,9 +13,9 @@ from warp_pd import InputError
 from warp_pd.kernels.effects import unstaged
 from warp_pd.kernels.factories import PairFactory
 from warp_pd.kernels.numeric import numeric
-from warp_pd.laws.neural.networks import INPUTS, OUTPUTS, Network, inputs
-from warp_pd.laws.neural.torch_network import bond_network
 from warp_pd.materials import Material, capabilities, padded_constants
+from warp_pd.papers.neural.networks import INPUTS, OUTPUTS, Network, inputs
+from warp_pd.papers.neural.torch_network import bond_network
 
 # Errors are relative to the force on the bond, or to this fraction of mu where that is smaller: the force passes zero.
 FLOOR = 0.1

@@ -20,8 +20,8 @@ from time import process_time
 from study import build_scene, run_tool, scene_names, study_parser, table, table_row
 
 from warp_pd import Built, Explicit
+from warp_pd.command.bench import STEP, Case
 from warp_pd.device.cores import available_cores
-from warp_pd.run.bench import STEP, Case
 
 STRETCH = 0.02
 # Horizons of square lattices, and the bonds that their inner points have.

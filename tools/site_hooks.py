@@ -9,7 +9,7 @@ from typing import Any
 from gallery import gallery_page
 from mkdocs.structure.files import File
 
-FOLDER = "warp_pd/output/page"
+FOLDER = "warp_pd/viewer/page"
 
 
 def on_files(files: Any, config: Any) -> Any:

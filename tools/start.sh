@@ -27,7 +27,7 @@ if [ "${1:-}" = test ]; then
   # Beside the tests: it takes one core half a minute.
   bash tools/check_structure.sh & structure=$!
   status=0
-  # Tests of a file share kernels: one process compiles them once. In order: the short files of tests/unit come last.
+  # Tests of a file share kernels: one process compiles them once. In order: the short files of tests/core come last.
   .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile --no-loadscope-reorder "$@" || status=$?
   wait "$structure" || { echo "LAYERS OR TYPES: see the messages of tools/check_structure.sh above"; status=1; }
   exit "$status"

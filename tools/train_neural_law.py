@@ -2,7 +2,7 @@
 
     python tools/train_neural_law.py --out my_law.npz --bulk 50e3
     python tools/train_neural_law.py --out gent.npz --material gent --lock 160 --stretches 0.6 5
-    python tools/train_neural_law.py --out warp_pd/laws/neural/neo_hookean_100.npz --steps 300    # the default network
+    python tools/train_neural_law.py --out warp_pd/papers/neural/neo_hookean_100.npz --steps 300  # the default network
 
 Writes the model file, and beside it my_law.md: the errors on the held-out 15 % and on a dense sample that training
 never saw, and the worst cases. Errors are relative to the force on the bond, or to 0.1 mu where the force is smaller.
@@ -31,7 +31,7 @@ from study import provenance, run_tool, study_parser, table, write_page
 from tqdm import tqdm
 
 from warp_pd import Gent, NeoHookean
-from warp_pd.laws.neural.networks import Network
+from warp_pd.papers.neural.networks import Network
 
 # States of the dense sample.
 DENSE = 100_000

@@ -12,21 +12,19 @@ from .device.lazy import lazy
 from .device.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from .contact.bodies import RigidBody
+    from .contact.body_mesh import TriangleMesh
+    from .contact.body_motion import BodyPath, Free
+    from .contact.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
+    from .contact.joint import Joint
+    from .contact.newton_world import newton_bodies
+    from .contact.rigid_ball import RigidBall
+    from .contact.self_contact import SelfContact
     from .device.checks import InputError
-    from .geometry.curves import Circle, Polygon, Spline
-    from .geometry.files import read_mesh
-    from .geometry.pieces import Place
+    from .gas.enclosed import EnclosedGas, EnclosedVolume
     from .geometry.sheet import Sheet
-    from .geometry.svg import read_outline
-    from .geometry.together import glued, placed, together
     from .interfaces.frame import Frame, Surface
     from .laws.bond_associated import BondAssociated
-    from .laws.bond_based import BondBased
-    from .laws.hyperelastic_bonds import HyperelasticBonds
-    from .laws.neural.law import Neural
-    from .laws.nodal import Nodal
-    from .laws.visco import Visco
-    from .laws.visco_bonds import ViscoBondBased
     from .materials import (
         ArrudaBoyce,
         Bimodular,
@@ -43,33 +41,35 @@ if TYPE_CHECKING:
         TensionField,
         Yeoh,
     )
-    from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
-    from .output.sheet_plot import draw_sheet
-    from .parts.bodies import RigidBody
-    from .parts.body_mesh import TriangleMesh
-    from .parts.body_motion import BodyPath, Free
-    from .parts.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
-    from .parts.boundary_force import BoundaryForce
-    from .parts.enclosed import EnclosedGas, EnclosedVolume
-    from .parts.joint import Joint
+    from .papers.bond_based import BondBased
+    from .papers.bond_neo_hookean import BondNeoHookean
+    from .papers.boundary_force import BoundaryForce
+    from .papers.hyperelastic_bonds import HyperelasticBonds
+    from .papers.neural.law import Neural
+    from .papers.nodal import Nodal
+    from .papers.visco_bonds import ViscoBondBased
     from .parts.loads import BodyForce, PointForce, Pressure
-    from .parts.newton_world import newton_bodies
     from .parts.point_values import ValuesInTime
     from .parts.reaction import Reaction
-    from .parts.rigid_ball import RigidBall
     from .parts.rupture import CriticalEnergy, CriticalStretch
-    from .parts.self_contact import SelfContact
     from .parts.supports import Fixed, Motion
-    from .parts.tearing_energy import TearingEnergy
     from .run.built import Built
     from .run.result import Result
     from .run.scene import Measure, Outcome
     from .run.simulation import Simulation
+    from .shapes.curves import Circle, Polygon, Spline
+    from .shapes.files import read_mesh
+    from .shapes.pieces import Place
+    from .shapes.svg import read_outline
+    from .shapes.together import glued, placed, together
     from .solvers.explicit import Explicit
-    from .solvers.newton import Newton
-    from .solvers.path import ArcLength
-    from .solvers.relaxation import Relaxation
+    from .statics.newton import Newton
+    from .statics.path import ArcLength
+    from .statics.relaxation import Relaxation
+    from .tearing.tearing_energy import TearingEnergy
+    from .viewer.sheet_plot import draw_sheet
+    from .visco.law import Visco
 else:
     __getattr__ = lazy(__name__)
 

@@ -18,11 +18,11 @@ from typing import Any
 
 import click
 
+from .command.completion import SceneName, complete_setting
+from .command.scene_help import SceneCommand
 from .device.checks import InputError, OutputError, count, one_of, said
 from .device.version import __version__
-from .run.completion import SceneName, complete_setting
 from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
-from .run.scene_help import SceneCommand
 
 # Objects that Python may create before it looks for garbage. Warp, USD and Matplotlib create hundreds of thousands that
 # stay; with Python's own 700 a tenth of a short run goes into looking through them.
@@ -41,7 +41,7 @@ class OneLineGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
-        from .run.processes import processes_here
+        from .distributed.launch import processes_here
         from .run.stopping import SIGNALS, deadline
 
         try:
@@ -52,7 +52,7 @@ class OneLineGroup(click.Group):
             ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
         except RuntimeError as error:
             from .device.checks import LOST
-            from .interfaces.communicator import LAUNCHER_REPORTS, LostError
+            from .distributed.processes import LAUNCHER_REPORTS, LostError
 
             if not isinstance(error, LostError):
                 raise
@@ -87,7 +87,7 @@ def _refused(text: str) -> int:
 
 def _say(text: str) -> None:
     """Print one line to stderr, from the first process only."""
-    from .run.processes import is_first
+    from .distributed.launch import is_first
 
     if is_first():
         _tell(f"warp-pd: {text}", err=True)
@@ -253,8 +253,8 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
-    from .geometry.picture_files import picture_formats
-    from .run.processes import communicator_here, is_first, launch, processes_here
+    from .distributed.launch import communicator_here, is_first, launch, processes_here
+    from .viewer.picture_files import picture_formats
 
     require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
@@ -270,10 +270,10 @@ def run(
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.
     from .interfaces.solver import FINISHED, STOPPED, DivergedError
-    from .output.beside import number_beside, processes_beside
     from .output.progress import Progress
     from .run.folder import claimed_folder, newest_folder
     from .run.result import report
+    from .viewer.beside import number_beside, processes_beside
 
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and resume:
@@ -338,9 +338,9 @@ def sweep_values(
     sweep and skips finished runs. A failed run does not stop the others: the table shows its status, and the exit code
     is that of the worst run.
     """
-    from .geometry.picture_files import picture_formats
+    from .command.sweep import run_sweep
     from .run.arguments import split_values
-    from .run.sweep import run_sweep
+    from .viewer.picture_files import picture_formats
 
     if pictures:
         picture_formats(pictures)
@@ -403,9 +403,9 @@ def draw(
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
-    from .geometry.picture_files import picture_formats
     from .run.folder import run_summary
     from .run.runner import redraw
+    from .viewer.picture_files import picture_formats
 
     summary = run_summary(folder)
     if summary is None:
@@ -430,7 +430,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 @click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
 def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
     """Write the page of a run from its FOLDER: one HTML file for any browser, without server or network."""
-    from .run.view import write_page
+    from .viewer.folder_page import write_page
 
     path = write_page(folder, out, points, frames)
     click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
@@ -467,8 +467,8 @@ def bench(
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Measure the time per step of a sheet, and print a table."""
+    from .command.bench import Case, chosen_features, report
     from .device.checks import count, positive
-    from .run.bench import Case, chosen_features, report
 
     one_of("precision", precision, (32, 64))
     positive("seconds", seconds)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .run.built import Built
 
 # Rounds of averaging along a crack face, enough to take the stairs of the triangulation out of its length:
-# straight cracks at any angle to any grid then measure within 3 % (tests/unit/test_measures.py).
+# straight cracks at any angle to any grid then measure within 3 % (tests/core/test_measures.py).
 SMOOTHING_ROUNDS = 3
 # Pieces below this area, in squared spacings, are shreds: they belong to the crack, not to its faces.
 SHRED = 16.0

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Simulation
 from warp_pd.__main__ import build_scene, load_scene, scene_names
-from warp_pd.geometry.enclosure import volume_of
+from warp_pd.gas.enclosure import volume_of
 from warp_pd.scenes import snap_through, stable_crack, tube_bulge
 from warp_pd.scenes.balloon import exact_pressure
 
@@ -73,7 +73,7 @@ SMALL = {
     "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
     "metamaterial": {"points": 20, "horizon": 2.015, "crack": True},
 }
-# Those with bodies of Newton's: tests/physics/test_newton_bodies.py.
+# Those with bodies of Newton's: tests/contact/test_newton_bodies.py.
 OF_NEWTON = ["balls_on_a_sheet", "gripper"]
 BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
 

@@ -47,7 +47,8 @@ def problem(command, text):
     if not words or any(PLACEHOLDERS.search(word) or word in ("--help", "-h") for word in words):
         return None
     try:
-        context = main.commands[name].make_context(name, words)
+        # A command keeps the help options of its first context, which are those of the group.
+        context = main.commands[name].make_context(name, words, parent=click.Context(main, **main.context_settings))
     except click.ClickException as error:
         return error.format_message()
     return problem_of_scene(context, name == "sweep", text) if name in ("run", "sweep", "plan") else None

@@ -35,7 +35,7 @@ def test_every_scene_has_a_picture_a_page_and_a_command(scene):
 def test_a_gallery_page_loads_scripts_from_the_package(scene):
     text = (gallery.GALLERY / f"{scene}.html").read_text(encoding="utf-8")
     addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
-    package = {path.name for path in (ROOT / "warp_pd/output/page").iterdir() if path.suffix in (".js", ".css")}
+    package = {path.name for path in (ROOT / "warp_pd/viewer/page").iterdir() if path.suffix in (".js", ".css")}
     assert {Path(address).name for address in addresses} == package
     assert all((gallery.GALLERY / address).is_file() for address in addresses)
     assert not re.search(r"<script>|<style>", text)

@@ -5,7 +5,7 @@ from itertools import islice
 
 from code_changes import ROOT, mutations, mutations_in
 
-FILE = "kernels/enclosed_volume.py"
+FILE = "kernels/gas/enclosed_volume.py"
 
 
 def test_changes_are_python_that_says_something_else():
@@ -18,6 +18,6 @@ def test_changes_are_python_that_says_something_else():
 
 
 def test_the_order_is_that_of_the_seed_and_begins_with_one_change_of_each_file():
-    first = [mutation.row for mutation in islice(mutations("warp_pd/parts"), 12)]
-    assert first == [mutation.row for mutation in islice(mutations("warp_pd/parts"), 12)]
+    first = [mutation.row for mutation in islice(mutations("warp_pd/contact"), 12)]
+    assert first == [mutation.row for mutation in islice(mutations("warp_pd/contact"), 12)]
     assert len({row["file"] for row in first}) == 12

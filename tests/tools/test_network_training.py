@@ -7,7 +7,7 @@ from network_training import Training, determination, relative_errors, sampled_s
 from point_laws import RANGE
 
 from warp_pd import Neural
-from warp_pd.laws.neural import networks
+from warp_pd.papers.neural import networks
 
 
 @pytest.mark.parametrize("material", [NEO, GENT], ids=["neo-Hookean", "Gent"])

@@ -25,8 +25,8 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     wheel = next(tmp_path.glob("*.whl"))
     modules = {f"{PLACES[name]}/{p.relative_to(ROOT / name)}" for name in PLACES for p in (ROOT / name).rglob("*.py")}
     modules |= {f"warp_pd/scenes/{p.name}" for p in (ROOT / "scenes").glob("*.svg")}
-    modules |= {f"warp_pd/output/page/{p.name}" for p in (ROOT / "warp_pd" / "output" / "page").iterdir()}
-    assert {"warp_pd/scenes/glove.svg", "warp_pd/output/page/vendor.js"} <= modules
+    modules |= {f"warp_pd/viewer/page/{p.name}" for p in (ROOT / "warp_pd" / "viewer" / "page").iterdir()}
+    assert {"warp_pd/scenes/glove.svg", "warp_pd/viewer/page/vendor.js"} <= modules
     assert modules <= set(zipfile.ZipFile(wheel).namelist())
     site = tmp_path / "site"
     subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)
@@ -72,7 +72,7 @@ def test_a_source_distribution_has_the_tests(tmp_path):
     assert file.name == f"warp_pd-{warp_pd.__version__}.tar.gz"
     with tarfile.open(file) as archive:
         inside = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"tests/unit/test_cli.py", "tests/references/treloar.csv", "tools/check_structure.sh", "CITATION.cff",
+    assert {"tests/core/test_cli.py", "tests/references/treloar.csv", "tools/check_structure.sh", "CITATION.cff",
             "kernels/bond_associated.py", "scenes/glove.svg", "LICENSE", "docs/guide.md"} <= inside  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from references import lifted_sheet, shooting, stretched_sheet, torn_sheets
 from warp_pd.scenes import edge_notch, flaw_sensitivity, trousers
 
 STORED = Path(__file__).parents[1] / "references"
-DATA = Path(__file__).parents[1] / "physics" / "references" / "data"
+DATA = Path(__file__).parents[1] / "papers" / "references" / "data"
 SHEET, DISC = (json.loads((STORED / name).read_text()) for name in ("stretch.json", "disc.json"))
 
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Bundles the libraries of the page into warp_pd/output/page; needs Node, and npm's registry. Run it after a change of
+# Bundles the libraries of the page into warp_pd/viewer/page; needs Node, and npm's registry. Run it after a change of
 # a version in package.json or of entry.js.
 set -euo pipefail
 cd "$(dirname "$0")"
-page=$(realpath ../../warp_pd/output/page)
+page=$(realpath ../../warp_pd/viewer/page)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cp package.json package-lock.json entry.js "$work"

@@ -4,7 +4,7 @@
     python tools/references --only disc
     python tools/references --only torn                        # energy release rates of scenes that tear
     python tools/references --meshes 4 8 16 --out FOLDER
-    python tools/references --only lifted --cells 200 --out tests/physics/references/data    # half an hour
+    python tools/references --only lifted --cells 200 --out tests/papers/references/data    # half an hour
 
 scikit-fem is needed: `pip install -e .[references]`. Other solvers than ours, so that a test can tell an error of the
 law from an error of the reference:

@@ -30,8 +30,8 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.fitting import UniformTests, fit, nominal_stress
-from warp_pd.geometry.curves import Circle
 from warp_pd.measures import support_force
+from warp_pd.shapes.curves import Circle
 
 RADIUS, THICKNESS = 0.05, 1e-3
 START = {"c10": 0.2e6, "c20": -1e3, "c30": 40.0}

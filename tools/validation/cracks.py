@@ -24,11 +24,11 @@ from warp_pd import (
     TensionField,
     Yeoh,
 )
-from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import energy_density
 from warp_pd.measures import TearLine
 from warp_pd.scenes import running_crack
 from warp_pd.scenes.pure_shear_tear import HEIGHT
+from warp_pd.shapes.roughness import rough_surface
 
 # Part of the way on which a crack that has branched is two.
 BRANCHED = 0.1

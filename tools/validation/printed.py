@@ -31,8 +31,8 @@ from warp_pd import (
 )
 from warp_pd.fitting import read_table
 from warp_pd.measures import support_force
-from warp_pd.parts.field_constants import DEFAULT_LENGTH
 from warp_pd.scenes.edge_notch import AHEAD
+from warp_pd.tearing.field_constants import DEFAULT_LENGTH
 
 WIDE, HIGH, THICKNESS = 0.024, 0.048, 2.5e-3
 HOLES = (Circle((0.016, 0.016), 4e-3), Circle((8e-3, 0.032), 4e-3))

@@ -124,7 +124,7 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that accesses its arrays.
         alone: Whether a pointwise stage must not share a launch.
-        divided: Whether it is part of a launch that was split by points around an exchange (interfaces/overlap.py).
+        divided: Whether it is part of a launch that was split by points around an exchange (distributed/overlap.py).
             Parts of one split need not wait for each other.
         span: Division of points among blocks, if threads do not correspond to points.
         only_if: Array; while its first entry is 0, a CPU skips the launch, and on a GPU the kernel does nothing.

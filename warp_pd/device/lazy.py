@@ -17,13 +17,13 @@ def lazy(package: str) -> Callable[[str], Any]:
     """
     module = sys.modules[package]
     text = Path(str(module.__file__)).read_text("utf-8")
-    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level == 1]
-    places = {alias.name: str(node.module) for node in imports for alias in node.names}
+    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level]
+    places = {alias.name: "." * node.level + str(node.module) for node in imports for alias in node.names}
 
     def find(name: str) -> Any:
         """The object of that name, or the module. Raises AttributeError if there is neither."""
         if name in places:
-            found = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
+            found = getattr(importlib.import_module(places[name], package), name)
         else:
             try:
                 found = importlib.import_module(f"{package}.{name}")

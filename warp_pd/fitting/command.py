@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError, one_of
-from ..geometry.picture_files import Drawing, drawing, pictures_in
 from ..run.arguments import converted
 from ..run.folder import claimed_folder, remove_if_empty, results_in, sole_use, writable_folder
 from ..run.scene_files import load_scene
+from ..viewer.picture_files import Drawing, drawing, pictures_in
 from .columns import read_tests
 from .data import Test
 from .least_squares import LOSSES, fit

@@ -15,7 +15,7 @@ from ..interfaces.frame import Frame
 from ..run.built import Built
 from ..run.frame_points import FramePoints
 from ..run.simulation import Simulation
-from ..solvers.newton import BuiltNewton
+from ..statics.newton import BuiltNewton
 
 # Linear solves end at this fraction of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-9, 32: 1e-5}

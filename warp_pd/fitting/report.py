@@ -189,8 +189,8 @@ class Fit:
 
     def draw(self, path: str | Path) -> None:
         """Draw data, model and residuals of every test."""
-        from ..output.plots import fitted
         from ..output.quantities import with_unit
+        from ..viewer.plots import fitted
 
         panels = []
         for test, model, residual in zip(self.tests, self.model, self.residuals, strict=True):

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..device import checks
 from ..device.checks import InputError, corners, one_of, positions, positive
-from .lines import Named, named, polygon, region, ring
-from .seams import require_distinct, seam_notes
+from ..shapes.lines import Named, named, polygon, region, ring
+from ..shapes.seams import require_distinct, seam_notes
 from .shape import Shape
 from .topology import boundary_edges, boundary_rings, directed_edges, ring_names
 from .triangulation import (

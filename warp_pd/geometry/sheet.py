@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, by_point, called, finite, numbers, point_indices, positive, truth_values, vector
+from ..shapes.edits import before_stretch, punched, slit, stepped_rim, turned
+from ..shapes.files import flat_shape, read_mesh
+from ..shapes.lines import Named
+from ..shapes.outline import outline
+from ..shapes.surface_edits import opened, slit_along, slits_at
+from ..shapes.surfaces import sphere, surface, tube
 from .clouds import cloud
 from .edges import edge_points
-from .edits import before_stretch, punched, slit, stepped_rim, turned
-from .files import flat_shape, read_mesh
-from .lines import Named
-from .outline import outline
 from .rectangles import filled, line, rectangle
 from .regions import region_of
 from .shape import Shape
-from .surface_edits import opened, slit_along, slits_at
-from .surfaces import sphere, surface, tube
 from .topology import joined
 from .triangulation import Segment
 
@@ -267,7 +267,7 @@ class Sheet(Shape):
         .msh file are parts, too. Any other mesh becomes a curved sheet, as from `from_surface`.
 
         Args:
-            path: The file, see `warp_pd.geometry.files.read_mesh`.
+            path: The file, see `warp_pd.shapes.files.read_mesh`.
             thickness: Thickness [m].
             density: Density [kg/m^3].
             unit: Unit of the coordinates: "m", "mm", "cm", "in", or a number of meters; None for a USD file that
@@ -406,7 +406,7 @@ class Sheet(Shape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the sheet; a notebook displays the picture. See `warp_pd.draw_sheet`."""
-        from .shape_plot import draw_shape
+        from ..viewer.shape_plot import draw_shape
 
         return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 

@@ -115,8 +115,8 @@ class BuiltLaw(BuiltPart, Protocol):
         slack_stiffness: Stiffness that the material keeps where it is slack [Pa].
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
             stiffer in other states, such as a bimodular one; None for other laws.
-        other_families: The families that are not undamaged, a struct `OtherFamilies` of kernels/damage_field.py, if a
-            kernel of its own computes the others and bonds can break; else None.
+        other_families: The families that are not undamaged, a struct `OtherFamilies` of
+            kernels/tearing/damage_field.py, if a kernel of its own computes the others and bonds can break; else None.
         damage: What `soften` was given, (N,), or None.
     """
 
@@ -178,7 +178,7 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def soften(self, damage: Array, near: Array) -> None:
-        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
+        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/tearing/damage_field.py.
 
         `near`, (N,) uint8, is not 0 at all points that have damage in their family.
 

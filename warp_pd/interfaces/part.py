@@ -12,7 +12,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..families.partition import Partition
+from ..distributed.partition import Partition
 from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
 from .context import Context
@@ -284,7 +284,7 @@ class Contact(Part, Protocol):
     """Contact with a body, or of the sheet with itself.
 
     The energy balance takes velocities at half steps: `half_step` in kernels/integrate.py says which work and losses
-    belong to an impulse, kernels/body_contact.py sums them up.
+    belong to an impulse, kernels/contact/body_contact.py sums them up.
     """
 
     argument: ClassVar[str] = "contact"

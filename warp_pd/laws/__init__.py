@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .by_name import force_law, point_areas
+    from ..papers.by_name import force_law, point_areas
 else:
     __getattr__ = lazy(__name__)
 

@@ -18,9 +18,9 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import soften
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
+from ..kernels.tearing.damage_field import soften
 from ..materials import Material, capabilities, padded_constants
 from .family_struct import family_struct
 from .point_fields import ShownFields, factors, grouped, offered, refuse_other
@@ -241,7 +241,7 @@ class FamilyLaw(BuiltLaw):
         )  # fmt: skip
 
     def soften(self, damage: Array, near: Array) -> None:
-        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/damage_field.py.
+        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/tearing/damage_field.py.
 
         Raises:
             InputError: by default, because the law has no energy to reduce.

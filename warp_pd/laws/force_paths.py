@@ -20,23 +20,23 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
-from ..families.partition import ALIGNED
+from ..distributed.partition import ALIGNED
+from ..fast.undamaged_lattice import undamaged_stencil
 from ..interfaces.context import Context
-from ..kernels.damage_field import OtherFamilies
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
-from ..kernels.family_blocks import FamilyBlock, block_force
 from ..kernels.family_rows import family_rows
 from ..kernels.family_sums import energy_of_families
+from ..kernels.fast.family_blocks import FamilyBlock, block_force
+from ..kernels.fast.reverse_bonds import gather_reverse_bonds
+from ..kernels.fast.stencil import Stencil
+from ..kernels.fast.undamaged_lattice import undamaged_lattice_force
 from ..kernels.reference_force import published_force, reference_force
-from ..kernels.reverse_bonds import gather_reverse_bonds
-from ..kernels.stencil import Stencil
-from ..kernels.undamaged_lattice import undamaged_lattice_force
+from ..kernels.tearing.damage_field import OtherFamilies
 from ..materials import Material, capabilities
+from ..statics.variational import BondAssociatedLaw
 from .family_struct import moments_of
-from .undamaged_lattice import undamaged_stencil
-from .variational import BondAssociatedLaw
 
 
 @dataclass(frozen=True)

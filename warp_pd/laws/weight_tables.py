@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..device.checks import InputError
+from ..distributed.local_families import builds_alone, local_cloud_families, local_rows
 from ..families import (
     Families,
     InfluenceFunction,
@@ -18,7 +19,6 @@ from ..families import (
     require_unfolded,
     unpack,
 )
-from ..families.local_families import builds_alone, local_cloud_families, local_rows
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import local_spacings
 from ..interfaces.context import Context

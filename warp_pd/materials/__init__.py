@@ -1,8 +1,10 @@
 """Materials: constants and their device functions."""
 
+from ..papers.pairwise import Bimodular
+from ..tearing.continuation import continued
+from ..visco.viscous import Maxwell, Prony
 from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
-from .continuation import continued
 from .energy import (
     borne,
     energy_density,
@@ -13,12 +15,10 @@ from .energy import (
     tension_energy_density,
 )
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
-from .pairwise import Bimodular
 from .plane_stress import PlaneStress
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
 from .stability import stability_notes, stable_to
 from .tension_field import WRINKLES, TensionField, with_wrinkles
-from .viscous import Maxwell, Prony
 
 __all__ = [
     "WRINKLES",

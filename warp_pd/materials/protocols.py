@@ -39,7 +39,7 @@ class PairwiseMaterial(Protocol):
 
     @property
     def pairwise(self) -> PairwiseFactory:
-        """Cached factory: precision in bits -> Warp functions (force, slope, energy), see kernels/pairwise.py."""
+        """Cached factory: precision in bits -> (force, slope, energy), Warp functions; kernels/papers/pairwise.py."""
         ...
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .body_shapes import BodyShape
-    from .enclosed import BuiltEnclosed, Enclosed
+    from ..contact.body_shapes import BodyShape
+    from ..gas.enclosed import BuiltEnclosed, Enclosed
+    from ..tearing.scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
     from .rupture import BondCriterion
-    from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
     from .supports import stretching_edges
 else:
     __getattr__ = lazy(__name__)

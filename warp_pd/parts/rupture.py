@@ -20,7 +20,7 @@ from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage, point_damage
-from ..kernels.energy_release import energy_release
+from ..kernels.papers.energy_release import energy_release
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
 
 # Beyond it the squares of stretches overflow in float32.

@@ -9,19 +9,19 @@ from typing import cast
 
 import numpy as np
 
+from ..bending.law import with_bending
+from ..contact.body_checks import body_checks
+from ..contact.rigid_inclusions import RigidInclusions
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
+from ..distributed.exchange import add_exchanges
+from ..distributed.processes import Communicator
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
-from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
-from ..interfaces.exchange import add_exchanges
 from ..interfaces.external_force import ExternalForce
 from ..interfaces.phases import SETUP, Phase
-from ..laws.bending import with_bending
-from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
-from ..parts.rigid_inclusions import RigidInclusions
 from ..parts.supports import MovedPoints
 from .scene import Outcome, Scene
 from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state

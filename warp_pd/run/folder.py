@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError, said
-from ..geometry.picture_files import pictures_in
 from ..interfaces import History
 from ..output.background import as_output_error
 from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
+from ..viewer.picture_files import pictures_in
 from . import restart
 
 PAGE = "view.html"

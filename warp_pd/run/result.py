@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..device.checks import InputError, count
 from ..interfaces import History
 from ..interfaces.frame import Frame
-from ..output.notebook import Page, data_frame, html_table
+from ..viewer.notebook import Page, data_frame, html_table
 from .built import Built
 from .description import result_rows, units_of
 from .summary import WHOLE_RUN
@@ -95,7 +95,7 @@ class Result:
         Raises:
             InputError: if the history lacks a column, or there is no column to plot.
         """
-        from ..output.curves import plot_history
+        from ..viewer.curves import plot_history
 
         scene = self.built.simulation
         shown = names or tuple(measure.name for measure in scene.measures)
@@ -115,7 +115,7 @@ class Result:
         Raises:
             InputError: for a run without `out`, or without frames.vtkhdf.
         """
-        from .view import page
+        from ..viewer.folder_page import page
 
         return Page(page(self._folder("show")), count("height", height, 100))
 

@@ -14,15 +14,17 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, count, kind_and_text, point_indices, user_code
-from ..geometry.picture_files import Drawing, drawing, picture_formats, pictures_in, unnumbered
+from ..distributed.launch import communicator_here
 from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..materials import capabilities
 from ..output.background import as_output_error
-from ..output.beside import begun, wait_for_pictures
 from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
 from ..output.progress import Progress
+from ..viewer.beside import begun, wait_for_pictures
+from ..viewer.folder_page import LARGE, write_page
+from ..viewer.picture_files import Drawing, drawing, picture_formats, pictures_in, unnumbered
 from . import restart
 from .built import Built, compose
 from .divergence import free_motions
@@ -41,14 +43,12 @@ from .folder import (
 )
 from .foreseen import foreseen, step_note
 from .frame_points import FramePoints
-from .processes import communicator_here
 from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
 from .scene_context import held_by_loads, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
-from .view import LARGE, write_page
 
 # For those who use the library: its notes are warnings. Without a handler of theirs nothing is printed.
 LOG = logging.getLogger("warp_pd")
@@ -329,7 +329,7 @@ def _write_summary(result: Result, folder: Path) -> None:
 
 def _show(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:
     """Write the summary, draw the pictures, write the page."""
-    from ..output.view import page_frames
+    from ..viewer.view import page_frames
 
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
     summary, scene = result.summary, result.built.simulation
@@ -403,7 +403,7 @@ def redraw(scene: Scene, folder: Path, summary: dict[str, Any], formats: tuple[s
 
 
 def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping[str, Any]) -> None:
-    from ..output import default_pictures
+    from ..viewer import default_pictures
 
     regions = capabilities(scene.force.material).regions
     points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]

@@ -27,6 +27,7 @@ The bond-associated family is that of Yang, Chen & Liu (Eng. Fract. Mech. 2024, 
 uses other weights and has no energy; the energy, the plain weights and the correction were developed in this project.
 """
 
+from ...papers.micromoduli import balanced_micromoduli
 from .balance import (
     CorrectedWeights,
     corrected_weights,
@@ -36,7 +37,6 @@ from .balance import (
     reached_points,
     rim_vectors,
 )
-from .micromoduli import balanced_micromoduli
 from .rectangle import RectangleWeights, rectangle_corrected
 
 __all__ = [

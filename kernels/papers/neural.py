@@ -1,0 +1,376 @@
+"""The neural law and its closed form: the force of a bond from its own stretch and rotation.
+
+NN eqs. 34 to 42: with the family's in-plane det F and thickness stretch C33, and the bond's own stretch lambda and
+rotation theta, the family of i pulls its member k with
+
+    a_i a_k T_ik = h a_i c_k mu |X| (2 / tr K_i) T(lambda, theta, C33, det F),   T = (along the bond, across it).
+
+Bond stretch and rotation are measured in the family's tangent plane, rotated by R of F = R U. In that frame a uniform
+deformation is the symmetric U, as in the training data. (The paper rotates the convected vector g1 to E1 instead, which
+gives a triangular F; theta then contains shear, unlike the training data.) lambda is the bond's stretch in space, and
+the force along the bond acts along its direction in space, so a point that leaves the surface is pulled back. The force
+across the bond acts in the tangent plane.
+
+Closed form. Lambda, theta and det F determine U: in the frame of the bond, with a = lambda cos theta,
+b = lambda sin theta, U = [[a, b], [b, (det + b^2)/a]]. With the first Piola stress g (F - C33 F^-T) of the
+materials here (g = mu J^-2/3 for the neo-Hookean one)
+
+    T mu = g ( [a^2 - C33 (1 + b^2/det)] / a,   b (1 + C33/det) )      along and across the reference bond.
+
+It has a pole where a bond is rotated by 90 degrees from the direction given by its family. a is kept above MIN_COSINE
+lambda (and its square), so that the force remains finite and pushes the bond back.
+
+Broken bonds are removed from F and C33 but not from tr K, so that the intact bonds keep their stiffness.
+
+With `corrected` weights, h W_ik 2 / |X| replaces h a_i c_k |X| 2 / tr K_i. The published force has W_ik = a_i c_k |X|^2
+/ tr K_i, which balances a uniform stress only in the interior of a lattice (warp_pd/families/weights).
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from ..effects import Kernel, kernel
+from ..factories import PairFactory
+from ..families import Layout, family_functions
+from ..kinematics import kinematics
+from ..numeric import numeric
+from .neural_network import Layers, network_function
+from .nodal import point_gradient
+
+# Smallest cosine of the angle by which a bond has rotated.
+MIN_COSINE = 0.1
+# Smallest stretch passed to a network, which takes logarithms.
+NO_LENGTH = 1e-6
+
+
+@dataclass(frozen=True)
+class NeuralKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        direct: Fills bond_force [members, points], N, in one launch; None if Torch evaluates the network.
+        features: Fills features [members x points] with (lambda, theta, C33, det F), undeformed values where no bond
+            exists, and frame [points] with R; None unless Torch evaluates the network.
+        spread: Turns pairs [members x points] of T into bond_force [members, points], N; None unless Torch evaluates
+            the network.
+        outside: Counts the bonds of each point whose state lies outside a range of principal stretches.
+    """
+
+    direct: Kernel | None
+    features: Kernel | None
+    spread: Kernel | None
+    outside: Kernel | None
+
+
+@functools.cache
+def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function, wp.Function]:
+    """Warp functions `family_frame` and `bond_motion`; `membrane` as in kernels/materials.py.
+
+    family_frame: (family, displacement, constants, i) -> deformation of the family of i: displacement gradient H,
+        rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact bonds determine no gradient.
+    bond_motion: (x, u, H, U - I, U^-1) -> excess stretch of the bond, sine and 1 - cosine of its rotation, its
+        direction in the tangent plane, vec2; x and u as of `bond_vectors`.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec2, vec3, mat22, mat32, parameters = (
+        types.real, types.vec2, types.vec3, types.mat22, types.mat32, types.parameters,
+    )  # fmt: skip
+    f = family_functions(layout)
+    Family = f.struct
+    gradient, green = point_gradient(layout), kinematics(bits).green
+    volume_change, _ = membrane(bits)
+
+    @wp.func
+    def family_frame(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        i: int,
+    ):
+        G1, G2, inverse, _size = gradient(family, displacement, displacement, real(0.0), i)
+        H = mat32()
+        R = mat32()
+        D = mat22()
+        V = mat22()
+        area = real(0.0)
+        z = real(0.0)
+        if inverse[0] > real(0.0):
+            H1 = family.inverse_horizon * G1
+            H2 = family.inverse_horizon * G2
+            G = green(H1, H2, vec2())
+            # det C - 1; the root of det C is det U = det F, and tr U^2 = tr C + 2 det U.
+            change = G[0, 0] + G[1, 1] + wp.determinant(G)
+            d = wp.sqrt(real(1.0) + change)
+            area = change / (real(1.0) + d)
+            excess = G[0, 0] + G[1, 1] + real(2.0) * area
+            t = wp.sqrt(real(4.0) + excess)
+            widening = area - excess / (real(2.0) + t)
+            D = mat22(G[0, 0] + widening, G[0, 1], G[0, 1], G[1, 1] + widening) / t
+            V = mat22(real(1.0) + D[1, 1], -D[0, 1], -D[0, 1], real(1.0) + D[0, 0]) / d
+            for c in range(3):
+                H[c, 0] = H1[c]
+                H[c, 1] = H2[c]
+            F = mat32(
+                real(1.0) + H[0, 0], H[0, 1], H[1, 0], real(1.0) + H[1, 1], H[2, 0], H[2, 1]
+            )  # fmt: skip
+            R = F * V
+            z = volume_change(G, constants)
+        return H, R, D, V, area, z
+
+    @wp.func
+    def bond_motion(x: vec2, u: vec3, H: mat32, D: mat22, V: mat22):
+        """Stretch and rotation without the loss of digits of small strains.
+
+        With Y the bond's image and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u -
+        (U - I) x ] is of the order of the strain; so is each of its terms, as long as the sheet has not rotated.
+        """
+        x3 = vec3(x[0], x[1], real(0.0))
+        e = V * (wp.transpose(H) * (x3 + u) + vec2(u[0], u[1]) - D * x)
+        y = x + e
+        squared = real(2.0) * (x[0] * u[0] + x[1] * u[1]) + wp.dot(u, u)
+        excess = squared / (real(1.0) + wp.sqrt(wp.max(real(1.0) + squared, real(0.0))))
+        length = wp.length(y)
+        along = wp.dot(x, y)
+        across = x[0] * e[1] - x[1] * e[0]
+        sine = real(0.0)
+        versine = real(0.0)
+        direction = x
+        if length > real(0.0):
+            direction = y / length
+            sine = across / length
+            if along > real(0.0):
+                versine = sine * sine * length / (length + along)
+            else:
+                versine = real(1.0) - along / length
+        return excess, sine, versine, direction
+
+    return family_frame, bond_motion
+
+
+@functools.cache
+def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
+    """Warp function (excess stretch, sine, 1 - cosine, det F - 1, z, constants) -> T mu along and across the bond."""
+    types = numeric(bits)
+    real, vec2, parameters = types.real, types.vec2, types.parameters
+    _, shear = membrane(bits)
+    least = MIN_COSINE
+
+    @wp.func
+    def bond_law(excess: real, sine: real, versine: real, area: real, z: real, constants: parameters):
+        stretch = real(1.0) + excess
+        cosine = real(1.0) - versine
+        det = real(1.0) + area
+        b = stretch * sine
+        alpha = excess - stretch * versine
+        # Also for a bond of zero length.
+        alpha = wp.max(alpha, real(least) * wp.max(stretch, real(least)) - real(1.0))
+        a = real(1.0) + alpha
+        # C33 det^2 = 1 + z
+        thinning = (z - area * (real(2.0) + area)) / (det * det)
+        sheared = b * b / det
+        # tr U - 2, for g: the other diagonal entry of U in the frame of the bond is (det + b^2) / a.
+        other = (area - alpha + b * b) / a
+        trace = alpha * (real(2.0) + alpha) + other * (real(2.0) + other) + real(2.0) * b * b
+        g = shear(trace, thinning, z, constants)
+        along = g * (alpha * (real(2.0) + alpha) - thinning * (real(1.0) + sheared) - sheared) / a
+        across = g * b * (real(1.0) + (real(1.0) + thinning) / det)
+        return vec2(along * cosine + across * sine, across * cosine - along * sine)
+
+    return bond_law
+
+
+@functools.cache
+def neural(
+    layout: Layout,
+    membrane: PairFactory,
+    corrected: bool,
+    torch: bool,
+    layers: Layers | None,
+    counted: bool,
+) -> NeuralKernels:
+    """Kernels of the
+
+    Args:
+        layout: Layout of the families.
+        membrane: Factory of (volume_change, shear), see kernels/materials.py.
+        corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
+        torch: Whether Torch evaluates the network.
+        layers: Weights and biases of the network that the kernel evaluates, see `network_function`; None for Torch and
+            for the closed form.
+        counted: Whether to count the bonds outside a range of stretches.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    mat22, mat32 = types.mat22, types.mat32
+    f = family_functions(layout)
+    Family = f.struct
+    family_frame, bond_motion = bond_kinematics(layout, membrane)
+    no_length = NO_LENGTH
+    exact, fused = closed_form(bits, membrane), layers is not None
+    network = network_function(bits, layers) if layers is not None else None
+
+    @wp.func
+    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), i: int, k: int):
+        """Unit vector x of the undeformed bond; displacement u of its ends over its length; weight.
+
+        The weight is 2 W_ik / |X|, with published weights c_k |X|; lengths are divided by the horizon.
+        """
+        xi = f.bond(family, i, k)
+        length = wp.length(xi)
+        m = f.neighbour(family, i, k)
+        u = (family.inverse_horizon / length) * (displacement[m] - displacement[i])
+        if wp.static(corrected):
+            return xi / length, u, real(2.0) * f.weight(family, i, k) / length
+        else:
+            return xi / length, u, length * f.influence(family, i, k) * f.area(family, m)
+
+    @wp.func
+    def pull(x: vec2, u: vec3, direction: vec2, R: mat32, T: vec2):
+        """T, which is along and across the bond, as a vector in space."""
+        Y = vec3(x[0] + u[0], x[1] + u[1], u[2])
+        return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
+
+    @wp.func
+    def bond_seen(
+        family: Family, displacement: wp.array(dtype=vec3), H: mat32, D: mat22, V: mat22,
+        area: real, z: real, i: int, k: int,
+    ):  # fmt: skip
+        """Results of `bond_vectors`, direction in the tangent plane, inputs of a network: lambda, theta, C33, det F."""
+        x, u, weight = bond_vectors(family, displacement, i, k)
+        excess, sine, versine, direction = bond_motion(x, u, H, D, V)
+        det = real(1.0) + area
+        stretch = wp.max(real(1.0) + excess, real(no_length))
+        angle = wp.atan2(sine, real(1.0) - versine)
+        return x, u, weight, direction, parameters(stretch, angle, (real(1.0) + z) / (det * det), det)
+
+    @wp.func
+    def logarithms(row: parameters):
+        """Inputs of the first layer, see `warp_pd.papers.neural.networks.Network`."""
+        area = wp.log(row[3])
+        return parameters(wp.log(row[0]), row[1] * row[1], area, wp.log(row[2]) + real(2.0) * area)
+
+    @wp.func
+    def family_scale(family: Family, V: mat22, unit_force: real, i: int):
+        """Force of a bond divided by its weight and T; zero if the family determines no gradient."""
+        if V[0, 0] == real(0.0):
+            return real(0.0)
+        if wp.static(corrected):
+            return unit_force
+        else:
+            return unit_force * f.area(family, i) * f.weight(family, i, 0)
+
+    @kernel(gathers=("displacement",), name="fused_force" if fused else None, fast_math=fused and bits == 32)
+    def closed_form_force(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        unit_force: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        H, R, D, V, area, z = family_frame(family, displacement, constants, i)
+        scale = family_scale(family, V, unit_force, i)
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if f.is_intact(family, i, k) and scale > real(0.0):
+                if wp.static(fused):
+                    x, u, weight, direction, row = bond_seen(family, displacement, H, D, V, area, z, i, k)
+                    o = network(logarithms(row))
+                    T = vec2(o[0], row[1] * o[1])
+                else:
+                    x, u, weight = bond_vectors(family, displacement, i, k)
+                    excess, sine, versine, direction = bond_motion(x, u, H, D, V)
+                    T = exact(excess, sine, versine, area, z, constants)
+                force = scale * weight * pull(x, u, direction, R, T)
+            bond_force[k, i] = force
+
+    @kernel(gathers=("displacement",))
+    def features(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        points: int,
+        first: int,
+        features: wp.array(dtype=parameters),
+        frame: wp.array(dtype=mat32),
+    ):
+        i = wp.tid() + first
+        H, R, D, V, area, z = family_frame(family, displacement, constants, i)
+        frame[i] = R
+        for k in range(family.members):
+            row = parameters(real(1.0), real(0.0), real(1.0), real(1.0))
+            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
+                _x, _u, _weight, _direction, row = bond_seen(family, displacement, H, D, V, area, z, i, k)
+            features[k * points + i] = row
+
+    @kernel(gathers=("displacement",))
+    def spread(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        frame: wp.array(dtype=mat32),
+        pairs: wp.array(dtype=vec2),
+        unit_force: real,
+        points: int,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        R = frame[i]
+        scale = unit_force
+        if not wp.static(corrected):
+            scale = unit_force * f.area(family, i) * f.weight(family, i, 0)
+        # A family that determines no frame carries no force.
+        if wp.ddot(R, R) == real(0.0):
+            scale = real(0.0)
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if f.is_intact(family, i, k) and scale > real(0.0):
+                x, u, weight = bond_vectors(family, displacement, i, k)
+                direction = wp.transpose(R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
+                force = scale * weight * pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
+            bond_force[k, i] = force
+
+    @kernel(gathers=("displacement",))
+    def outside(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        least: real,
+        most: real,
+        first: int,
+        out: wp.array(dtype=wp.int32),
+    ):
+        """Counts the bonds whose U has a principal stretch below `least` or above `most`."""
+        i = wp.tid() + first
+        H, _R, D, V, area, _z = family_frame(family, displacement, constants, i)
+        det = real(1.0) + area
+        found = wp.int32(0)
+        for k in range(family.members):
+            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
+                x, u, _weight = bond_vectors(family, displacement, i, k)
+                excess, sine, versine, _direction = bond_motion(x, u, H, D, V)
+                a = (real(1.0) + excess) * (real(1.0) - versine)
+                b = (real(1.0) + excess) * sine
+                inside = bool(False)
+                if a > real(0.0):
+                    # Both zeros of s^2 - tr U s + det U lie within [least, most].
+                    t = a + (det + b * b) / a
+                    inside = (
+                        t >= real(2.0) * least
+                        and t <= real(2.0) * most
+                        and least * (least - t) + det >= real(0.0)
+                        and most * (most - t) + det >= real(0.0)
+                    )
+                if not inside:
+                    found += 1
+        out[i] = found
+
+    return NeuralKernels(
+        direct=None if torch else closed_form_force,
+        features=features if torch else None,
+        spread=spread if torch else None,
+        outside=outside if counted else None,
+    )

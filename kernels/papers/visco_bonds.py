@@ -1,0 +1,152 @@
+"""The visco-hyperelastic bond law as published (VE eqs. 46 to 75): a Yeoh bond force and viscous stretches.
+
+With J = I1 - 2 = (2 / m) sum_k w_k (|Y|^2 - |X|^2) V_k over the family of a point, w = (horizon / |X|)^2 and m =
+sum w |X|^2 V (eqs. 39 and 41), the family of i pulls its bond k with the force density
+
+    t = (4 w / m) [ (c10 + 2 c20 J) |Y| + |X| sum_p (c10_p + 2 c20_p J) gamma_p ]  along Y,
+
+where gamma is the part of the stretch |Y| / |X| that has not relaxed. The two-dimensional Yeoh energy has no pressure
+term, so t does not vanish in the undeformed sheet: 4 c10 w |X| / m. A broken bond adds nothing to J or to the force.
+
+At a trial displacement the force responds with the instantaneous stiffness, as in kernels/visco/visco.py. `strain`
+[members, points] stores |Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] stores gamma_p.
+The table `weight` is 4 w a_i a_k / sum_k w xi^2 a_k.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from ..effects import Kernel, kernel
+from ..families import Layout, family_functions
+from ..visco.visco import relaxation_factors
+from .bond_based import bond_functions
+
+
+@dataclass(frozen=True)
+class ViscoBondKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        half_forces: Fills bond_force [members, points] with the forces of each family on its bonds, N.
+        update: Updates strain and viscous stretch after a step.
+        earlier_energy: Warp function of the energy of a family without Prony terms, as for `energy_of_families`.
+    """
+
+    half_forces: Kernel
+    update: Kernel
+    earlier_energy: wp.Function
+
+
+@functools.cache
+def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
+    """Kernels of the law.
+
+    Args:
+        layout: Layout of the families.
+        terms: Whether there are Prony terms.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout)
+    Family = f.struct
+    bond = bond_functions(layout)
+    strain_of, image = bond.strain, bond.image
+    retained = relaxation_factors(bits)
+
+    @wp.func
+    def excess(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        i: int,
+    ):
+        """I1 - 2 at a time `back` before now; |Y|^2 - |X|^2 = |X|^2 s (2 + s)."""
+        total = real(0.0)
+        for k in range(family.members):
+            if f.is_intact(family, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
+                s = strain_of(xi, family.inverse_horizon * U)
+                total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
+        return real(0.5) * total / f.area(family, i)
+
+    @kernel(gathers=("displacement",))
+    def half_forces(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        unit_force: real,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=real),
+        viscous_stretch: wp.array2d(dtype=real),
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        J = excess(family, displacement, displacement, real(0.0), i)
+        modulus = constants[0] + real(2.0) * constants[1] * J
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if f.is_intact(family, i, k):
+                xi = f.bond(family, i, k)
+                U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                Y = image(xi, U)
+                s = strain_of(xi, U)
+                # |X| / |Y| turns the viscous stretch into a factor on Y.
+                factor = modulus
+                if wp.static(terms):
+                    for p in range(prony.shape[0]):
+                        gamma = viscous_stretch[p * family.members + k, i] + (s - strain[k, i])
+                        factor += (prony[p][0] + real(2.0) * prony[p][1] * J) * gamma / (real(1.0) + s)
+                force = (unit_force * f.weight(family, i, k) * factor) * Y
+            bond_force[k, i] = force
+
+    @kernel(gathers=("displacement",))
+    def update(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        prony: wp.array(dtype=parameters),
+        first: int,
+        strain: wp.array2d(dtype=real),
+        viscous_stretch: wp.array2d(dtype=real),
+    ):
+        i = wp.tid() + first
+        dt = step[0]
+        for k in range(family.members):
+            if f.is_intact(family, i, k):
+                xi = f.bond(family, i, k)
+                s = strain_of(xi, family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
+                change = s - strain[k, i]
+                stretch = real(1.0) + s
+                squared = stretch * stretch
+                rate = wp.abs(change) / dt * wp.sqrt(real(4.0) * squared + real(2.0) / (squared * squared))
+                for p in range(prony.shape[0]):
+                    term = prony[p]
+                    x = dt / term[2]
+                    if term[3] != real(0.0):
+                        x *= wp.pow(rate, term[3])
+                    row = p * family.members + k
+                    gamma = viscous_stretch[row, i]
+                    kept = retained(x)
+                    viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
+                strain[k, i] = s
+
+    @wp.func
+    def earlier_energy(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: parameters,
+        i: int,
+    ):
+        """Energy c10 J + c20 J^2 of family i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
+        J = excess(family, displacement, velocity, back, i)
+        return f.area(family, i) * J * (constants[0] + constants[1] * J)
+
+    return ViscoBondKernels(half_forces, update, earlier_energy)

@@ -1,0 +1,141 @@
+"""What docs/architecture.md says of the package, held against the package."""
+
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import warp_pd
+from warp_pd import interfaces
+from warp_pd.interfaces.phases import STEP
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "warp_pd"
+KERNELS = ROOT / "kernels"
+PAGE = (ROOT / "docs" / "architecture.md").read_text()
+
+
+def tables(heading):
+    """Tables under a heading: rows of the cells of each."""
+    text = PAGE[PAGE.index(f"## {heading}\n") :]
+    found = re.findall(r"(?:^\| .* \|$\n)\|[-|]+\|\n((?:^\| .* \|$\n)+)", text[: text.index("\n## ", 3)], re.MULTILINE)
+    return [[row.strip("| ").split(" | ") for row in rows.splitlines()] for rows in found]
+
+
+def contracts():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+
+
+def layers():
+    rows = next(c for c in contracts() if c["type"] == "layers")["layers"]
+    return [name.strip().removeprefix("warp_pd.") for row in rows for name in row.split("|")]
+
+
+def subjects():
+    named = next(c for c in contracts() if c["name"] == "The core names no subject")["forbidden_modules"]
+    return [name.removeprefix("warp_pd.") for name in named]
+
+
+def test_tables_of_core_and_subjects_are_the_contracts():
+    core, beside = [[cells[0].strip("`") for cells in rows] for rows in tables("Core and subjects")]
+    assert core == layers()
+    assert sorted(beside) == sorted(subjects())
+
+
+def test_contracts_know_every_module():
+    found = {path.stem for path in PACKAGE.glob("*.py")} | {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert found - {"__init__"} == {*layers(), *subjects()} - {"scenes", "kernels"}
+    assert {path.parent.name for path in KERNELS.glob("*/__init__.py")} <= set(subjects())
+    tested = {path.name for path in (ROOT / "tests").iterdir() if list(path.glob("test_*.py"))}
+    assert tested - {"core", "gpu", "scenes", "tools"} <= set(subjects())
+
+
+def test_table_of_phases_is_the_step():
+    assert [(name.strip("`"), text) for name, text in tables("The step")[0]] == [(p.name, p.value) for p in STEP]
+
+
+def test_no_file_is_longer_than_its_subject_may_be():
+    lines = {path: len(path.read_text().splitlines()) for path in [*PACKAGE.rglob("*.py"), *KERNELS.rglob("*.py")]}
+    assert len(lines) > 90
+    assert {path.name: n for path, n in lines.items() if n > 600} == {}
+
+
+def test_kernels_import_warp_alone():
+    for path in KERNELS.rglob("*.py"):
+        imported = set(re.findall(r"^(?:import|from) (\w+)", path.read_text(), re.MULTILINE))
+        assert imported <= {
+            "__future__",
+            "collections",
+            "dataclasses",
+            "functools",
+            "inspect",
+            "math",
+            "typing",
+            "warp",
+        }, path
+
+
+def test_interfaces_say_what_they_take():
+    """Few `Any` in the protocols, and no question for a type outside the checks of a scene."""
+    protocols = [PACKAGE / "interfaces" / f"{name}.py" for name in ("built_part", "law", "output", "part", "solver")]
+    lines = [line for path in protocols for line in path.read_text().splitlines()]
+    uses = [word for line in lines if "import" not in line for word in re.findall(r"\bAny\b", line)]
+    assert 0 < len(uses) < 20
+
+
+def test_nobody_asks_for_the_type_of_a_part():
+    folders = ("warp_pd.parts", "warp_pd.laws", "warp_pd.solvers", *(f"warp_pd.{name}" for name in subjects()))
+    offered = [getattr(warp_pd, name) for name in warp_pd.__all__]
+    classes = [value for value in offered if inspect.isclass(value) and hasattr(value, "build")]
+    parts = {value.__name__ for value in classes if value.__module__.startswith(folders)} | set(interfaces.__all__)
+    assert {"Pressure", "BondAssociated", "Newton", "BuiltLaw"} <= parts
+    # A scene compares what a user passed in with the protocols, and the command line what a file returned.
+    for path in PACKAGE.rglob("*.py"):
+        if path.name in ("scene.py", "__main__.py"):
+            continue
+        for kind in re.findall(r"isinstance\([^,()]+, \(?([\w., |]+)\)", path.read_text()):
+            named = {word.strip() for word in re.split(r"[,|]", kind)}
+            ours = named & parts
+            defined = {word for word in ours if f"class {word}" in path.read_text()}
+            assert ours == defined, f"{path}: isinstance(..., {kind})"
+
+
+@pytest.mark.parametrize("package", ["warp_pd", "warp_pd.laws", "warp_pd.parts", "warp_pd.interfaces"])
+def test_packages_offer_what_they_say(package):
+    """Names are imported on first use, each from the module that has it."""
+    module = importlib.import_module(package)
+    assert module.__all__
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'") as raised:
+        _ = module.nothing
+    assert raised.value.obj is module and raised.value.name == "nothing", "Python suggests names"
+
+
+def test_import_waits_for_nothing_else():
+    """Names that were not used yet are listed, so that shells complete them."""
+    code = (
+        "import sys, warp_pd; assert set(warp_pd.__all__) <= set(dir(warp_pd)); "
+        "sys.exit(int('warp' in sys.modules or 'numpy' in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_scene_without_a_file_is_refused_before_anything_is_imported():
+    code = (
+        "import sys, click.testing; from warp_pd.__main__ import main\n"
+        "done = click.testing.CliRunner().invoke(main, ['run', 'needles'])\n"
+        "sys.exit(0 if done.exit_code == 2 and 'warp' not in sys.modules else 1)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_pages_of_this_kind_are_in_the_navigation():
+    navigation = (ROOT / "mkdocs.yml").read_text()
+    assert "architecture.md" in navigation
+    assert "write-your-own-part.md" in navigation

@@ -1,0 +1,105 @@
+"""Damage at the start around cuts that face each other or an edge: a tear of the bridge takes its tearing energy."""
+
+import re
+
+import numpy as np
+import pytest
+from helpers import NEO, build, square
+
+from warp_pd import BondAssociated, Explicit, Sheet, Simulation, TearingEnergy, TensionField
+from warp_pd.tearing.cut_profiles import CAP, NEAR, Facing, damage_of_cuts
+
+GC = 10.0
+
+
+def perforated(points, slit=0.02, bridge=0.02, as_cloud=False):
+    """A square of 0.1 m with a line of slits across, off the rows of points."""
+    spacing = 0.1 / (points - 1)
+    begins = 0.5 * bridge + (slit + bridge) * np.arange(int(0.1 / (slit + bridge)))
+    paths = [((x, 0.05 + 0.5 * spacing), (x + slit, 0.05 + 0.5 * spacing)) for x in begins]
+    if as_cloud:
+        corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
+        return Sheet.outline(corners, spacing=spacing, cracks=[list(p) for p in paths], thickness=1e-3, density=1e3)
+    sheet = square(points)
+    for path in paths:
+        sheet = sheet.cut(*path)
+    return sheet
+
+
+def cut_length(built, as_cloud):
+    """Length of the crack whose energy the field starts with, from that of a cut across a sheet."""
+    spacing, length = built.context.whole.spacing, built.rupture.length
+    if as_cloud:
+        corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
+        across = [[(0.0, 0.05), (0.1, 0.05)]]
+        sheet = Sheet.outline(corners, spacing=spacing, cracks=across, thickness=1e-3, density=1e3)
+    else:
+        sheet = square(round(0.1 / spacing) + 1).cut((-0.01, 0.05 + 0.5 * spacing), (0.11, 0.05 + 0.5 * spacing))
+    whole = build(sheet, damage=TearingEnergy(GC, length=length)).rupture
+    return 0.1 * built.rupture._fracture_at_start / whole._fracture_at_start
+
+
+@pytest.mark.parametrize(
+    ("points", "slit", "bridge", "as_cloud"),
+    [(81, 0.03, 0.02, False), (61, 0.03, 0.02, False), (81, 0.015, 0.01, False), (81, 0.03, 0.02, True),
+     (81, 0.015, 0.01, True)],
+)  # fmt: skip
+def test_slits_start_with_the_energy_of_their_length(points, slit, bridge, as_cloud):
+    """So that a tear through all bridges takes the tearing energy of what is not cut."""
+    sheet = perforated(points, slit, bridge, as_cloud)
+    built = build(sheet, damage=TearingEnergy(GC))
+    cut = slit * int(0.1 / (slit + bridge))
+    assert cut_length(built, as_cloud) == pytest.approx(cut, rel=0.06)
+    assert not built.rupture._facing.notes(
+        built.rupture.length, 1.0, sheet.spacing, built.rupture._at_start, sheet.points
+    )
+
+
+def test_the_default_length_leaves_room_for_bridges_and_a_note_says_where_it_cannot():
+    wide, narrow = (TearingEnergy(GC), square(41).cut((0.03, 0.0512), (0.07, 0.0512))), perforated(31, 0.01, 0.01)
+    assert build(wide[1], damage=wide[0]).rupture.length == pytest.approx(4.0 * wide[1].spacing)
+    built = build(narrow, damage=TearingEnergy(GC))
+    assert built.rupture.length == pytest.approx(1.25 * built.law.families.horizon)
+    start = narrow.spacing, built.rupture._at_start, narrow.points
+    (said,) = built.rupture._facing.notes(built.rupture.length, built.rupture.constants.bias, *start)
+    assert "two cuts are 0.01 m apart, 1.2 lengths of the damage field" in said
+    place = [float(x) for x in re.search(r"the bridge at \((\S+), (\S+)\) m starts", said).groups()]
+    # Halfway between two slits, or on the edge halfway to the mirror image of one.
+    assert place[0] % 0.02 == pytest.approx(0.0, abs=1e-4) or place[0] % 0.02 == pytest.approx(0.02, abs=1e-4)
+    assert place[1] == pytest.approx(0.05 + 0.5 * narrow.spacing, abs=1e-4)
+    assert "its tear takes some 60% of the tearing energy" in said and "which needs a spacing of 0.00062 m" in said
+    finer = build(perforated(81, 0.02, 0.02), damage=TearingEnergy(GC)).rupture
+    assert finer._at_start[np.argmin(np.linalg.norm(finer.context.sheet.points - [0.04, 0.05], axis=1))] < 0.2
+
+
+def test_cuts_that_face_nothing_have_the_profile_of_a_crack():
+    """Side by side, or far from each other and from edges."""
+    beside = square(81).cut((0.03, 0.0406), (0.07, 0.0406)).cut((0.03, 0.0594), (0.07, 0.0594))
+    length = 4.0 * beside.spacing
+    assert not len(Facing.of(beside, length, far=NEAR).ends)
+    damage, _ahead, _facing = damage_of_cuts(beside, length)
+    tip = np.argmin(np.linalg.norm(beside.points - [0.07 + length, 0.0406], axis=1))
+    apart = np.linalg.norm(beside.points[tip] - [0.07, 0.0406])
+    assert damage[tip] == pytest.approx((1.0 - apart / (2.0 * length)) ** 2)
+
+
+def test_an_end_near_an_edge_faces_its_mirror_image():
+    sheet = square(81).cut((-0.01, 0.0506), (0.07, 0.0506))
+    facing = Facing.of(sheet, 0.0125)
+    assert facing.ends.tolist() == [[0.07, 0.0506]]
+    assert facing.gaps == pytest.approx([0.06])
+    assert facing.recesses(2.0e-3, 1e-5) == pytest.approx([CAP * 2.0e-3], rel=1e-2)
+    assert facing.recesses(2.0e-3, 0.5e-3) == pytest.approx([0.845 * 2.0e-3], rel=1e-2)
+
+
+def test_the_energy_of_the_field_is_never_negative_as_bridges_tear():
+    sheet = perforated(41)
+    built = Simulation(
+        sheet, BondAssociated(TensionField(NEO)), Explicit(0.02), damage=TearingEnergy(GC), initial_velocity=None
+    ).build("cpu")
+    built.context.run("start")
+    for _ in range(20):
+        built.context.run("step")
+    built.context.run("frame")
+    left = built.context.total(built.rupture.fracture) - built.rupture._fracture_at_start
+    assert left > -1e-5 * built.rupture._fracture_at_start

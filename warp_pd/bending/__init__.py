@@ -1,0 +1,1 @@
+"""Bending stiffness beside a force law."""

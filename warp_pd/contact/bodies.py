@@ -1,0 +1,457 @@
+"""Contact with rigid bodies of any shape, moving on a path or freely, with friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, not_negative, resolved, said
+from ..device.fields import Array
+from ..device.launches import Stage, with_values
+from ..distributed.partition import Partition
+from ..geometry.sheet import Sheet
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, StepLimit
+from ..interfaces.context import Context
+from ..interfaces.frame import Body
+from ..interfaces.phases import Phase
+from ..kernels.contact.body_contact import point_contact
+from ..kernels.contact.static_contact import static_contact
+from ..kernels.effects import Kernel
+from .body_checks import MIN_DIAMETER, bond_bits, passes, sweeps, torn_since
+from .body_motion import UNBOUNDED, BodyMotion
+from .body_shapes import BodyShape, in_frame, on_device, signed_distances
+from .body_surface import BodySurface
+
+# Maximum motion of a body in a step, over the spacing or half its thickness: beyond it the body can pass points
+# unnoticed. If bonds can break it is half of that, so that a bond opens in several steps.
+MAX_TRAVEL = 0.25
+# Depth over the spacing or the thickness at which a point counts as inside at the start.
+TOUCHING = 1e-6
+# Layer on the surface in which a point counts as touching [spacings]; it exceeds the rounding of positions.
+SKIN = 1e-4
+# Maximum motion in a step of a body with edges that triangles touch [spacings]; at twice that its edges cut in.
+EDGE_TRAVEL = 0.05
+# Least radius of edges that a sheet slides along as it would in nature [spacings].
+ROUNDED = 0.25
+# Distance by which a free body may yield in a step before any point may touch it [spacings].
+SLACK = 0.05
+# Distance from a body on a path within which points are looked at in every step [spacings].
+MARGIN = 1.0
+# Static contact: depth inside a body, over its thickness, at which a point between two equilibria counts as passing
+# through; a point that slides along a sphere may go 80 degrees around.
+PASSING = 0.125
+# Static contact: factor by which the stiffness grows from round to round, and largest distance of a point from the
+# surface in float64 and float32 [spacings].
+STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
+
+
+@dataclass(frozen=True)
+class RigidBody(Contact):
+    """A rigid body of any shape that moves along a path, or freely.
+
+    Points inside it are moved out and lose the velocity component into the body; with friction they also lose
+    tangential velocity. See kernels/contact/body_contact.py. Points held by a support or in a rigid inclusion ignore
+    the body, and bodies do not interact with each other.
+
+    Attributes:
+        shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
+        motion: BodyPath or Free.
+        friction: Coefficient of Coulomb friction; 0 for none.
+        name: Prefix of its columns of the history; bodies of one scene need different names.
+        surface: Whether triangles of the sheet have contact with it, not only points, so that it may be thinner than
+            the spacing. Only for Sphere, Capsule, Box and TriangleMesh. Triangles cut by a crack have no contact.
+
+    Raises:
+        InputError: for a wrong shape or motion, negative friction, or `surface` with another shape.
+    """
+
+    shape: BodyShape
+    motion: BodyMotion
+    friction: float = 0.0
+    name: str = "body"
+    surface: bool = False
+
+    loads_at_rest: ClassVar[bool] = True
+    meets_others: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
+            raise InputError(f"RigidBody.shape = {said(self.shape)}: expected a shape, such as Sphere(0.1)")
+        if isinstance(self.motion, type) or not isinstance(self.motion, BodyMotion):
+            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
+        not_negative("RigidBody.friction", self.friction)
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
+        self.motion.check(self.shape)
+        if not isinstance(self.surface, bool):
+            raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
+        if self.surface and self.shape.segments() is None:
+            raise InputError(
+                f"{self.title}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "
+                f"{self.shape.kind}"
+            )
+
+    @property
+    def title(self) -> str:
+        """What messages call it."""
+        return f"RigidBody {self.name!r}"
+
+    @property
+    def only_one(self) -> str:
+        """Its name."""
+        return only_one_named(self.name)
+
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
+        """The same part: it refers to no points of the sheet."""
+        if self.motion.free:
+            raise InputError(f"{self.title}: motion = Free: expected BodyPath, or a run in one process")
+        if self.surface:
+            raise InputError(f"{self.title}: surface = True: expected False, or a run in one process")
+        return self
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """Build the body on a device."""
+        at_rest = self.loads_at_rest and not context.features.dynamic
+        return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
+
+
+def only_one_named(name: str) -> str:
+    """What `RigidBody.only_one` says of a name."""
+    return f"bodies with the name {name!r}: expected different names: give each a name=..."
+
+
+class BuiltBody(BuiltContact):
+    """A body on a device.
+
+    Attributes:
+        motion: The built motion.
+    """
+
+    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+        self.part, self.context, self.label = part, context, f"contact = {part.title}"
+        self.solid = self
+        self.meets_others, self.between_points = part.meets_others, not part.surface
+        self.thickness = part.shape.thinnest() if part.shape.bounded else None
+        name, sheet, types = part.name, context.sheet, context.types
+        # A thinner body would pass between points.
+        if part.shape.bounded and not part.surface:
+            what = f"{part.title}: surface = {part.surface}: smallest extent"
+            resolved(what, part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
+        remembered = {}
+        if part.shape.remembering is not None:
+            starts = {"seen": (wp.vec4, 0.0), "faces": (wp.vec4i, -1), "apart": (wp.vec4, 0.0)}
+            for what, (kind, start) in starts.items():
+                values = np.full((sheet.size, 4), start)
+                remembered[what] = context.array(f"{name}_{what}", name, kind, values)
+        self._body, self._mesh = on_device(part.shape, context.device, sheet.spacing, remembered)
+        self._rubs = part.friction > 0.0
+        # Sum of impulses and unit of each column of a mean force or torque.
+        of = (("force", "impulse", "N"), ("torque", "turn", "N m"))
+        self._forces = {f"{name}_{what}_{c}": (f"{name}_{sum_}_{c}", unit) for what, sum_, unit in of for c in "xyz"}
+        self.motion = part.motion.build(name, part.shape, context, float(part.friction))
+        # A half space has no margin: a search in every step.
+        bounded = part.shape.bounded
+        self.motion.extent = (UNBOUNDED, 0.0, 0.0)
+        if bounded:
+            slack = SLACK if part.motion.free else 0.0
+            self.motion.extent = (part.shape.radius(), MARGIN * sheet.spacing, slack * sheet.spacing)
+        self._surface: BodySurface | None = None
+        if part.surface:
+            self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
+        self._check_apart()
+        curved = sheet.frames is not None
+        self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
+        self._curved, tracked = curved, context.features.tracked
+        self.impulse: Array | None = None
+        self.turn: Array | None = None
+        self.loss: Array | None = None
+        self.rubbed: Array | None = None
+        if self._rubs and tracked and not part.motion.free:
+            self.rubbed = context.array(f"{name}_rubbed", name, wp.float64, shape=sheet.size, restart=True)
+        if not part.motion.free:
+            self.impulse, self.turn = (
+                context.array(f"{name}_{what}", name, types.vec3, shape=sheet.size, restart=True)
+                for what in ("impulse", "turn")
+            )
+            if tracked:
+                self.loss = context.array(f"{name}_loss", name, wp.float64, shape=sheet.size, restart=True)
+
+    def _check_apart(self) -> None:
+        """Check that the body does not touch the sheet at the start."""
+        part, context = self.part, self.context
+        if self._surface is not None:
+            self._surface.check_apart(part.title, *part.motion.pose(0.0))
+        depth = -self._distances(context.sheet.positions + context.initial_displacement, *part.motion.pose(0.0))
+        deepest = int(depth.argmax())
+        if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
+            raise InputError(
+                f"{part.title}: expected a body outside the sheet at the start; point "
+                f"{context.number(deepest)} is {depth[deepest]:.3g} m inside it"
+            )
+
+    def _distances(self, points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """Signed distances [m] of points from the body at a given position and unit quaternion."""
+        arms = in_frame(points, place, rotation)
+        return signed_distances(self.part.shape, arms, self.context.device, (self._body, self._mesh))[:, 3]
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the motion, and the pointwise stages of contact."""
+        self.motion.add(phase, stage)
+        if phase not in (Phase.PROJECT, Phase.SEPARATE):
+            return
+        context, part, motion = self.context, self.part, self.motion
+        of = point_contact(
+            context.step_options, part.shape.distance, part.motion.free, self._rubs, self._curved,
+            part.shape.remembering, motion.marks is not None,
+        )  # fmt: skip
+        at_end, values = phase is Phase.SEPARATE, self._arguments()
+        if self._surface is not None:
+            self._surface.add(
+                stage, at_end, reference=self._reference, skin=SKIN * context.sheet.spacing,
+                friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
+            )  # fmt: skip
+        motion.add_contact(stage, of, at_end, values, None if self._surface is None else self._surface.when)
+        if self._surface is not None:
+            self._surface.add_end(stage)
+
+    def complete(self, step: Stage) -> None:
+        """Note whether other parts move points that the body may touch."""
+        self.motion.complete(step)
+
+    def _arguments(self) -> dict[str, Any]:
+        context, state, part, motion = self.context, self.context.state, self.part, self.motion
+        radius = part.shape.radius()
+        return {
+            "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
+            "radius": radius if np.isfinite(radius) else UNBOUNDED,
+            "skin": SKIN * context.sheet.spacing, "margin": motion.extent[1],
+            "slack": motion.extent[2], "marks": motion.marks, "friction": float(part.friction),
+            "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
+            "damping": state.damping, "force": state.force, "external": state.external,
+            "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
+            "dissipated": state.dissipated,
+            "changes": None if self._surface is None else self._surface.changes,
+            "rubbing": None if self._surface is None else self._surface.rubbing,
+            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **motion.found(),
+        }  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """Impulses given to the points; for a free body the built motion has summed them."""
+        found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
+        own = {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
+        return own | self.motion.sums()
+
+    def column_names(self) -> Sequence[str]:
+        """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
+        return [*self._forces, *self.motion.columns(), *self._losses()]
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
+        row = self.row_columns({}, totals, elapsed) | self.motion.columns()
+        return row | {name: totals[name] for name in self._losses()}
+
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean forces and torques since the previous row."""
+        return {
+            column: -(totals[name] - before.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
+            for column, (name, _) in self._forces.items()
+        }
+
+    def column_units(self) -> Mapping[str, str]:
+        """Units of forces and torques."""
+        return {column: unit for column, (_, unit) in self._forces.items()}
+
+    def _losses(self) -> list[str]:
+        lost = ["loss", "rubbed"] if self._rubs else ["loss"]
+        return [f"{self.part.name}_{what}" for what in lost] if self.context.features.tracked else []
+
+    def end_frame(self) -> None:
+        """Set the sums of a frame to zero."""
+        for array in (self.impulse, self.turn):
+            if array is not None:
+                array.zero_()
+        self.motion.end_frame()
+
+    def step_limit(self) -> StepLimit | None:
+        """Time in which the body moves a quarter (an eighth if bonds can break) of a spacing or of half its thickness.
+
+        With friction, the initial speed of the sheet is added to that of the body: if friction stopped a point while
+        its neighbours moved half a spacing, the sheet would be overstretched.
+        """
+        shape, sheet, context = self.part.shape, self.context.whole, self.context
+        reach = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
+        speed = self.part.motion.speed(min(shape.radius(), reach))
+        if self._rubs:
+            thrown = float(np.linalg.norm(context.state.velocity.numpy().astype(np.float64), axis=1).max())
+            speed -= context.communicator.minimum(-thrown)
+        if speed <= 0.0:
+            return None
+        travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        furthest = travel * min(sheet.spacing, 0.5 * shape.thinnest())
+        if self._surface is not None and self._surface.edged:
+            furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
+        return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """A note on friction at edges that the spacing cannot resolve."""
+        part, least = self.part, ROUNDED * self.context.whole.spacing
+        slid = self._rubs and history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
+        if not slid or part.shape.edge_radius() >= least:
+            return []
+        return [
+            f"{self.label} slid with sharp edges: a point in its way is caught by one face or goes under the other, so "
+            "friction depends on the grid and on round-off by some per cent: expected edges with a radius of a quarter "
+            f"of a spacing, {least:.3g} m, or more; Box and Cylinder have `rounding`"
+        ]
+
+    @cached_property
+    def _outline(self) -> Body:
+        shape = self.part.shape
+        vertices, triangles = shape.outline(float(np.ptp(self.context.whole.positions, axis=0).max()))
+        return Body(self.part.name, shape.kind, shape.sizes(), vertices, triangles)
+
+    def outline(self) -> Body:
+        """Surface for drawing."""
+        return self._outline
+
+    def pose(self) -> np.ndarray:
+        """Position of its centre [m] and quaternion (x, y, z, w), shape (7,)."""
+        return np.concatenate([self.motion.place.numpy()[0], self.motion.rotation.numpy()[0]])
+
+    def distance_from(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances [m], shape (N,), of points, shape (N, 3), from its surface at a frame."""
+        pose = self.pose()
+        return self._distances(points, pose[:3], pose[3:])
+
+
+class BodyAtRest(BuiltBody, BuiltLoad):
+    """Frictionless contact with a body in static equilibrium; see kernels/contact/static_contact.py.
+
+    Attributes:
+        multiplier: Lagrange multiplier: pressure at the last equilibrium [Pa], (N,) float64.
+        blocks: Derivative of the force on each point by its displacement [N/m], (N,) mat33.
+    """
+
+    follows_displacement = True
+    symmetric = True
+
+    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+        if part.motion.free:
+            raise InputError(
+                f"{part.title}: motion = Free: expected a BodyPath with a static solver; Free needs Explicit"
+            )
+        for name, value, wanted in (("friction", part.friction, 0), ("surface", part.surface, False)):
+            if value != wanted:
+                raise InputError(
+                    f"{part.title}: {name} = {value!r}: expected {wanted!r} with a static solver; {name} needs Explicit"
+                )
+        super().__init__(part, context, law)
+        name, points, types = part.name, context.sheet.size, context.types
+        self.at_rest = self
+        self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
+        self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
+        self._softest, self._refused = 0.0, 0
+        self._law, self._at_start = law, bond_bits(law)
+        self._before = np.empty((0, 3))
+        self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
+        self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
+        self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
+        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.features.held)
+
+    def _contact(self) -> Any:
+        part, context = self.part, self.context
+        radius = part.shape.radius()
+        values = {
+            "reference": self._reference, "areas": self._areas, "held_mask": context.state.held_mask,
+            "multiplier": self.multiplier, "body": self._body, "place": self.motion.place,
+            "rotation": self.motion.rotation, "stiffness": self._stiffness,
+            "reach": radius if np.isfinite(radius) else UNBOUNDED, "around": 0.25 * context.sheet.spacing,
+        }  # fmt: skip
+        return with_values(self._kernels.struct(), values)
+
+    def _launch(self, stage: Stage, kernel: Kernel, displacement: Array, **arrays: Any) -> None:
+        points = self.context.sheet.size
+        stage.launch(self.part.name, kernel, points, displacement=displacement, a=self._contact(), **arrays)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the motion and, for frames, those of forces and torques."""
+        self.motion.add(phase, stage)
+        if phase is Phase.FRAME:
+            displacement = self.context.state.displacement
+            self._launch(stage, self._kernels.show, displacement, force=self.impulse, turn=self.turn)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that adds the contact forces to `out`."""
+        self._launch(stage, self._kernels.press, displacement, out=out)
+
+    def add_blocks(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `blocks`."""
+        self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
+
+    def prepare(self) -> None:
+        """Add the stage that updates the multipliers."""
+        stage = self.context.stage(f"multipliers of {self.part.name}", "every equilibrium")
+        displacement = self.context.state.displacement
+        self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+
+    def set_stiffness(self, stiffness: float) -> None:
+        """Set the contact stiffness [Pa/m], unless already set."""
+        if not self._stiffness.numpy()[0]:
+            self._stiffness.assign(np.array([stiffness]))
+        self._softest = float(self._stiffness.numpy()[0])
+        self._before = self._from_centre()
+
+    def _from_centre(self) -> np.ndarray:
+        """Positions of the points relative to the centre of the body [m], shape (N, 3)."""
+        context = self.context
+        here = context.sheet.positions + np.asarray(context.state.displacement.numpy(), np.float64)
+        return np.asarray(here - self.motion.place.numpy()[0])
+
+    def passed(self) -> bool:
+        """Return whether the body has passed through the sheet since the last load step that it did not."""
+        if not self.part.shape.bounded:
+            # The centre of a half space lies on its surface.
+            return False
+        torn, now = torn_since(self._at_start, self._law), self._from_centre()
+        found = passes(self._before, now, self.context.sheet.triangles, torn) or self._sweeps(now, torn)
+        if found:
+            self._refused += 1
+        else:
+            self._before = now
+        return found
+
+    def _sweeps(self, now: np.ndarray, torn: np.ndarray | None) -> bool:
+        """Whether free points with all their bonds moved through the body to positions `now`."""
+        shape, rotation, centre = self.part.shape, self.motion.rotation.numpy()[0], np.zeros(3)
+        depth = min(self.context.sheet.spacing, PASSING * shape.thinnest())
+        chosen = self.context.held == 0 if torn is None else (self.context.held == 0) & ~torn
+        return sweeps(
+            self._before[chosen], now[chosen], shape, depth, lambda places: self._distances(places, centre, rotation)
+        )
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Note on load steps in which the body would have passed through the sheet."""
+        if not self._refused:
+            return []
+        return [
+            f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
+            "load_steps, a thicker body, or more points"
+        ]
+
+    def update_multipliers(self) -> bool:
+        """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""
+        context = self.context
+        context.run(f"multipliers of {self.part.name}")
+        stiffness = self._stiffness.numpy()
+        off = bool(self._off.numpy().max() > SETTLED[context.bits] * context.sheet.spacing * stiffness[0])
+        self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
+        return off
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Force [N] and torque about the centre [N m] on the body; its position."""
+        return super().columns(totals, 1.0)

@@ -1,0 +1,462 @@
+"""Motions of rigid bodies, along a path or free, and what they are on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, numbers, positive, said, vector
+from ..device.fields import Array
+from ..device.launches import Stage, with_values
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.contact.body_contact import Given, PointContact, body_contact
+from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, free_motion, turn_between, vec6d
+from ..kernels.contact.free_contact import Equations, FreeBody, free_contact
+from ..kernels.pointwise import NEAR_BLOCK
+from .block_list import BlockList
+from .body_shapes import BodyShape, rotation_matrix
+
+Vector = Sequence[float]
+# Radius of a half space [m].
+UNBOUNDED = 1e30
+NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
+# Smallest least eigenvalue of an inertia over the largest.
+LEAST_INERTIA = 1e-9
+# Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
+SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
+
+
+@runtime_checkable
+class BodyMotion(Protocol):
+    """Motion of a rigid body (base class).
+
+    Attributes:
+        free: Whether the sheet moves the body.
+    """
+
+    free: ClassVar[bool]
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position of the centre of mass [m], shape (3,), and unit quaternion, shape (4,), at a time [s]."""
+        ...
+
+    def speed(self, radius: float) -> float:
+        """Largest known speed [m/s] of a point of the body at the distance `radius` [m] from its centre."""
+        ...
+
+    def check(self, shape: BodyShape) -> None:
+        """Raise InputError if the shape cannot have this motion."""
+        ...
+
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
+        """Build the motion on a device; `friction` is the body's friction coefficient."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPath(BodyMotion):
+    """A prescribed motion: linear in time between knots, at rest before the first and after the last.
+
+    Attributes:
+        times: Knots [s], increasing, shape (K,).
+        positions: Positions of the centre of mass [m], shape (K, 3).
+        rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots the body turns
+            uniformly, the shorter way. None for no rotation.
+    """
+
+    times: Any
+    positions: Any
+    rotations: Any = None
+
+    free: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        times = numbers("BodyPath.times", self.times)
+        if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
+            raise InputError(f"BodyPath.times = {said(self.times)}: expected one or more increasing times")
+        positions = numbers("BodyPath.positions", self.positions)
+        if positions.shape != (len(times), 3):
+            raise InputError(f"BodyPath.positions: expected shape ({len(times)}, 3), got {positions.shape}")
+        given = np.tile(NOT_TURNED, (len(times), 1)) if self.rotations is None else self.rotations
+        rotations = numbers("BodyPath.rotations", given)
+        if rotations.shape != (len(times), 4):
+            raise InputError(f"BodyPath.rotations: expected shape ({len(times)}, 4), got {rotations.shape}")
+        rotations = np.array([unit_quaternion("BodyPath.rotations", q) for q in rotations])
+        # A quaternion and its opposite are one rotation: the closer one is the shorter way.
+        signs = np.cumprod([1.0, *np.where(np.sum(rotations[1:] * rotations[:-1], axis=1) < 0.0, -1.0, 1.0)])
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "rotations", signs[:, None] * rotations)
+
+    @staticmethod
+    def still(position: Vector, rotation: Vector = NOT_TURNED) -> BodyPath:
+        """Path of a body at rest at a position [m]."""
+        return BodyPath([0.0], [position], [rotation])
+
+    @staticmethod
+    def straight(start: Vector, velocity: Vector, duration: float, rotation: Vector = NOT_TURNED) -> BodyPath:
+        """Straight path from a position [m] at a velocity [m/s], from time 0 for a duration [s]."""
+        begin, speed = (np.array(vector(f"BodyPath {n}", v, 3)) for n, v in (("start", start), ("velocity", velocity)))
+        end = positive("BodyPath duration", duration)
+        return BodyPath([0.0, end], [begin, begin + end * speed], [rotation, rotation])
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m], shape (3,), and quaternion, shape (4,), at a time [s]."""
+        place = np.array([np.interp(time, self.times, self.positions[:, c]) for c in range(3)])
+        last = len(self.times) - 1
+        k = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, max(last - 1, 0)))
+        if last == 0:
+            return place, self.rotations[0]
+        fraction = float(np.clip((time - self.times[k]) / (self.times[k + 1] - self.times[k]), 0.0, 1.0))
+        begin, end = self.rotations[k], self.rotations[k + 1]
+        angle = np.arccos(np.clip(begin @ end, -1.0, 1.0))
+        if angle < 1e-9:
+            return place, begin
+        return place, (np.sin((1.0 - fraction) * angle) * begin + np.sin(fraction * angle) * end) / np.sin(angle)
+
+    def speed(self, radius: float) -> float:
+        """Largest speed of a point at a distance [m] from the centre [m/s]."""
+        if len(self.times) == 1:
+            return 0.0
+        moved = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
+        cosines = np.abs(np.sum(self.rotations[1:] * self.rotations[:-1], axis=1))
+        turned = np.where(cosines < 1.0 - 1e-15, 2.0 * np.arccos(np.minimum(cosines, 1.0)), 0.0)
+        return float(((moved + radius * turned) / np.diff(self.times)).max())
+
+    def check(self, shape: BodyShape) -> None:
+        """Accept any shape."""
+
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
+        """Build the motion on a device."""
+        made = OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
+        if context.features.dynamic:
+            made.motion.assign(np.tile(self._motion_at_start(), (2, 1)))
+        return made
+
+    def _motion_at_start(self) -> np.ndarray:
+        """Velocity [m/s] and spin [1/s] from time 0 on, shape (2, 3)."""
+        k = int(np.searchsorted(self.times, 0.0, side="right")) - 1
+        if not 0 <= k < len(self.times) - 1:
+            return np.zeros((2, 3))
+        begin, end = (wp.quatd(*rotation) for rotation in self.rotations[k : k + 2])
+        moved = [self.positions[k + 1] - self.positions[k], turn_between(begin, end)]
+        return np.asarray(np.array(moved) / (self.times[k + 1] - self.times[k]))
+
+
+@dataclass(frozen=True)
+class Free(BodyMotion):
+    """Free motion under gravity and the forces of the sheet. Bodies do not interact with each other.
+
+    Attributes:
+        mass: Mass [kg].
+        position: Position of the centre of mass at time 0 [m].
+        rotation: Unit quaternion (x, y, z, w) at time 0, from the frame of the body.
+        velocity: Velocity at time 0 [m/s].
+        spin: Angular velocity at time 0 [1/s], in the coordinates of the sheet.
+        inertia: Moments of inertia in the frame of the body [kg m^2], three numbers or a symmetric matrix; None for
+            uniform density.
+        gravity: Acceleration of gravity [m/s^2].
+    """
+
+    mass: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = NOT_TURNED
+    inertia: Any = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    free: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        positive("Free.mass", self.mass)
+        for name in ("position", "velocity", "spin", "gravity"):
+            vector(f"Free.{name}", getattr(self, name), 3)
+        unit_quaternion("Free.rotation", self.rotation)
+        if self.inertia is not None:
+            self._given_inertia()
+
+    def _given_inertia(self) -> np.ndarray:
+        found = numbers("Free.inertia", self.inertia)
+        matrix = np.diag(found) if found.shape == (3,) else found
+        if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected three moments or a symmetric matrix")
+        values = np.linalg.eigvalsh(matrix)
+        if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected positive moments")
+        return matrix
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m] and quaternion at time 0; later poses are known only to the run."""
+        return np.array(self.position, float), unit_quaternion("Free.rotation", self.rotation)
+
+    def speed(self, radius: float) -> float:
+        """Largest speed [m/s], at time 0, of a point of the body at the distance `radius` [m] from its centre."""
+        return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
+
+    def check(self, shape: BodyShape) -> None:
+        """Check that the shape has a finite mass."""
+        if not shape.bounded:
+            raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
+
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
+        """Build the motion on a device."""
+        inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
+        return InFlight(name, self.pose(0.0), self, inertia, context, friction)
+
+
+def unit_quaternion(name: str, value: Any) -> np.ndarray:
+    """Check and convert a unit quaternion, shape (4,)."""
+    found = np.array(vector(name, value, 4))
+    length = float(np.linalg.norm(found))
+    if not abs(length - 1.0) < 1e-3:
+        raise InputError(f"{name} = {said(value)}: expected a unit quaternion (x, y, z, w); its length is {length:.4g}")
+    return np.asarray(found / length)
+
+
+class BuiltMotion:
+    """A motion on a device; see kernels/contact/body_motion.py for its arrays.
+
+    Attributes:
+        marks: Whether each point may touch a free body, (N,) uint8; see kernels/contact/body_search.py.
+        counts: Numbers of steps, and whether other parts move points after the body has looked which are near,
+            (COUNTS,) int32; see kernels/contact/body_motion.py.
+        travelled: How far the body and one of those points may have come nearer since [m], (1,).
+        around: For blocks of NEAR_BLOCK points, last step in which one of them was within the margin, int32.
+        free: Whether the sheet moves the body.
+        extent: Distance of its furthest point from the centre, margin in which points count as around it, and how far a
+            free body may yield in a step before any point may touch it [m].
+    """
+
+    free: ClassVar[bool] = False
+    extent: tuple[float, float, float]
+
+    def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
+        """Allocate the arrays of the pose."""
+        self.name, self.context = name, context
+        points = context.sheet.size
+        self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if self.free else None
+        place, turned = pose
+        self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
+        self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
+        self.motion = self._array("motion", wp.vec3d, np.zeros((2 if self.free else 4, 3)))
+        self.counts = self._array("counts", wp.int32, np.zeros(COUNTS, np.int32), restart=False)
+        self.travelled = self._array("travelled", wp.float64, np.array([UNBOUNDED]), restart=False)
+        blocks = -(-points // NEAR_BLOCK)
+        self.around = context.array(f"{name}_around", name, wp.int32, shape=blocks, per="table")
+
+    def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
+        return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that move the body."""
+
+    def add_contact(
+        self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], pushed: Mapping[str, Any] | None
+    ) -> None:
+        """Add the launches of contact with points.
+
+        Args:
+            stage: Stage to which they are added.
+            of: Functions of the contact.
+            at_end: Whether this is the end of a step.
+            values: Members of the struct of `of`.
+            pushed: Options of the launch that applies the impulses of triangles; None if only points have contact.
+        """
+        act, take = body_contact(of, at_end)
+        points = self.context.sheet.size
+        if pushed is not None:
+            stage.pointwise(self.name, take, points, **pushed, **values)
+        # Where the step is followed by the next one, the body has already moved on.
+        before = {
+            "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
+            "counts": self.counts[PREVIOUS:],
+        }  # fmt: skip
+        stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
+
+    def complete(self, step: Stage) -> None:
+        """Note whether other parts move points, when the step is composed."""
+        own = self.name if self.free else ""
+        moves = self.context.partition is not None or step.moves_later(self.context.state.displacement, own)
+        counts = self.counts.numpy().copy()
+        counts[[MOVES, PREVIOUS + MOVES]] = int(moves)
+        self.counts.assign(counts)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact, by their name in the struct of `PointContact`."""
+        of_free = ("need", "rows", "arms", "slips", "yielded", "any_near", "near")
+        return {**dict.fromkeys(of_free), "counts": self.counts, "around": self.around}
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in the body frame [kg m^2], (3, 3); None if the sheet does not move the body."""
+        return None
+
+    def sums(self) -> dict[str, Array]:
+        """Momentum given to the sheet since the last frame, and losses, by name; empty if not computed here."""
+        return {}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history."""
+        place, moving = self.place.numpy()[0], self.motion.numpy()
+        row = {f"{self.name}_position_{c}": float(x) for c, x in zip("xyz", place, strict=True)}
+        row |= {f"{self.name}_velocity_{c}": float(x) for c, x in zip("xyz", moving[0], strict=True)}
+        return row | {f"{self.name}_spin_{c}": float(x) for c, x in zip("xyz", moving[1], strict=True)}
+
+    def end_frame(self) -> None:
+        """Reset the sums of a frame."""
+
+
+class OnPath(BuiltMotion):
+    """A prescribed motion on a device."""
+
+    def __init__(
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        knots: tuple[np.ndarray, ...],
+        context: Context,
+        led: bool = False,
+    ) -> None:
+        """Allocate the knots; `led`: another simulation writes new ones during the run."""
+        super().__init__(name, pose, context)
+        times, positions, rotations = knots
+        per = "body" if led else "table"
+        self.knots = self._array("times", wp.float64, times, led, per)
+        self.places = self._array("places", wp.vec3d, positions, led, per)
+        self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
+        # Bodies on paths share it: at the end of a step one acts where another has moved points.
+        blocks = -(-context.sheet.size // NEAR_BLOCK)
+        self._near = context.shared_array("blocks_near", name, wp.int32, shape=blocks, per="table")
+        context.clock.keep_time(name)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
+        phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        if phase in phases:
+            context, clock = self.context, self.context.clock
+            dynamic = context.features.dynamic
+            stage.launch(
+                self.name, follow_path, 1, times=self.knots, places=self.places,
+                rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
+                counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
+                margin=self.extent[1], counts=self.counts, travelled=self.travelled,
+                rotation=self.rotation, motion=self.motion, early=True,
+            )  # fmt: skip
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays in which points near the body are noted, also those near the end of a step."""
+        return super().found() | {"near": self._near}
+
+
+class InFlight(BuiltMotion):
+    """A free body on a device.
+
+    Attributes:
+        changes: Change of velocity and spin in the last half step [m/s, 1/s], (1,) vec6d.
+    """
+
+    free = True
+
+    def __init__(
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        body: Free,
+        inertia: np.ndarray,
+        context: Context,
+        friction: float,
+    ) -> None:
+        super().__init__(name, pose, context)
+        points, tracked = context.sheet.size, context.features.tracked
+        self.body, self.inertia = body, inertia
+        turn = rotation_matrix(pose[1])
+        angular = turn @ inertia @ turn.T @ np.array(body.spin, float)
+        start = [body.velocity, angular, body.velocity, body.spin]
+        self.motion.assign(np.array([body.velocity, body.spin], float))
+        self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
+        rubs = friction > 0.0
+        self._sums_given = SUMS if rubs and tracked else SUMS[:-1]
+        self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
+        assert self.marks is not None
+        near = self._near = BlockList(f"{name}_near", name, self.marks, context)
+
+        def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
+            return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
+
+        self.changes = room("changes", vec6d, 1, "once")
+        self.any_near = room("any_near", wp.int32, 1, "once")
+        # Speed into the body that each point must lose [m/s], -1 for none; normal, and arm x normal.
+        self._found = {"need": room("need", wp.float64, points), "rows": room("rows", vec6d, points)}
+        if rubs:
+            # Vector from the centre [m], and velocity relative to the body [m/s].
+            self._found |= {what: room(what, wp.vec3d, points) for what in ("arms", "slips")}
+        numbers = {
+            "mass": float(body.mass), "inertia": wp.mat33d(*inertia.ravel().tolist()),
+            "inverse_inertia": wp.mat33d(*np.linalg.inv(inertia).ravel().tolist()),
+            "gravity": wp.vec3d(*map(float, body.gravity)),
+        }  # fmt: skip
+        arrays = {
+            "place": self.place, "rotation": self.rotation, "motion": self.motion, "momenta": self.momenta,
+            "changes": self.changes, "given": self.given, "equations": near.room("equations", Equations),
+            "impulses": near.room("impulses", Given), "counts": near.counts, "arrived": near.arrived,
+            "entries": near.entries, "listed": near.listed,
+        }  # fmt: skip
+        self._of = with_values(FreeBody(), {**numbers, **arrays})
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch of the first half kick and the drift."""
+        if phase is Phase.RIGID_DRIFT:
+            of = self._of
+            stage.launch(
+                self.name, free_motion(self.context.bits), 1, inverse_inertia=of.inverse_inertia, gravity=of.gravity,
+                step=self.context.state.step, place=self.place, rotation=self.rotation, motion=self.motion,
+                momenta=self.momenta, any_near=self.any_near, changes=self.changes, radius=self.extent[0],
+                margin=self.extent[1], slack=self.extent[2], counts=self.counts, travelled=self.travelled,
+            )  # fmt: skip
+
+    def add_contact(
+        self, stage: Stage, of: PointContact, at_end: bool, values: Mapping[str, Any], pushed: Mapping[str, Any] | None
+    ) -> None:
+        """Add the launches that find the response of the body to the touching points, and those of contact."""
+        near = self._near
+        kernels = free_contact(of, self.context.step_options, "slips" in self._found)
+        both = {"a": with_values(kernels.struct(), values), "body": self._of, "at_end": int(at_end)}
+        if pushed is not None:
+            near.launch(stage, kernels.take, **both, **pushed)
+        if not at_end:
+            stage.pointwise(self.name, of.search.mark, self.context.sheet.size, **values)
+        for kernel in (kernels.find, kernels.give_way, kernels.strike):
+            near.launch(stage, kernel, **both)
+
+    def found(self) -> dict[str, Array | None]:
+        """Arrays of the points in contact."""
+        return super().found() | self._found | {"yielded": self.changes, "any_near": self.any_near}
+
+    def free_inertia(self) -> tuple[float, np.ndarray] | None:
+        """Mass [kg] and inertia in its frame [kg m^2], (3, 3)."""
+        return float(self.body.mass), self.inertia
+
+    def sums(self) -> dict[str, Array]:
+        """Momentum and angular momentum given to the sheet since the last frame; total energies lost in contact."""
+        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(self._sums_given)}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history, with the energies [J]."""
+        row = super().columns()
+        velocity, spin = self.motion.numpy()
+        turn = rotation_matrix(self.rotation.numpy()[0])
+        angular = turn @ self.inertia @ turn.T @ spin
+        kinetic = 0.5 * (self.body.mass * velocity @ velocity + spin @ angular)
+        height = -self.body.mass * np.array(self.body.gravity, float) @ self.place.numpy()[0]
+        return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
+
+    def end_frame(self) -> None:
+        """Reset the sums of a frame, but not the energies lost in contact."""
+        given = self.given.numpy().copy()
+        given[:6] = 0.0
+        self.given.assign(given)

@@ -1,0 +1,1 @@
+"""Faster paths to the same force: families that share blocks, undamaged lattices."""

@@ -1,0 +1,1 @@
+"""Gas and volumes that a sheet encloses."""

@@ -1,0 +1,238 @@
+"""The neural force law of the NN paper, and its closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ...device.checks import InputError, one_of, positive
+from ...device.fields import Array
+from ...device.launches import Call, Stage, Touched
+from ...families import InfluenceFunction, influence_function
+from ...interfaces import BuiltLaw, History
+from ...interfaces.context import Context
+from ...interfaces.frame import format_time
+from ...interfaces.phases import Phase
+from ...kernels.papers.neural import neural
+from ...laws.weight_tables import MAX_CORRECTED
+from ...materials import Material, capabilities, check_material
+from ..nodal import PointLaw
+from . import networks
+from .networks import Network
+
+EVALUATIONS = ("torch", "fused", "closed_form")
+WEIGHTS = ("auto", "published", "corrected")
+# Maximum number of network weights that are compiled into a kernel as constants; more compile slowly.
+MAX_WEIGHTS = 10_000
+
+
+@dataclass(frozen=True)
+class Neural:
+    """Bond forces from the bond's own stretch and rotation, with the family's C33 and det F (NN section 4.2).
+
+    The force of a bond depends on its own deformation, not on the stress of its family. That removes the zero-energy
+    modes of `Nodal` without a deformation gradient for every bond. The force has no potential, so runs report neither
+    strain energy nor an energy balance.
+
+    Attributes:
+        material: A hyperelastic material with `membrane` and `ratios`, such as NeoHookean or Gent.
+        horizon: Horizon in spacings of the sheet [-].
+        evaluation: How the map from bond to force is evaluated:
+            "torch": by `network` in Torch, as one batch of all bonds.
+            "fused": by the same network inside one Warp kernel, with its weights as compile-time constants.
+            "closed_form": exactly (kernels/papers/neural.py), without a network.
+        network: A Network, a network file, or None for the network of the package. For "torch" also any callable, such
+            as a torch.nn.Module, that maps a tensor (bonds, 4) of (lambda, theta, C33, det F) to a tensor (bonds, 2) of
+            the force along and across the bond divided by mu. A module is copied and cast to the precision and device
+            of the run; other callables get tensors of that precision and device. It runs without gradients. On CUDA it
+            is captured in a graph, so it must not read values on the host.
+        influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
+        weights: "published", 2 / tr K of each family (NN eq. 36), which treats families at edges as round; "corrected",
+            one weight per bond, such that a uniform stress is in equilibrium up to the edges
+            (`warp_pd.families.weights`); or "auto", which is "corrected", but "published" at horizons above 4.5 or if
+            bonds can break.
+
+    Raises:
+        InputError: if the network is missing, damaged, trained for another material, or too large for "fused".
+    """
+
+    material: Material
+    horizon: float = 3.15
+    evaluation: str = "torch"
+    network: Network | Callable[[Any], Any] | str | Path | None = None
+    influence: str | InfluenceFunction = "inverse"
+    weights: str = "auto"
+    loaded: Network | None = field(init=False, default=None)
+
+    has_energy: ClassVar[bool] = False
+    has_tangent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        positive("horizon", self.horizon)
+        influence_function(self.influence)
+        check_material(self.material, "functions")
+        one_of("evaluation", self.evaluation, EVALUATIONS)
+        one_of("weights", self.weights, WEIGHTS)
+        if capabilities(self.material).membrane is None:
+            raise InputError(
+                f"material = {type(self.material).__name__}: expected a material with `membrane` and `ratios`, such as "
+                f"NeoHookean or Gent, with the law Neural"
+            )
+        if self.evaluation == "closed_form":
+            if self.network is not None:
+                raise InputError("network: expected None with evaluation 'closed_form'")
+        elif self.network is None or isinstance(self.network, str | Path | Network):
+            object.__setattr__(self, "loaded", self._load())
+        elif not callable(self.network):
+            raise InputError(f"network = {self.network!r}: expected a Network, a file, a callable or None")
+        elif self.evaluation == "fused":
+            raise InputError("network: expected a Network, a file or None with evaluation 'fused'")
+
+    def _load(self) -> Network:
+        name = "the default" if self.network is None else str(self.network)
+        if isinstance(self.network, Network):
+            name = "given"
+            networks.require_sound(self.network, "network")
+            found = self.network
+        else:
+            found = networks.default() if self.network is None else networks.load(name)
+        found.require_material(self.material, name)
+        if self.evaluation == "fused" and found.size > MAX_WEIGHTS:
+            raise InputError(
+                f"network = {name!r}: expected at most {MAX_WEIGHTS} weights with evaluation 'fused', got "
+                f"{found.size}; or use 'torch'"
+            )
+        return found
+
+    def resolved_weights(self, breakable: bool) -> str:
+        """The weights with "auto" resolved; `breakable` is whether bonds can break."""
+        if self.weights != "auto":
+            return self.weights
+        return "published" if breakable or self.horizon > MAX_CORRECTED else "corrected"
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Build the law.
+
+        Raises:
+            InputError: if the sheet does not allow the horizon, the callable has the wrong signature, or Torch is
+                needed but not installed.
+        """
+        return NeuralForce(self, context)
+
+
+class NeuralForce(PointLaw):
+    """The law on one sheet and device.
+
+    Attributes:
+        outside: Number of bonds of each point outside the training range at the last count, int32, (N,), or None.
+    """
+
+    has_energy = False
+
+    def __init__(self, law: Neural, context: Context) -> None:
+        super().__init__(law, law.influence, context, law.resolved_weights(context.features.breakable))
+        self.law = law
+        known = capabilities(law.material)
+        assert known.membrane is not None and known.mu is not None
+        # A network gives forces divided by mu.
+        self._scale = 1.0 if law.evaluation == "closed_form" else known.mu
+        layers = None
+        if law.evaluation == "fused":
+            assert law.loaded is not None
+            layers = law.loaded.sigmoids()
+        self.kernels = neural(
+            context.layout, known.membrane, self.weights == "corrected", law.evaluation == "torch", layers,
+            law.loaded is not None,
+        )  # fmt: skip
+        self._fingerprint: Callable[[], str] | None = None
+        self.outside: Array | None = None
+        if law.loaded is not None:
+            self.outside = context.array("outside_range", self.owner, wp.int32, shape=self.points)
+        if law.evaluation == "torch":
+            slots, types = self.families.members * self.points, context.types
+            self._features = context.array(
+                "features", self.owner, types.parameters, shape=slots, per="bond", intermediate=True
+            )
+            self._results = context.array(
+                "bond_pairs", self.owner, types.vec2, shape=slots, per="bond", intermediate=True
+            )
+            self._frame = context.array("frame", self.owner, types.mat32, shape=self.points)
+            self._network, self._fingerprint = _torch_call(law, self.owner, self._features, self._results)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        kernels, unit_force = self.kernels, self._scale * self.unit_force
+        if kernels.direct is not None:
+            self.add_launch(stage, kernels.direct, displacement, unit_force=unit_force, bond_force=self.pairs)
+        else:
+            assert kernels.features is not None and kernels.spread is not None
+            self.add_launch(
+                stage, kernels.features, displacement, points=self.points, features=self._features, frame=self._frame
+            )
+            stage.call(self._network)
+            stage.launch(
+                self.owner, kernels.spread, self.points, family=self.struct, displacement=displacement,
+                frame=self._frame, pairs=self._results, unit_force=unit_force, points=self.points,
+                bond_force=self.pairs,
+            )  # fmt: skip
+        self.add_gather(stage, self.pairs, out)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at frames including the count of bonds outside the training range."""
+        super().add(phase, stage)
+        if phase is Phase.FRAME and self.outside is not None:
+            assert self.law.loaded is not None and self.kernels.outside is not None
+            least, most = self.law.loaded.stretches
+            displacement = self.context.state.displacement
+            self.add_launch(stage, self.kernels.outside, displacement, least=least, most=most, out=self.outside)
+
+    def fingerprint(self) -> str:
+        """A hash of the output of the network for some bonds."""
+        return super().fingerprint() + ("" if self._fingerprint is None else self._fingerprint())
+
+    def column_names(self) -> Sequence[str]:
+        """Number of bonds outside the training range, if that range is known."""
+        return () if self.outside is None else ("bonds_outside_training",)
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Number of bonds outside the training range, if that range is known."""
+        if self.outside is None:
+            return {}
+        return {"bonds_outside_training": float(np.sum(self.outside.numpy()))}
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Those of every law, and one if bonds left the training range."""
+        said = super().notes(history, load_duration)
+        left = [row.get("bonds_outside_training", 0.0) for row in history]
+        if self.law.loaded is None or not left or max(left) == 0.0:
+            return said
+        when = format_time(history[left.index(max(left))]["time"], load_duration)
+        least, most = self.law.loaded.stretches
+        return [
+            *said,
+            f"training range: up to {max(left):.0f} of {self.families.bond_count} bonds (at {when}) were outside the "
+            f"principal stretches {least:g} to {most:g} of the training data",
+        ]
+
+
+def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tuple[Call, Callable[[], str]]:
+    """The network as a Torch call in the step, and a function that returns its fingerprint.
+
+    Raises:
+        InputError: if Torch is not installed or the network has the wrong signature.
+    """
+    try:
+        from .torch_step import TorchStep, capture
+    except ImportError:
+        raise InputError(
+            "evaluation = 'torch': the package torch is not installed (pip install 'warp-pd[neural]'); "
+            "or use 'fused' or 'closed_form'"
+        ) from None
+    step = TorchStep(law.loaded, law.network, features, results)
+    touched = Touched(gathers=frozenset([features.ptr]), writes=frozenset([results.ptr]))
+    return Call("network", owner, len(features), step, capture, touched), step.fingerprint

@@ -1,1 +1,0 @@
-"""One sheet on several processes, using torch.distributed."""

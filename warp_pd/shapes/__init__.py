@@ -1,0 +1,1 @@
+"""Sheets from outlines, clouds, curved surfaces and files."""

@@ -1,0 +1,160 @@
+"""One level (lattice) of the search for static equilibrium: unbalanced force, trial steps, stiffness products."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError
+from ..device.fields import Array, assign, on_cpu
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, Tangent
+from ..interfaces.context import Context
+from ..interfaces.part import StaticContact
+from ..kernels.statics.equilibrium import equilibrium
+from .load_scale import LoadScale
+
+OWNER = "Newton"
+# By precision: unbalanced force over what moves a stressed sheet, in equilibrium; and over loads and reactions, below
+# which round-off hides it.
+ACCURACY, ROUND_OFF = {64: 1e-5, 32: 1e-3}, {64: 1e-12, 32: 1e-5}
+
+
+class Level:
+    """The sheet, or a coarser lattice over it, with the stages "evaluate", "advance", "linearise", "product".
+
+    Attributes:
+        context: Arrays and stages of this sheet.
+        tangent: Tangent of its internal force.
+        following: Loads that depend on the displacement, without contact.
+        contacts: Bodies that touch the sheet.
+        displacement: Displacement at which the residual is evaluated [m], (N,) vec3.
+        base: Last accepted displacement [m].
+        direction: Newton's step [m].
+        residual: Unbalanced force on free components [N].
+        scale: Loads and reactions.
+        vector: Input of the product.
+        image: Output of the product.
+    """
+
+    def __init__(
+        self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
+        contacts: Sequence[StaticContact] = (), tolerance: float | None = None,
+    ) -> None:  # fmt: skip
+        """Allocate the vectors and add all stages but "evaluate"; a coarse lattice has no `tolerance`."""
+        self.context, self.law, self.tangent = context, law, tangent
+        self.following = [load for load in following if load.at_rest is None]
+        self.contacts = contacts
+        t, n = context.types, context.sheet.size
+        self.displacement = context.state.displacement
+        self.kernels = equilibrium(t.bits, context.features.held)
+        self.base = context.array("base", OWNER, t.vec3, shape=n)
+        self.direction = context.array("newton_step", OWNER, t.vec3, shape=n)
+        self.residual = context.array("unbalanced", OWNER, t.vec3, shape=n)
+        self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
+        fine, accuracy = tolerance is not None, ACCURACY[t.bits]
+        self.scale = LoadScale(context, OWNER, tolerance or accuracy, accuracy, ROUND_OFF[t.bits], stressed=fine)
+        self.vector = context.array("vector", OWNER, t.vec3, shape=n, halo=True)
+        self.image = context.array("image", OWNER, t.vec3, shape=n)
+        self._tension = context.array("tension", OWNER, t.real, shape=1, per="once")
+        self._step_length = context.array("step_length", OWNER, t.real, shape=1, per="once")
+        context.stage("advance", "every trial step of Newton").launch(
+            OWNER, self.kernels.advance, n,
+            base=self.base, direction=self.direction, step_length=self._step_length, displacement=self.displacement,
+        )  # fmt: skip
+        linearise = context.stage("linearise", "every tangent of Newton")
+        tangent.add_linearise(linearise, self.displacement, self._tension)
+        for contact in self.contacts:
+            contact.add_blocks(linearise, self.displacement)
+        self._longest: Array | None = None
+        self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return self.context.sheet.size
+
+    @property
+    def held(self) -> np.ndarray:
+        """Mask of held components, shape (N, 3)."""
+        return np.asarray((self.context.held[:, None] >> np.arange(3)) & 1 == 1)
+
+    def add_turning(self) -> None:
+        """Add the stage that finds the longest step, which only the finest level takes."""
+        stage = self.context.stage("turning", "every step of Newton")
+        self._longest = self.tangent.add_turning(stage, self.direction)
+
+    def add_residual(self, stage: Stage, dead: Array | None) -> None:
+        """Add the residual to the stage "evaluate", after the launches of internal and external force.
+
+        `dead` are the dead loads [N] if there are also displacement-dependent loads, otherwise None.
+        """
+        self.scale.add(stage, dead, self.residual, self._squared)
+
+    def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
+        """Add the launches of image = K vector, both (N,) vec3, with zero in held components.
+
+        `following`: whether K includes displacement-dependent loads.
+        """
+        self.tangent.add_product(stage, vector, image)
+        for contact in self.contacts:
+            kernel = self.kernels.add_blocks
+            stage.launch(OWNER, kernel, self.points, blocks=contact.blocks, direction=vector, change=image)
+        if following:
+            for load in self.following:
+                if not load.add_tangent(stage, self.displacement, vector, image):
+                    raise InputError(
+                        f"{load.label}: Newton needs the tangent of a load that depends on the displacement, and "
+                        "this one has none: expected the solver Explicit or Relaxation"
+                    )
+        stage.launch(OWNER, self.kernels.hold, self.points, held_mask=self.context.state.held_mask, change=image)
+
+    # What the host asks for ----------------------------------------------------------------------------
+
+    def run(self, stage: str) -> None:
+        """Run a stage now, or add its launches to the graph that is being captured."""
+        context = self.context
+        context.run(stage) if context.device.is_capturing else context.sequence(stage).run()
+
+    def evaluate(self) -> tuple[float, float]:
+        """Norms of the unbalanced force and of loads and reactions [N] at `displacement`."""
+        self.run("evaluate")
+        return float(np.sqrt(dot(self.residual, self.residual))), self.scale.size(total)
+
+    def linearise(self, tension: float) -> None:
+        """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
+        assign(self._tension, np.array([tension]))
+        self.run("linearise")
+
+    def contact_stiffness(self) -> np.ndarray | None:
+        """Stiffness of contact at the last tangent [N/m], shape (N, 3, 3); None without contact."""
+        blocks = [contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
+        return -np.sum(blocks, axis=0) if blocks else None
+
+    def longest_step(self) -> float:
+        """Fraction of the direction at which the first family turns inside out; infinite if families may."""
+        if self._longest is None:
+            return math.inf
+        self.run("turning")
+        return float(self._longest.numpy().min())
+
+    def step_to(self, step_length: float) -> None:
+        """Set displacement = base + step length x direction."""
+        assign(self._step_length, np.array([step_length]))
+        self.run("advance")
+
+
+def dot(a: Array, b: Array) -> float:
+    """Scalar product of two (N,) vec3 arrays."""
+    if on_cpu(a):
+        # Not by BLAS: its idle threads would keep spinning on the cores that the kernels need.
+        return float(np.einsum("ic,ic->", a.numpy(), b.numpy(), dtype=np.float64))
+    return float(np.asarray(wp.utils.array_inner(a, b)))
+
+
+def total(a: Array) -> float:
+    """Sum of a scalar array."""
+    return float(a.numpy().sum()) if on_cpu(a) else float(np.asarray(wp.utils.array_sum(a)))

@@ -1,0 +1,242 @@
+"""Coarser lattices over the same rectangle, for initial guesses and as a multigrid preconditioner.
+
+The coarse sheets have the same law, with plain weights and the same horizon in spacings, so no matrix is assembled:
+every level is linearised at the displacement of the finest one. Solving on coarse levels first gives Newton's method a
+good start. A V-cycle, smoothed by block Jacobi and solved directly on the coarsest level, makes the number of
+iterations independent of the number of points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.fields import Array, assign
+from ..geometry.sheet import Sheet
+from ..geometry.triangulation import Lattice
+from ..interfaces import BuiltLaw, Solve, System
+from ..interfaces.context import Context, Features, State
+from ..kernels.loads import begin_loads
+from ..kernels.statics.equilibrium import lattice_transfer
+from .level import OWNER, Level
+from .smoother import SWEEPS, Smoother
+
+# The coarsest lattice has at most this many points, and every lattice this many along each side.
+MAX_COARSEST = 300
+MIN_SIDE = 7
+MIN_HORIZON = 1.5
+
+
+class Hierarchy:
+    """Levels of one sheet, finest first, and the V-cycle between them.
+
+    Attributes:
+        levels: The levels.
+        lattices: Their lattices.
+    """
+
+    def __init__(self, finest: Level, system: System) -> None:
+        """Build the coarser levels of an uncut rectangle, whose law and loads can be built on coarser lattices."""
+        context = finest.context
+        sheet = context.sheet
+        assert sheet.lattice is not None
+        self.levels, self.lattices = [finest], [sheet.lattice]
+        # Dead loads [N], restricted from the finest level.
+        self._dead_loads: list[Array | None] = [None]
+        self._dead: Array | None = None
+        coarser_lattices = coarser(sheet.lattice)
+        if context.features.loaded and coarser_lattices:
+            self._dead = context.array("dead_loads", OWNER, context.types.vec3, shape=sheet.size)
+            stage = context.stage("dead loads", "every load step, for the coarser lattices")
+            system.external.add_dead(stage, self._dead)
+        for depth, lattice in enumerate(coarser_lattices, 1):
+            self._add_coarser(finest, system, depth, lattice)
+        self._smoothers = [Smoother(level) for level in self.levels]
+        for fine in range(len(self.levels) - 1):
+            self._add_transfer(fine)
+        self._sparse = self.levels[-1].tangent.sparse()
+        self._coarsest: Solve | None = None
+
+    def _add_coarser(self, finest: Level, system: System, depth: int, lattice: Lattice) -> None:
+        context = coarse_context(finest.context, depth, lattice, self.lattices[0])
+        law = coarse_law(finest.law, context, lattice)
+        following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
+        level = Level(context, law, law.tangent(context, True), following)
+        stage, state = context.stage("evaluate", "every residual of Newton"), context.state
+        law.add_force(stage, state.displacement, state.force)
+        dead: Array | None = None
+        if state.external is not None:
+            dead = context.array("dead_loads", OWNER, context.types.vec3, shape=level.points)
+            begin = begin_loads(context.bits, True)
+            stage.pointwise(OWNER, begin, level.points, constant=dead, external=state.external)
+            for load in following:
+                load.add_force(stage, state.displacement, state.external)
+        level.add_residual(stage, None if system.external.keep_dead_apart() is None else dead)
+        self._dead_loads.append(dead)
+        self.levels.append(level)
+        self.lattices.append(lattice)
+
+    def set_loads(self, index: int) -> None:
+        """Restrict the current dead loads of the finest lattice to a coarser one."""
+        loads = self._dead_loads[index]
+        if loads is not None and self._dead is not None:
+            self.levels[0].run("dead loads")
+            dead = self._dead.numpy().astype(np.float64)
+            assign(loads, restrict_loads(dead, self.lattices[0], self.lattices[index]))
+
+    def _add_transfer(self, index: int) -> None:
+        fine, coarse = self.levels[index], self.levels[index + 1]
+        a, b = self.lattices[index], self.lattices[index + 1]
+        context = fine.context
+        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held)
+        smoother, below = self._smoothers[index], self._smoothers[index + 1]
+        down = context.stage("down", "every V-cycle, downwards")
+        smoother.add_down(down)
+        down.launch(
+            OWNER, restrict, coarse.points,
+            right_side=smoother.right_side, image=fine.image, columns=a.columns, rows=a.rows, coarse_columns=b.columns,
+            coarse_rows=b.rows, held_mask=coarse.context.state.held_mask, coarse=below.right_side,
+        )  # fmt: skip
+        up = context.stage("up", "every V-cycle, upwards")
+        up.launch(
+            OWNER, interpolate, fine.points,
+            source=below.solution, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
+            held_mask=context.state.held_mask, target=smoother.solution,
+        )  # fmt: skip
+        smoother.add_up(up)
+        context.stage("start from coarser", "every load step").launch(
+            OWNER, smoothly, fine.points,
+            source=coarse.displacement, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
+            target=fine.displacement,
+        )  # fmt: skip
+        context.stage("sample", "every load step and tangent, for the coarser lattice").launch(
+            OWNER, smoothly, coarse.points,
+            source=fine.displacement, source_columns=a.columns, source_rows=a.rows, columns=b.columns, rows=b.rows,
+            target=coarse.displacement,
+        )  # fmt: skip
+
+    def linearise(self, finest: int, tension: float) -> None:
+        """Compute the tangents of `finest` and all coarser levels at its displacement, and set up the smoothers.
+
+        Where a sheet is slack on a coarser level but not on the finest, the V-cycle would take far too long a step. So
+        coarser levels of a material that goes slack get the mean tension of the sheet in addition.
+        """
+        self.levels[finest].linearise(tension)
+        last = len(self.levels) - 1
+        for index in range(finest, last):
+            self.levels[index].run("sample")
+        if finest < last and self.levels[last].law.goes_slack:
+            self.levels[last].linearise(tension)
+            tension = max(tension, self.levels[last].tangent.mean_tension())
+        for level in self.levels[finest + 1 :]:
+            level.linearise(tension)
+        self._coarsest = self._sparse.factorise()
+        if finest < len(self.levels) - 1:
+            # Common to all levels: measured on a small one.
+            largest = self._smoothers[-2].largest_eigenvalue()
+            for smoother in self._smoothers:
+                smoother.tune(largest)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the coarsest tangent could be factorised."""
+        return self._coarsest is not None
+
+    def prepare(self, keep: bool = False) -> bool:
+        """Return whether the levels are usable; `linearise` has set them up, so there is nothing to keep."""
+        return self.usable
+
+    def sides(self, index: int) -> tuple[Array, Array]:
+        """Right-hand side and solution of the V-cycle that starts at a level, (N,) vec3."""
+        return self._smoothers[index].right_side, self._smoothers[index].solution
+
+    def cycle(self, finest: int) -> None:
+        """Run one V-cycle that starts at the level `finest`."""
+        last = len(self.levels) - 1
+        for index in range(finest, last):
+            self.levels[index].run("down")
+        side, solution = self.sides(last)
+        assert self._coarsest is not None
+        assign(solution, self._coarsest(side.numpy().astype(np.float64)))
+        for index in reversed(range(finest, last)):
+            self.levels[index].run("up")
+
+    def products_per_cycle(self, finest: int) -> int:
+        """Number of stiffness products of one V-cycle on its finest level."""
+        return 2 * SWEEPS if finest < len(self.levels) - 1 else 0
+
+    def sample(self) -> None:
+        """Interpolate the displacement of the finest level to all coarser ones."""
+        for level in self.levels[:-1]:
+            level.run("sample")
+
+    def start(self, index: int) -> None:
+        """Interpolate the displacement of the next coarser level to level `index`."""
+        self.levels[index].run("start from coarser")
+
+
+def coarser(lattice: Lattice) -> list[Lattice]:
+    """Lattices over the same rectangle, each with half as many spacings as the one before."""
+    result = []
+    while lattice.columns * lattice.rows > MAX_COARSEST:
+        columns, rows = lattice.columns // 2 + 1, lattice.rows // 2 + 1
+        if min(columns, rows) < MIN_SIDE:
+            break
+        width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
+        lattice = Lattice(columns, rows, width / (columns - 1), height / (rows - 1))
+        result.append(lattice)
+    return result
+
+
+def coarse_points(lattice: Lattice, finest: Lattice) -> np.ndarray:
+    """The point of the finest lattice nearest to each point of a coarser one."""
+    columns = np.round(np.arange(lattice.columns) * (finest.columns - 1) / (lattice.columns - 1)).astype(int)
+    rows = np.round(np.arange(lattice.rows) * (finest.rows - 1) / (lattice.rows - 1)).astype(int)
+    return np.asarray((columns[None, :] + rows[:, None] * finest.columns).ravel())
+
+
+def restrict_loads(forces: np.ndarray, finest: Lattice, lattice: Lattice) -> np.ndarray:
+    """Work-equivalent forces on the points of a coarser lattice [N], shape (N, 3)."""
+    along_x, along_y = _hats(finest.columns, lattice.columns), _hats(finest.rows, lattice.rows)
+    grid = forces.reshape(finest.rows, finest.columns, 3)
+    return np.asarray(np.einsum("Yy,yxc,Xx->YXc", along_y, grid, along_x, optimize=True).reshape(-1, 3))
+
+
+def _hats(fine: int, coarse: int) -> np.ndarray:
+    """Weights of linear interpolation, shape (coarse, fine)."""
+    place = np.arange(fine) * (coarse - 1) / (fine - 1)
+    return np.maximum(0.0, 1.0 - np.abs(place[None, :] - np.arange(coarse)[:, None]))
+
+
+def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Lattice) -> Context:
+    """Context of a coarser lattice over the same rectangle, with the state needed for equilibrium."""
+    sheet = context.sheet
+    width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
+    near = coarse_points(lattice, finest)
+    solid = sheet.at_points(lambda values: values[near])
+    coarse = Sheet.rectangle(
+        width, height, thickness=solid["thickness"], density=solid["density"], points=(lattice.columns, lattice.rows)
+    )
+    held = context.held[near]
+    features = Features(held=bool(held.any()), loaded=context.features.loaded)
+    made = context.on(coarse, f"lattice {depth} ", features, held)
+    vec3, n = made.types.vec3, coarse.size
+    # A coarser lattice is only ever in equilibrium: no point of it has a velocity or a mass.
+    nothing = wp.zeros(0, dtype=vec3, device=made.device)
+    made.state = State(
+        displacement=made.array("displacement", OWNER, vec3, shape=n),
+        velocity=nothing,
+        force=made.array("force", OWNER, vec3, shape=n),
+        mass=nothing,
+        external=made.array("external", OWNER, vec3, shape=n) if features.loaded else None,
+        held_mask=made.array("held", OWNER, wp.uint8, held) if features.held else None,
+    )
+    return made
+
+
+def coarse_law(law: BuiltLaw, context: Context, lattice: Lattice) -> BuiltLaw:
+    """The law on a coarser lattice, with a horizon that includes at least diagonal neighbours."""
+    ratio = max(MIN_HORIZON, 1.001 * float(np.hypot(lattice.dx, lattice.dy)) / context.sheet.spacing)
+    found = law.on_coarser(context, ratio)
+    assert found is not None
+    return found

@@ -1,0 +1,365 @@
+"""Static equilibrium by adaptive dynamic relaxation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import below_one, count, positive
+from ..device.fields import Array, assign
+from ..device.launches import Stage
+from ..device.schedules import Schedule, proportional
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
+from ..interfaces.context import Context
+from ..interfaces.phases import STEP, Phase
+from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
+from ..kernels.statics.adaptive_damping import adaptive_damping
+from ..solvers.integrator import add_motion, join_steps
+from ..solvers.retries import Snapshot
+from ..solvers.stable_step import StableStep
+from .load_scale import LoadScale
+from .static_rounds import MIN_LOAD, StaticRounds
+
+OWNER = "Relaxation"
+CHECK_EVERY = 50
+# Density and step follow the stiffness this often, and more often while the load rises.
+STEPS_BETWEEN = 300
+FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
+# Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
+STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
+# Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.
+STIFFNESS = 0.5
+# Unbalanced force over what moves a stressed sheet in equilibrium; and the way that it may still have to go over that
+# from the start, which counts as none below so many units of round-off.
+ACCURACY, ROUNDED = 1e-4, 10.0
+EPSILON = {64: 2.0**-52, 32: 2.0**-23}
+# A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
+# stretches that far.
+FARTHEST = 100.0
+NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """Static equilibrium by adaptive dynamic relaxation, with a fictitious density and adaptive damping.
+
+    The fictitious density of a point is the row sum of the stiffness (HE eqs. 86 to 93,
+    kernels/statics/relaxation.py), so stiff and soft points converge at the same rate. The damping of every step is
+    critical by the Rayleigh quotient (HE eqs. 94 to 97, with the tangent along the motion instead of a diagonal). HE
+    use a unit step, which is stable by Gershgorin's bound; here the largest frequency is estimated, which allows a
+    step almost four times as long (docs/solvers.md), except for bimodular bonds, which need the bound. The true mass
+    is used instead for laws without a tangent, materials without `response`, and sheets with rigid
+    inclusions, whose bodies have true masses.
+
+    With a rupture criterion every load step relaxes, breaks the bonds that exceed the criterion, and repeats until none
+    break.
+
+    Schedules are evaluated at a load time from 0 to `duration`. Every load step is ramped over `ramp_steps` steps and
+    then held constant.
+
+    Attributes:
+        tolerance: Norm of the unbalanced force divided by the norm of loads and reactions at which equilibrium is
+            accepted; by default 1e-6 in float64 and 1e-4 in float32, which is limited by round-off.
+        load_steps: Number of equal load steps, each brought to equilibrium and recorded as a frame.
+        ramp_steps: Number of steps over which a load step is applied; increase it if the residual becomes infinite, for
+            example with a prescribed volume.
+        most_steps: Number of steps after which the run stops with status "not converged" and the last good load step.
+        safety: Step divided by the estimated stable step.
+        retries: How many times a load step whose residual becomes infinite, or in which points fly off, is computed
+            again, with half the step then and later. After a tear what is torn off may fly: the run stops.
+    """
+
+    tolerance: float | None = None
+    load_steps: int = 1
+    ramp_steps: int = 1
+    most_steps: int = 200_000
+    safety: float = 0.9
+    retries: int = 5
+    duration: float = 1.0
+    precision: int = 64
+
+    dynamic: ClassVar[bool] = False
+    steps_explicitly: ClassVar[bool] = True
+    equal_frames: ClassVar[bool] = False
+    # Set anew in every step.
+    mass_damping: ClassVar[float | None] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None:
+            below_one("tolerance", self.tolerance)
+        positive("duration", self.duration)
+        positive("safety", self.safety)
+        for name in ("load_steps", "ramp_steps", "most_steps"):
+            count(name, getattr(self, name), 1)
+        count("retries", self.retries, 0)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames after the first, one per load step."""
+        return self.load_steps
+
+    @property
+    def default_ramp(self) -> Schedule:
+        """Loads without a schedule are proportional to the load factor."""
+        return proportional(self.duration)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
+        """Build the solver on a device."""
+        return BuiltRelaxation(self, context, law)
+
+
+class BuiltRelaxation(BuiltSolver):
+    """Dynamic relaxation on a device."""
+
+    label = "solver = Relaxation"
+    divides = True
+    system: System
+    stable_step: StableStep
+    rounds: StaticRounds
+
+    def __init__(self, solver: Relaxation, context: Context, law: BuiltLaw) -> None:
+        self.solver, self.context, self.law = solver, context, law
+        n, types = context.sheet.size, context.types
+        self._sums = context.array("motion_sums", OWNER, wp.float64, shape=(2, context.own_blocks), per="block")
+        self._previous = context.array("previous_force", OWNER, types.vec3, shape=n, restart=True)
+        self._unbalanced = context.array("unbalanced", OWNER, types.vec3, shape=n)
+        self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
+        self._inertia: Array | None = None
+        self._dt, self._halvings = 0.0, 0
+        # Squared loads and reactions of a state in equilibrium.
+        self._largest = 0.0
+        self.tolerance = solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
+        self._scale = LoadScale(context, OWNER, self.tolerance, ACCURACY)
+        # Displacement at the last checks of a stressed sheet [m], and how far it moved between them.
+        self._before: np.ndarray | None = None
+        self._moved = math.inf
+        # Whether loads were lost in the round-off of its stress.
+        self._hidden = False
+        # Why the last load step has no equilibrium, and how far points may move in it [m].
+        self._lost, self._farthest = "", math.inf
+        # Steps of this run, and entries of the report, one per load step.
+        self._done = 0
+        self._entries: list[dict[str, Any]] = []
+
+    def inertia(self) -> Array:
+        """The fictitious mass, or the true mass if there is none; adds the stage that updates it."""
+        if self._inertia is None:
+            stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
+            found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)
+            self._inertia = self.context.state.mass if found is None else found
+        return self._inertia
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add drift, kick, and the damping of the step."""
+        context, state = self.context, self.context.state
+        add_motion(phase, stage, context, self.inertia())
+        if phase is Phase.DAMPING:
+            following = bool(self.system.external.following)
+            measure_motion, set_damping = adaptive_damping(context.bits, following)
+            arrays = {
+                "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
+                "external": state.external, "previous": self._previous,
+            }  # fmt: skip
+            context.launch_on_blocks(stage, OWNER, measure_motion, arrays, {"sums": self._sums}, ["previous"])
+            sums = context.few_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
+            stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
+
+    def prepare(self, system: System) -> None:
+        """Compose the step, the residual and the stable step."""
+        self.system, context = system, self.context
+        system.refuse_phases("Relaxation", NOT_DONE)
+        dead = system.external.keep_dead_apart()
+        step = context.stage("step", "every step")
+        system.add(STEPPED, step)
+        join_steps(step)
+        self.rounds = StaticRounds(system)
+        self.stable_step = StableStep(system, self.inertia())
+        self._snapshot = Snapshot(context, OWNER, step)
+        stage = context.stage("residual", f"every {CHECK_EVERY} steps of relaxation")
+        self._scale.add(stage, dead, self._unbalanced, self._squared)
+
+    def run(self, sink: FrameSink) -> str:
+        """Bring every load step to equilibrium and record it as a frame; return the final status."""
+        load_steps, duration = self.solver.load_steps, self.solver.duration
+        # A resumed run also reports the earlier load steps, but counts most_steps anew.
+        earlier = sink.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
+        begin, self._entries, self._done = perf_counter() - earlier["seconds"], list(earlier["load_steps"]), 0
+        self._set_contact_stiffness()
+        self._scale.begin()
+        for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
+            before = self._done
+            self._snapshot.keep()
+            converged = self._load_step(index, sink)
+            while self._diverged() and self._halvings < self.solver.retries:
+                self._entries.pop()
+                self._snapshot.restore()
+                self._halvings += 1
+                sink.repeat()
+                converged = self._load_step(index, sink)
+            sink.residual = self._entries[-1]["residuals"][-1]
+            sink.solve = {
+                "solver": "Relaxation",
+                "iterations": earlier["iterations"] + self._done,
+                "rounds": sum(entry["rounds"] for entry in self._entries),
+                "residuals": [r for entry in self._entries for r in entry["residuals"]],
+                "reached": (index if converged else index - 1) / load_steps,
+                "seconds": perf_counter() - begin,
+                "load_steps": self._entries,
+                "lost": self._lost,
+            }
+            if not converged and (index > 1 or self._lost):
+                self._snapshot.restore()
+                sink.steps += self._entries[-1]["steps"]
+            else:
+                # The first load step has no good one before it: its last state says more than the start, and is
+                # where --resume goes on.
+                time = duration * index / load_steps if converged else 0.0
+                sink.frame(sink.frame_index + 1, time, self._done - before, self._dt)
+            if not converged:
+                return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
+        return FINISHED
+
+    def _diverged(self) -> bool:
+        """Whether the last load step ended with an infinite residual, or a point flew off without a tear."""
+        entry = self._entries[-1]
+        return not math.isfinite(entry["residuals"][-1]) or bool(self._lost and not entry["rounds"])
+
+    def _load_step(self, index: int, sink: FrameSink) -> bool:
+        """Apply a load step, alternating relaxation and rounds; return whether it reached a final equilibrium."""
+        solver, rounds = self.solver, self.rounds
+        end = index / solver.load_steps
+        entry: dict[str, Any] = {"share": end, "steps": self._done, "rounds": 0, "residuals": []}
+        self._entries.append(entry)
+        self._lost = ""
+        duration, count = solver.duration, solver.load_steps
+        self.system.set_clock(duration / (count * solver.ramp_steps), duration * index / count)
+        prescribed = float(np.abs(self.system.prescribed(duration * end)).max())
+        self._farthest = prescribed + FARTHEST * float(self.context.whole.extent.max())
+        converged = self._relax(entry, sink, self.tolerance, solver.ramp_steps)
+        while converged and (then := rounds.following(entry, entry["residuals"][-1], self.tolerance)) is not None:
+            converged = self._relax(entry, sink, then.tolerance, 0, then.title) and not rounds.runs_through(entry)
+        converged = converged and not rounds.passed()
+        entry.update(steps=self._done - entry["steps"], converged=converged)
+        return converged
+
+    def _relax(
+        self, entry: dict[str, Any], sink: FrameSink, tolerance: float, ramp_steps: int, title: str = ""
+    ) -> bool:
+        """Take steps until the residual is small, checking it at least once; return whether it became small."""
+        start, ten, measure = self._done, self.context.sequence("step", repeat=10), self.context.sequence("residual")
+        while self._done == start or self._done < self.solver.most_steps:
+            since = self._done - start
+            if since % STEPS_BETWEEN == 0 and self._flies():
+                return False
+            if since % STEPS_BETWEEN == 0 or since < ramp_steps:
+                sink.stable_dt = self._set_step()
+            for _ in range(CHECK_EVERY // 10):
+                ten.run()
+            self._done += CHECK_EVERY
+            measure.run()
+            residual = self._residual()
+            if self._scale.initial is not None and residual > tolerance and self._rests():
+                residual = min(residual, max(tolerance, self._residual(against_all=True)))
+            entry["residuals"].append(residual)
+            sink.progress(self._done, residual, tolerance, title)
+            if not math.isfinite(residual):
+                return False
+            if residual <= tolerance and self._done - start >= ramp_steps:
+                self._largest = max(self._largest, self.context.total(self._scale.reaction))
+                return True
+        return False
+
+    def _flies(self) -> bool:
+        """Whether a point is too far from its place for any equilibrium; then says why in `_lost`."""
+        context = self.context
+        moved = np.abs(context.own(context.state.displacement).numpy()).max(axis=1)
+        if context.communicator.any(bool(moved.max() > self._farthest)):
+            self._lost = (
+                f"a point has moved more than {FARTHEST:g} times the size of the sheet, as a piece does that has torn "
+                "off: try more load_steps, prescribe the displacement (Motion) instead of the load, or follow the tear "
+                "with Explicit and damping"
+            )
+        return bool(self._lost)
+
+    def _set_step(self) -> float:
+        """Update the fictitious mass and the step; return the stable step [s]."""
+        self.context.sequence("fictitious mass").run()
+        omega = self.stable_step.omega(FIRST_ITERATIONS if self._dt == 0.0 else LATER_ITERATIONS)
+        if self._inertia is not self.context.state.mass:
+            # What is slack now may be taut a step later, and the step of the slack sheet then too long.
+            omega = max(omega, self.law.slack_frequency or 0.0)
+        stable = 2.0 / omega if omega > 0.0 else math.inf
+        self._dt = math.ldexp(self.solver.safety * stable if omega > 0.0 else 1.0, -self._halvings)
+        assert self.context.state.step is not None
+        assign(self.context.state.step, np.array([self._dt]))
+        return stable
+
+    def _set_contact_stiffness(self) -> None:
+        """Give contact a stiffness that the step allows."""
+        if self.rounds.contacts:
+            self._set_step()
+            areas = self.context.sheet.areas
+            stiffness = STIFFNESS * float(np.mean(self.inertia().numpy() / areas)) / self._dt**2
+            for contact in self.rounds.contacts:
+                contact.set_stiffness(stiffness)
+
+    def _residual(self, against_all: bool = False) -> float:
+        """Unbalanced force divided by loads and reactions, from the last run of the stage "residual".
+
+        Those of a stressed sheet are as `LoadScale.size`, or, with `against_all`, include the reactions of its stress.
+        """
+        total = self.context.total
+        unbalanced, reaction = total(self._squared), total(self._scale.reaction)
+        if self._scale.initial is not None and not against_all:
+            reaction = self._scale.size(total) ** 2
+        else:
+            reaction = max(reaction, MIN_LOAD**2 * self._largest)
+        if unbalanced == 0.0:
+            return 0.0
+        return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
+
+    def _rests(self) -> bool:
+        """Whether a stressed sheet has come to rest: it will move no further by more than ACCURACY of its way.
+
+        Round-off can hide a load in the unbalanced force of a stressed sheet, but not in the way that the sheet moves.
+        """
+        context = self.context
+        here = context.state.displacement.numpy().astype(np.float64)
+        start = context.initial_displacement
+        before, self._before = self._before, here
+        last, self._moved = self._moved, math.inf if before is None else float(np.linalg.norm(here - before))
+        way, round_off = float(np.linalg.norm(here - start)), ROUNDED * EPSILON[context.bits] * np.linalg.norm(here)
+        shrinking = self._moved / last if 0.0 < last < math.inf else 1.0
+        ahead = self._moved * shrinking / (1.0 - shrinking) if shrinking < 1.0 else math.inf
+        hidden = not context.communicator.any(bool(way > round_off))
+        rests = hidden or not context.communicator.any(bool(ahead > ACCURACY * way))
+        self._hidden = self._hidden or (hidden and context.features.loaded)
+        return rests
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Notes on tears that ran through, and on loads that round-off hides."""
+        notes = self.rounds.notes()
+        if self._hidden:
+            notes.append(
+                f"precision = {self.context.bits}: the loads move the sheet less than the round-off of its stress; its "
+                "displacement may be wrong; expected 64, or the solver Newton"
+            )
+        return notes
+
+    def host_state(self) -> dict[str, Any]:
+        """The step, the largest load, the halvings of the step, and the number of estimates."""
+        return {
+            "dt": self._dt, "largest": self._largest, "halvings": self._halvings,
+            "estimates": self.stable_step.host_state(),
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore the result of `host_state`."""
+        self._dt, self._largest, self._halvings = state["dt"], state["largest"], state["halvings"]
+        self.stable_step.restore(state["estimates"])

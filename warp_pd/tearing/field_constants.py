@@ -1,0 +1,153 @@
+"""Length, strength and other constants of a damage field and of its sweeps, from the arguments of `TearingEnergy`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from ..device.checks import InputError
+
+# Energy density [J/m^3] at principal stretches.
+Density: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+# Default length divided by the spacing, and its minimum divided by the horizon; see docs/tearing.md.
+DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
+# Smallest length divided by the horizon; with a shorter length damage would not reach all families cut by a tear.
+MIN_LENGTH = 0.75
+# A tear takes 1 + BIAS[0] x + BIAS[1] x^2 times the tearing energy of the field, x = horizon / length, because families
+# average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing.md.
+BIAS = (0.12, 0.075)
+# Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
+REDUCED = 3.0
+
+
+def relaxations(sweeps: int) -> list[float]:
+    """Relaxation factors of sweeps: the square of a Chebyshev polynomial reduces the error.
+
+    The square keeps the sign of the error: overshoot would be irreversible damage. For a sheet of lower strength the
+    sweeps are (nonlinear) Newton steps, which approach from below without relaxation factors.
+    """
+    quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
+    found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
+    while len(found) < sweeps // 2:
+        found.append(1.0 / (1.0 - quarter * found[-1]))
+    return 2 * found[: sweeps // 2]
+
+
+def bias(ratio: float) -> float:
+    """Energy of a tear divided by the tearing energy of the field; `ratio`: horizon divided by length."""
+    return 1.0 + BIAS[0] * ratio + BIAS[1] * ratio**2
+
+
+class FieldConstants:
+    """Constants of a damage field, from the tearing energy and the length or strength of intact material.
+
+    Attributes:
+        resolved: Shortest length that the spacing resolves [m].
+        length: Length of the field [m].
+        bias: See `bias` [-].
+        units: Energy density of the field [J/m^3]: 3 Gc / (8 length), divided by `bias`; a number, or one value per
+            point of the whole sheet, (N,).
+        limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
+        largest_limit: The maximum [J/m^3].
+        steepness: -dg/dd at d = 0, see kernels/stiffness_left.py; 2 if the strength follows from the length.
+
+    Args:
+        energy: Tearing energy [J/m^2], a number or one value per point, (N,).
+        length: `TearingEnergy.length` [m], or None.
+        strength: `TearingEnergy.strength` [J/m^3], or None.
+        stretch_at_break: `TearingEnergy.stretch_at_break` [-], or None.
+        horizon: Horizon [m].
+        density: Energy density of the sheet [J/m^3] at principal stretches, see `BuiltLaw.energy_density`.
+        spacing: Spacing of the sheet [m].
+        extent: Diagonal of the sheet [m].
+        longest: Length that cuts near each other have room for [m].
+    """
+
+    def __init__(
+        self,
+        energy: float | np.ndarray,
+        length: float | None,
+        strength: float | None,
+        stretch_at_break: float | None,
+        horizon: float,
+        density: Density,
+        spacing: float,
+        extent: float,
+        longest: float = float("inf"),
+    ) -> None:
+        self._least_energy, self._horizon, self._spacing = float(np.min(energy)), horizon, spacing
+        self._strength = strength if stretch_at_break is None else energy_at_break(density, stretch_at_break)
+        self._given_length = length
+        self.resolved = max(min(DEFAULT_LENGTH * spacing, longest), LEAST_DEFAULT * self._horizon)
+        least = MIN_LENGTH * self._horizon
+        if length is not None and length < least:
+            raise InputError(
+                f"TearingEnergy.length = {length:g}: expected {least:.3g} m or more at a horizon of "
+                f"{self._horizon:.3g} m; {self.resolved:.3g} m is recommended"
+            )
+        self.length = max(self.wanted_length() or 0.0, self.resolved) if length is None else length
+        if self.length > extent:
+            raise InputError(
+                f"TearingEnergy: its length is {self.length:.3g} m; expected a length shorter than the sheet, "
+                f"{extent:.3g} m, or a higher strength"
+            )
+        self.bias = bias(self._horizon / self.length)
+        self.units = 3.0 * energy / (8.0 * self.length * self.bias)
+        unit = float(np.min(self.units))
+        self.limit = 0.5 * unit
+        if length is not None and self._strength is not None:
+            if self._strength > self.limit:
+                raise InputError(
+                    f"TearingEnergy.strength = {self._strength:.4g} J/m^3 at a length of {length:.3g} m: expected at "
+                    f"most {self.limit:.4g} J/m^3, or a shorter length"
+                )
+            self.limit = self._strength
+        self.steepness = unit / self.limit
+        self.largest_limit = self.limit * float(np.max(self.units)) / unit
+
+    def softened(self, damage: np.ndarray) -> np.ndarray:
+        """1 - sqrt(g) for an array of damage, see kernels/tearing/damage_field.py."""
+        part = self.steepness * damage * (1.0 + min(1.0, 1.5 * (self.steepness - 2.0) - 0.5) * damage)
+        return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
+
+    def wanted_length(self) -> float | None:
+        """Length that follows from the strength [m]; None without a strength, or if a length is given."""
+        if self._strength is None or self._given_length is not None:
+            return None
+        # length * bias(length) = 3 Gc / (16 strength)
+        whole = 3.0 * self._least_energy / (16.0 * self._strength) - BIAS[0] * self._horizon
+        # A power overflows with an error of Python, a product does not.
+        return 0.5 * (whole + float(np.sqrt(max(whole * whole - 4.0 * BIAS[1] * self._horizon**2, 0.0))))
+
+    def resolving_length(self) -> float:
+        """Length that follows from the strength [m] on a sheet whose spacing just resolves that length."""
+        strength = self._strength or self.limit
+        return 3.0 * self._least_energy / (16.0 * strength * bias(self._horizon / self.resolved))
+
+    def notes(self) -> list[str]:
+        """Notes on the length and strength in use."""
+        upto = f" to {0.5 * self.units.max():.4g}" if isinstance(self.units, np.ndarray) else ""
+        chosen = self._strength is not None or self._given_length is not None
+        hint = "" if chosen else " (chosen from the spacing; strength=, stretch_at_break= or length= sets it)"
+        said = [
+            f"the damage field of TearingEnergy has a length of {self.length:.4g} m: intact material begins to tear at "
+            f"{self.limit:.4g}{upto} J/m^3{hint}"
+        ]
+        wanted = self.wanted_length()
+        if wanted is not None and wanted < self.resolved:
+            needed = self.resolving_length()
+            said.append(
+                f"the strength needs a length of {needed:.3g} m, which needs a spacing of "
+                f"{self._spacing * needed / self.resolved:.3g} m: intact material is weaker than specified, cracks are "
+                f"not affected"
+            )
+        return said
+
+
+def energy_at_break(density: Density, stretch: float) -> float:
+    """Energy density at a uniaxial stretch [J/m^3]: the minimum over the transverse stretch."""
+    widths = np.geomspace(1.0 / stretch, 1.0, 2000)
+    return float(np.nanmin(density(np.full_like(widths, stretch), widths)))

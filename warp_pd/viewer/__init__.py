@@ -1,0 +1,1 @@
+"""What is looked at: the page of a run, pictures, plots."""

@@ -1,0 +1,1 @@
+"""Viscoelastic rubber: Prony series and Maxwell branches."""

@@ -1,0 +1,221 @@
+"""Bond-associated visco-hyperelasticity: Prony terms on the stress of each intersection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, said
+from ..device.fields import Array, to_host
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
+from ..kernels.factories import FunctionFactory
+from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
+from ..kernels.visco.visco import prony_response, visco_energy
+from ..laws.bond_associated import BondAssociated, BondAssociatedForce
+from ..laws.family_law import FamilyLaw
+from ..laws.force_paths import Reference, RowSums
+from ..materials import Maxwell, Prony, capabilities
+from .prony import at_once, prony_array, store_terms
+
+
+@dataclass(frozen=True)
+class Visco(BondAssociated):
+    """Bond-associated visco-hyperelasticity in plane stress; the undeformed sheet is stress-free.
+
+    With `branches` the material has Maxwell elements (kernels/visco/maxwell.py). They take every material, also a
+    TensionField, whose wrinkles relax elastic and viscous stresses together, and every rupture criterion. The elastic
+    energy alone drives a TearingEnergy (Shrimali and Lopez-Pamies, Extreme Mech. Lett. 58, 2023). The state has 4
+    numbers per bond and branch.
+
+    With `prony`, terms as in VE, the second Piola stress of every intersection is the material's (the long-term stress)
+    plus stresses that relax: S = S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous
+    stress is S_inf + sum_p S_p. See kernels/visco/visco.py, also for the stored and dissipated energy. The state has 4
+    numbers per bond, and 4 more per Prony term.
+
+    No motion can extract energy from either. When a bond breaks, the energy stored in its Prony terms counts as viscous
+    loss. The strain of the remaining bonds jumps, which the energy balance then does not include; with branches it
+    does.
+
+    Attributes:
+        material: Material of the long-term stress, such as Yeoh. Other arguments are those of BondAssociated.
+        prony: Relaxing terms (keyword only).
+        branches: Maxwell elements (keyword only); without these and `prony` the law is elastic.
+        fast: Whether to use fast kernels on a CPU, which combine force and relaxation of a step (keyword only); a GPU
+            has none.
+    """
+
+    prony: Sequence[Prony] = field(default=(), kw_only=True)
+    branches: Sequence[Maxwell] = field(default=(), kw_only=True)
+    fast: bool = field(default=True, kw_only=True)
+
+    has_tangent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        store_terms(self, "prony", Prony)
+        known = capabilities(self.material)
+        if self.prony and known.goes_slack:
+            raise InputError(
+                f"prony = {self.prony!r}: expected () with a TensionField material, which takes `branches` instead"
+            )
+        store_terms(self, "branches", Maxwell)
+        if self.branches and self.prony:
+            raise InputError(f"prony = {self.prony!r}: expected () with branches")
+        if self.branches and known.goes_slack and (known.resisting is None or known.response is None):
+            raise InputError(f"material = {said(self.material)}: expected a TensionField of a material with `response`")
+        if self.branches and known.slack_stiffness > 0.0:
+            raise InputError(f"slack_stiffness = {known.slack_stiffness:.6g}: expected 0 with branches")
+        if self.weights == "published":
+            raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Build the law. Raises InputError if the sheet or the weights do not allow the horizon."""
+        if self.branches:
+            return BranchedForce(self, context)
+        return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
+
+
+class ElasticVisco(BondAssociatedForce):
+    """Visco without Prony terms, with only those force paths that store the force of every pair in `pairs`."""
+
+    paths: ClassVar[Sequence[type[Reference]]] = (RowSums, Reference)
+
+    def bond_force(self) -> Array:
+        """Force of each family on its pairs [N], (members, N) vec3."""
+        return self.pairs
+
+    def tangent(self, context: Context, geometric: bool) -> Tangent:
+        """Raise InputError: the law has no tangent."""
+        return FamilyLaw.tangent(self, context, geometric)
+
+
+class ViscousForce(ElasticVisco):
+    """A viscous law on one sheet and device (base class).
+
+    Attributes:
+        path: Path of the kernel that fills `pairs` and advances the state.
+        terms: Constants of its terms or branches.
+        state: Internal variables, (rows * members, N).
+        viscous_work: What `response` sums [J], (N,) float64.
+        viscous: Energy that each family has dissipated [J], (N,) float64.
+    """
+
+    depends_on_time = True
+    takes_regions = False
+    path: Reference
+    terms: Array
+    state: Array
+    viscous: Array
+
+    def __init__(self, law: Visco, context: Context, terms: Array, response: FunctionFactory, rows: int) -> None:
+        super().__init__(law, context)
+        self.terms, self.response = terms, response
+        self.path = RowSums(self, response) if law.fast and RowSums.applies(self) else Reference(self, response)
+        self._advanced: Stage | None = None
+        shape, vec4 = (rows * self.families.members, self.points), context.types.parameters
+        self.state = context.array("viscous_state", self.owner, vec4, shape=shape, per="bond", restart=True)
+        self.viscous_work = context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True)
+        self._no_time = context.array("no_time", self.owner, context.types.real, np.zeros(1), per="table")
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; the state advances with the force."""
+        super().add(phase, stage)
+        if phase is Phase.INTERNAL_VARIABLES:
+            assert self.context.state.step is not None
+            self.add_pairs(stage, self.context.state.displacement, self.context.state.step, self.terms)
+            self._advanced = stage
+
+    def add_pairs(self, stage: Stage, displacement: Array, step: Array, terms: Array) -> None:
+        """Add the launch that advances the state by a step [s] and fills `pairs` with the forces at its end."""
+        given: dict[str, Any] = {
+            "step": step, "terms": terms, "damage": self.damage, "state": self.state, "viscous_work": self.viscous_work
+        }  # fmt: skip
+        self.path.add_pairs(stage, displacement, given)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        if self._advanced is not stage:
+            self.add_pairs(stage, displacement, self._no_time, self.terms)
+        self.add_gather(stage, self.pairs, out)
+
+    def lost_energy(self) -> Mapping[str, Array]:
+        """Viscous losses."""
+        return {"viscous": self.viscous}
+
+
+class ViscoForce(ViscousForce):
+    """The law with Prony terms on one sheet and device."""
+
+    takes_tension_field = False
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        response = prony_response(law.material.functions)
+        super().__init__(law, context, prony_array(law.prony, context), response, len(law.prony) + 1)
+        self.prony = law.prony
+        self.viscous = context.array("viscous", self.owner, wp.float64, shape=self.points)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at the start those that apply the initial displacement instantaneously."""
+        super().add(phase, stage)
+        if phase is Phase.START and self.context.initial_displacement.any():
+            displacement = self.context.state.displacement
+            self.add_pairs(stage, displacement, *at_once(self.prony, self.context))
+            # Fills `viscous`: the stored energy before it lies there as well.
+            self.add_energy(stage, displacement, self.viscous)
+
+    def begin(self) -> None:
+        """Reset the losses: the work of the initial displacement is stored, not dissipated."""
+        work = self.viscous_work
+        work.assign(to_host(work) - to_host(self.viscous))
+
+    def soften(self, damage: Array, near: Array) -> None:
+        """Raise InputError: Prony terms do not support a damage field."""
+        raise InputError("damage = TearingEnergy: expected Visco with branches, not prony, or another criterion")
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        self.add_launch(
+            stage, visco_energy(self.layout, self.law.material.functions), displacement, unit_volume=self.unit_volume,
+            prony=self.terms, state=self.state, viscous_work=self.viscous_work, out=out, dissipated=self.viscous,
+        )  # fmt: skip
+
+
+class BranchedForce(ViscousForce):
+    """The law with Maxwell elements on one sheet and device.
+
+    Attributes:
+        network: The material without branches.
+    """
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        known = capabilities(law.material)
+        elastic = known.resisting or law.material
+        self.network = ElasticNetwork(elastic.functions, capabilities(elastic).response, known.wrinkle_width)
+        terms = prony_array(law.branches, context, "branches")
+        super().__init__(law, context, terms, maxwell_response(self.network), len(law.branches))
+        self.viscous = self.viscous_work
+        self.earlier_energy = branched_energy(self.layout, self.network, False)
+        self.driving_energy = branched_energy(self.layout, self.network, True)
+        self.partial_energy = None
+
+    @property
+    def energy_constants(self) -> Any:
+        """Constants of the material, and constants and state of the branches."""
+        given = branched_constants(self.network, self.context.bits)()
+        given.elastic, given.branches, given.state = self.constants, self.terms, self.state
+        return given
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        FamilyLaw.add_energy(self, stage, displacement, out)
+
+    def field_names(self) -> tuple[str, ...]:
+        """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""
+        return tuple(name for name in super().field_names() if name != "wrinkle_state")
