@@ -20,9 +20,16 @@ import click
 
 from .command.completion import SceneName, complete_setting
 from .command.scene_help import SceneCommand
-from .device.checks import InputError, OutputError, count, one_of, said
+from .device.checks import InputError, OutputError, count, device_name, one_of, said
 from .device.version import __version__
-from .run.scene_files import build_scene, load_scene, require_scene, require_settings, scene_names
+from .run.scene_files import (
+    build_scene,
+    load_scene,
+    require_arguments,
+    require_scene,
+    require_settings,
+    scene_names,
+)
 
 # Objects that Python may create before it looks for garbage. Warp, USD and Matplotlib create hundreds of thousands that
 # stay; with Python's own 700 a tenth of a short run goes into looking through them.
@@ -127,9 +134,21 @@ def main() -> None:
     atexit.register(_release_lost_streams)
 
 
-DEVICE = click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+def _bits(value: int | None) -> int | None:
+    """The value of --precision."""
+    return value if value is None else one_of("precision", value, (32, 64))
+
+
+DEVICE = click.option(
+    "--device", help="cpu, cuda:0, ...; by default CUDA if available.", callback=lambda _, __, name: device_name(name)
+)
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-PRECISION = click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
+PRECISION = click.option(
+    "--precision",
+    type=int,
+    help="32 or 64; by default 32 for dynamics, 64 for static solvers.",
+    callback=lambda _, __, bits: _bits(bits),
+)
 
 
 def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:
@@ -259,8 +278,6 @@ def run(
     require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
-    if precision is not None:
-        one_of("precision", precision, (32, 64))
     count("stride", stride, 1)
     picture_formats(pictures)
     quiet = quiet or not is_first()
@@ -338,10 +355,10 @@ def sweep_values(
     sweep and skips finished runs. A failed run does not stop the others: the table shows its status, and the exit code
     is that of the worst run.
     """
-    from .command.sweep import run_sweep
     from .run.arguments import split_values
     from .viewer.picture_files import picture_formats
 
+    require_scene(scene)
     if pictures:
         picture_formats(pictures)
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
@@ -349,6 +366,12 @@ def sweep_values(
         choices[name] = split_values(text)
     if not choices:
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
+    for name, values in choices.items():
+        for value in values:
+            require_arguments(scene, {**{key: texts[0] for key, texts in choices.items()}, name: value})
+    # After the arguments, so that a mistyped one need not wait for these.
+    from .command.sweep import run_sweep
+
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
     options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
     sys.exit(run_sweep(scene, choices, folder, options, overwrite, quiet))
@@ -391,7 +414,9 @@ def draw(
     if shape:
         if scene is not None:
             raise InputError(f"--scene {scene}: expected only without --shape; give the scene as the argument instead")
-        simulation = build_scene(str(folder), _settings(assignments, {"points": points}))
+        settings = _settings(assignments, {"points": points})
+        require_settings(str(folder), settings)
+        simulation = build_scene(str(folder), settings)
         picture = out or f"{simulation.scene}-shape.png"
         simulation.draw(picture)
         click.echo(f"  {picture}")
@@ -404,10 +429,9 @@ def draw(
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
     from .run.folder import run_summary
-    from .run.runner import redraw
     from .viewer.picture_files import picture_formats
 
-    summary = run_summary(folder)
+    formats, summary = picture_formats(pictures), run_summary(folder)
     if summary is None:
         raise InputError(f"folder = {str(folder)!r}: expected a folder with the summary.json of a run, or --shape")
     if scene is not None and Path(scene).stem != summary["scene"]:
@@ -418,7 +442,9 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
             "word is not enough to run a file: expected --scene FILE.py"
         )
     simulation = build_scene(scene or summary["scene"], summary["settings"])
-    redraw(simulation, folder, summary, picture_formats(pictures))
+    from .run.runner import redraw
+
+    redraw(simulation, folder, summary, formats)
     for name in summary["pictures"]:
         click.echo(f"  {name}")
 
@@ -455,31 +481,32 @@ def info(file: Path, as_json: bool) -> None:
     "--horizon", type=float, multiple=True, default=(2.015, 3.15), help="Horizon in spacings; may be repeated."
 )
 @click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
-@click.option("--precision", type=int, default=32, help="32 or 64.")
+@click.option("--precision", type=int, default=32, help="32 or 64.", callback=lambda _, __, bits: _bits(bits))
 @click.option("--features", default="", help="supports, pressure, contact, rupture or damage_field, ...")
 @click.option("--layout", default="lattice", help="lattice, hole, cloud, or tube: a curved cloud.")
 @click.option("--damaged", type=float, default=0.0, help="Fraction of the points that are damaged.")
 @click.option("--plain", is_flag=True, help="Use the reference kernels.")
 @click.option("--seconds", type=float, default=1.0, help="Duration of the measurement of each case [s].")
-@click.option("--device", help="Device, such as cpu or cuda:0.")
+@DEVICE
 def bench(
     points: tuple[int, ...], horizon: tuple[float, ...], law: str, precision: int, features: str, layout: str,
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Measure the time per step of a sheet, and print a table."""
-    from .command.bench import Case, chosen_features, report
-    from .device.checks import count, positive
+    from .device.checks import positive
 
-    one_of("precision", precision, (32, 64))
     positive("seconds", seconds)
+    for n in points:
+        count("points", n, 3)
+    for m in horizon:
+        positive("horizon", m)
+    from .command.bench import Case, chosen_features, report
+
     cases = [
-        Case(
-            count("points", n, 3), positive("horizon", m), precision, chosen_features(features), layout,
-            damaged=damaged, fast=not plain, law=law,
-        )
+        Case(n, m, precision, chosen_features(features), layout, damaged=damaged, fast=not plain, law=law)
         for m in horizon
         for n in points
-    ]  # fmt: skip
+    ]
     click.echo(report(cases, device, seconds))
 
 

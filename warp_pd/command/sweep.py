@@ -20,7 +20,7 @@ from ..interfaces import DivergedError
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..run import restart
 from ..run.built import compose
-from ..run.folder import remove_if_empty, require_free, run_summary, sole_use, writable_folder, write_csv
+from ..run.folder import RESTART, remove_if_empty, require_free, run_summary, sole_use, writable_folder, write_csv
 from ..run.scene_files import build_scene, load_scene
 from ..run.stopping import deadline
 from ..run.version import code_version
@@ -158,7 +158,7 @@ def _run(
                 _require_same(build, values, folder, options)
             return Row(values, folder, earlier["status"], earlier.get("message", ""), earlier, skipped=True)
         simulation = build(values)
-        goes_on = not overwrite and (folder / restart.NAME).is_file()
+        goes_on = not overwrite and (folder / RESTART).is_file()
         found = simulation.run(out=folder, resume=goes_on, overwrite=overwrite or not goes_on, **options).summary
     except (InputError, MemoryError) as error:
         return Row(values, folder, REFUSED, str(error))

@@ -19,6 +19,7 @@ from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, St
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
+from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
@@ -105,6 +106,20 @@ class RigidBody(Contact):
     def only_one(self) -> str:
         """Its name."""
         return only_one_named(self.name)
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it is very large, far, fast or heavy."""
+        if not self.shape.bounded:
+            return ()
+        radius, (place, _) = self.shape.radius(), self.motion.pose(0.0)
+        away = float(np.linalg.norm(sheet.positions - place, axis=1).min()) - radius
+        weight = self.motion.weight()
+        return [
+            *scales.of_length(f"{self.title} has a size of", 2.0 * radius),
+            *scales.of_length(f"{self.title} starts at a distance of", away),
+            *scales.of_speed(f"{self.title} moves at", self.motion.speed(radius)),
+            *scales.of_force(f"{self.title}: its weight of {weight:.3g} N is", weight, "Masses are in kg"),
+        ]
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """The same part: it refers to no points of the sheet."""

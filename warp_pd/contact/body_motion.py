@@ -49,6 +49,10 @@ class BodyMotion(Protocol):
         """Largest known speed [m/s] of a point of the body at the distance `radius` [m] from its centre."""
         ...
 
+    def weight(self) -> float:
+        """Weight of a free body [N]."""
+        return 0.0
+
     def check(self, shape: BodyShape) -> None:
         """Raise InputError if the shape cannot have this motion."""
         ...
@@ -198,6 +202,10 @@ class Free(BodyMotion):
     def speed(self, radius: float) -> float:
         """Largest speed [m/s], at time 0, of a point of the body at the distance `radius` [m] from its centre."""
         return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
+
+    def weight(self) -> float:
+        """Mass times gravity [N]."""
+        return self.mass * float(np.linalg.norm(self.gravity))
 
     def check(self, shape: BodyShape) -> None:
         """Check that the shape has a finite mass."""

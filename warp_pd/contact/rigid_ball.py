@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from ..device.checks import positive, resolved, vector
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact
 from ..interfaces.context import Context
+from ..interfaces.scales import Scales
 from .bodies import RigidBody, only_one_named
 from .body_checks import MIN_DIAMETER
 from .body_motion import BodyPath
@@ -44,12 +47,19 @@ class RigidBall(Contact):
         vector("RigidBall.start", self.start, 3)
         vector("RigidBall.velocity", self.velocity, 3)
 
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Those of its body."""
+        return self._body(1.0).doubts(sheet, scales)
+
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the body on a device."""
         # A smaller ball passes between points.
         resolved("RigidBall.diameter", self.diameter, context.whole.widest_spacing, MIN_DIAMETER)
-        path = BodyPath.straight(self.start, self.velocity, context.clock.duration)
-        return _Ball(Sphere(self.diameter), path, name=NAME).build(context, law)
+        return self._body(context.clock.duration).build(context, law)
+
+    def _body(self, duration: float) -> RigidBody:
+        path = BodyPath.straight(self.start, self.velocity, duration)
+        return _Ball(Sphere(self.diameter), path, name=NAME)
 
 
 class _Ball(RigidBody):

@@ -4,6 +4,7 @@ import contextlib
 import difflib
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -187,6 +188,13 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
     hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
     raise InputError(f"{name} = {said(value)}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
+
+
+def device_name(value: str | None) -> str | None:
+    """Return the name of a device, or None. Raises InputError if no device has such a name, here or elsewhere."""
+    if value is not None and not re.fullmatch(r"cpu|cuda(:\d+)?", value):
+        raise InputError(f"device = {said(value)}: expected 'cpu', 'cuda', or a CUDA device such as 'cuda:0'")
+    return value
 
 
 def vector(name: str, value: Any, length: int) -> tuple[float, ...]:

@@ -1,14 +1,21 @@
 """Identification of material constants from tests by simulation. See docs/fitting.md."""
 
-from .columns import read_tests
-from .data import Curve, FieldData, read_table
-from .least_squares import fit
-from .model import SceneTests
-from .probes import Deflection, PointField, Probe, SupportForce
-from .report import Fit
-from .sensitivity import Sensitivity, sensitivity
-from .tearing import TearingFit, tearing_energy
-from .uniform import UniformTests, nominal_stress
+from typing import TYPE_CHECKING
+
+from ..device.lazy import lazy
+
+if TYPE_CHECKING:
+    from .columns import read_tests
+    from .data import Curve, FieldData, read_table
+    from .least_squares import fit
+    from .model import SceneTests
+    from .probes import Deflection, PointField, Probe, SupportForce
+    from .report import Fit
+    from .sensitivity import Sensitivity, sensitivity
+    from .tearing import TearingFit, tearing_energy
+    from .uniform import UniformTests, nominal_stress
+else:
+    __getattr__ = lazy(__name__)
 
 __all__ = [
     "Curve",

@@ -6,18 +6,17 @@ import contextlib
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError, one_of
 from ..run.arguments import converted
 from ..run.folder import claimed_folder, remove_if_empty, results_in, sole_use, writable_folder
-from ..run.scene_files import load_scene
+from ..run.scene_files import load_scene, require_settings, written_parameters
 from ..viewer.picture_files import Drawing, drawing, pictures_in
-from .columns import read_tests
-from .data import Test
-from .least_squares import LOSSES, fit
-from .model import SceneTests
-from .report import Fit
+from .data import LOSSES, read_table
+
+if TYPE_CHECKING:
+    from .report import Fit
 
 
 def fit_scene(
@@ -31,15 +30,24 @@ def fit_scene(
     """
     one_of("--loss", loss, LOSSES)
     limits = _bounds(bounds)
+    require_settings(scene, given)
+    names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
+    _require_constants(names, limits, written_parameters(scene))
+    for path in data:
+        read_table(path)
+    # After what needs neither the scene nor Warp.
     build = load_scene(scene).build
+    from .columns import read_tests
+    from .least_squares import fit
+    from .model import SceneTests
+
     parameters = inspect.signature(build).parameters
     settings = {key: converted(key, value, parameters) for key, value in given.items()}
-    tests: list[Test] = []
+    tests = []
     for path in data:
         found, notes = read_tests(path, build, measure, settings)
         tests += found
         yield from notes
-    names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
     with _folder(Path("runs") / f"{Path(scene).stem}-fit" if out is None else Path(out), out is None) as folder:
         result = fit(
             SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
@@ -50,6 +58,19 @@ def fit_scene(
     yield result.table()
     yield f"results in {folder}"
     yield f"run the fitted scene: {run}"
+
+
+def _require_constants(
+    names: Sequence[str], limits: Mapping[str, Any], parameters: Mapping[str, inspect.Parameter] | None
+) -> None:
+    """Check the names of the fitted constants, and of those with bounds, against the parameters of the scene."""
+    if not names:
+        raise InputError("vary = '': expected arguments of the scene, such as mu,lock")
+    for name in names if parameters is not None else ():
+        if name not in (parameters or ()):
+            raise InputError(f"vary = {name!r}: expected an argument of the scene: {', '.join(parameters or ())}")
+    for name in limits:
+        one_of("--bounds", name, names)
 
 
 @contextlib.contextmanager

@@ -22,6 +22,8 @@ GROUPED = {mark: re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+") 
 SPACED = re.compile(r"[-+]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?")
 # Stretches and strains beyond which numbers were likely meant as something else: no rubber goes there.
 LEAST_STRETCH, MOST_STRETCH = 0.2, 20.0
+# Losses of the residuals of a fit.
+LOSSES = ("linear", "soft_l1")
 EMPTY = ("", "nan", "na", "n/a", "-", "none")
 # Columns of a field: places in the undeformed sheet, and displacements.
 PLACES, DISPLACEMENTS = ("x", "y", "z"), ("u", "v", "w")

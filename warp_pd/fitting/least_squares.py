@@ -10,13 +10,12 @@ import numpy as np
 
 from ..device.checks import InputError, finite, one_of
 from ..materials import stability_notes
-from .data import Curve, FieldData, Test
+from .data import LOSSES, Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
 from .model import Experiment, Model
 from .report import SINGULAR, Fit, Judgement
 from .uniform import LOADINGS
 
-LOSSES = ("linear", "soft_l1")
 # Median absolute deviation to standard deviation of normal noise.
 MAD = 1.4826
 # Residuals above so many standard deviations count linearly in the robust loss, and most updates of the deviation.

@@ -13,9 +13,11 @@ from ..device.checks import InputError, finite, not_negative, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.damage import face_damage
 from ..kernels.gas.enclosed_volume import (
@@ -32,6 +34,8 @@ from .enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points,
 
 # Distance of a ring from a plane, over the size of the sheet, and a volume over its cube, that count as zero.
 TOLERANCE = 1e-9
+# Pressure of the air at a height of 30 km [Pa].
+THINNEST_AIR = 1200.0
 
 
 class Enclosed(Load):
@@ -116,6 +120,17 @@ class EnclosedGas(Enclosed):
         for value in () if schedule is None else schedule.values[:, 0]:
             positive("EnclosedGas.amount", float(value))
 
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether the sheet cannot carry its pressure, the air outside is thin, or the chamber is vast."""
+        thin = 0.0 < self.ambient < THINNEST_AIR
+        return [
+            *scales.of_force(
+                f"EnclosedGas.gauge of {self.gauge:g} Pa is", abs(self.gauge) * scales.area, "Pressures are in Pa"
+            ),
+            *scales.of_volume("EnclosedGas.chamber is", self.chamber),
+            *([f"EnclosedGas.ambient is {self.ambient:g} Pa; is it in bar or kPa? Air has 101325 Pa"] if thin else []),
+        ]
+
     @property
     def extra(self) -> float:
         """The chamber [m^3]."""
@@ -160,6 +175,10 @@ class EnclosedVolume(Enclosed):
         positive("EnclosedVolume.stiffness", self.stiffness)
         if self.schedule() is None:
             raise InputError("EnclosedVolume.volume = None: expected pairs (time, volume)")
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether the sheet cannot stretch that far."""
+        return scales.of_volume("EnclosedVolume.volume reaches", largest_factor(self.volume))
 
     def schedule(self) -> Schedule | None:
         """The prescribed volume."""

@@ -18,6 +18,7 @@ from .built_part import BuiltPart
 from .context import Context
 from .frame import Body
 from .law import BuiltLaw, Law
+from .scales import Scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +121,10 @@ class Part(Protocol):
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """Components of points that it holds or moves."""
+        return ()
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Sizes of the part that cannot be meant, each with the likely unit, for a note; by default none."""
         return ()
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:

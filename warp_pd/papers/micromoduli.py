@@ -23,7 +23,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import sparse
 
 from ..families.lattice import clipped_index
 from ..families.weights.balance import FLOOR
@@ -56,6 +55,8 @@ def balanced_micromoduli(
         dy: Spacing along y [m].
         stiffness: g of the published formula [-].
     """
+    from scipy import sparse
+
     exists = published > 0.0
     unknown = np.where(exists, np.cumsum(exists).reshape(exists.shape) - 1, -1)
     steps = offsets * (1.0, dy / dx)

@@ -19,10 +19,13 @@ from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
+from ..interfaces.scales import Scales, largest_factor
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import dead_load
 
 Ramp = Sequence[tuple[float, float]] | None
+# Of the Earth [m/s^2], and density [kg/m^3] below which a body force of that size may be a weight.
+GRAVITY, LIGHTEST = 9.81, 20.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,11 @@ class Pressure(Load):
     def __post_init__(self) -> None:
         finite("Pressure.value", self.value)
         one_of("Pressure.follower", self.follower, (True, False))
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether the sheet cannot carry it."""
+        force = abs(self.value) * largest_factor(self.ramp) * scales.area
+        return scales.of_force(f"Pressure({self.value:g}) is", force, "Pressures are in Pa")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the pressure on a device."""
@@ -74,10 +82,16 @@ class BodyForce(Load):
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
 
-    @property
-    def size(self) -> float:
-        """Magnitude of the force density [N/m^3]."""
-        return float(np.linalg.norm(self.value))
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it is an acceleration, or the sheet cannot carry it."""
+        size = float(np.linalg.norm(self.value))
+        if scales.density > LIGHTEST and abs(size - GRAVITY) < 0.01 * GRAVITY:
+            return [
+                f"BodyForce is {size:.3g} N/m^3; is it an acceleration? Gravity is the density times 9.81 m/s^2, "
+                f"{scales.density * GRAVITY:.4g} N/m^3"
+            ]
+        force = size * largest_factor(self.ramp) * float((sheet.areas * sheet.thickness).sum())
+        return scales.of_force(f"BodyForce of {size:.3g} N/m^3 is", force, "Body forces are in N/m^3")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the force on a device."""
@@ -102,6 +116,11 @@ class PointForce(Load):
 
     def __post_init__(self) -> None:
         vector("PointForce.value", self.value, 3)
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether the sheet cannot carry it."""
+        size = float(np.linalg.norm(self.value)) * largest_factor(self.ramp)
+        return scales.of_force(f"PointForce of {size:.3g} N is", size, "Forces are in N")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the force on a device."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,10 +17,13 @@ from ..geometry.sheet import Sheet
 from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..interfaces.scales import Scales
 from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID
 
 AXES = "xyz"
+# Angle [rad] from which a multiple of 5 is in degrees.
+DEGREES = 30.0
 
 
 class Support(Part):
@@ -105,6 +109,19 @@ class Motion(Support):
             raise InputError("Motion x = y = z = angle = None: expected at least one prescribed component")
         points = point_indices("Motion.points", self.points, sheet.size)
         return [Constraint("Motion", points, bits, self.schedule(), turn)]
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it moves its points very far or fast, or turns them by degrees."""
+        path, turn = self.schedule(), self.turn()
+        found = scales.of_length("Motion moves its points by", float(np.linalg.norm(path.values, axis=1).max()))
+        found += scales.of_speed("Motion moves its points at", path.top_speed(math.inf))
+        angles = np.zeros(1) if turn is None else np.abs(turn.angle.values[:, 0])
+        angle = float(angles.max())
+        if angle >= DEGREES and not angle % 5.0:
+            found.append(
+                f"Motion.angle reaches {angle:g} rad; is it in degrees? They are {math.radians(angle):.4g} rad"
+            )
+        return found
 
     def schedule(self) -> Schedule:
         """The motion as a schedule; free components are zero."""

@@ -14,7 +14,7 @@ from ..output.background import Background, require_room
 from ..output.file_writers import FRAMES, frame_writer
 from . import restart
 from .built import Built
-from .folder import FINE, read_history, write_history
+from .folder import FINE, RESTART, read_history, write_history
 from .frame_points import FramePoints
 from .recorder import Recorder
 
@@ -117,7 +117,7 @@ def add_files(
     def save() -> None:
         for writer in others:
             writer.save()
-        files.then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
+        files.then(partial(restart.save, folder / RESTART, restart.collect(recorder, known)))
 
     recorder.saved = save if chosen.restarts else None
 

@@ -12,22 +12,24 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError, said
-from ..interfaces import History
 from ..output.background import as_output_error
 from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
 from ..viewer.picture_files import pictures_in
-from . import restart
+
+if TYPE_CHECKING:
+    from ..interfaces import History
 
 PAGE = "view.html"
 FINE = "fine_history.csv"
+RESTART = "restart.npz"
 FIT = "fit.json"
 # The first columns of a history.
 HISTORY_BEGINS = b"time,step"
-RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, FRAMES, BODIES, ANIMATION, PAGE, FIT)
+RESULTS = ("summary.json", "history.csv", FINE, RESTART, FRAMES, BODIES, ANIMATION, PAGE, FIT)
 
 
 # The folder that `claimed_folder` holds for a run.
@@ -193,7 +195,7 @@ def clear(folder: Path) -> None:
 def clear_unfinished(folder: Path) -> None:
     """Remove the unfinished files of a killed run; a resumed run does not read them."""
     for pattern in (".animation.unfinished.usdc", "summary.json.part", "history.csv.part",
-                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{RESTART}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 

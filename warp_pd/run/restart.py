@@ -24,7 +24,6 @@ from .built import Built
 from .recorder import Recorder
 from .scene import Scene
 
-NAME = "restart.npz"
 VERSION = 10
 # Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
 NUMBERS: dict[str, Any] = {

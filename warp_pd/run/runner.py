@@ -32,6 +32,7 @@ from .files import HISTORY_BYTES, Files, add_files, require_gatherable, restart_
 from .folder import (
     FINE,
     PAGE,
+    RESTART,
     clear,
     clear_unfinished,
     read_history,
@@ -223,7 +224,7 @@ def _saved(
     """
     if folder is None or known is None:
         return None
-    saved = restart.load(folder / restart.NAME, known, 2 * restart_bytes(built) + HISTORY_BYTES) if resume else None
+    saved = restart.load(folder / RESTART, known, 2 * restart_bytes(built) + HISTORY_BYTES) if resume else None
     if saved is not None:
         files.require_same(folder)
         # They describe a finished run, and this one goes on.

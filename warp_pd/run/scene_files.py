@@ -6,6 +6,7 @@ import ast
 import contextlib
 import difflib
 import functools
+import gc
 import hashlib
 import importlib
 import importlib.util
@@ -14,7 +15,7 @@ import pkgutil
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,20 @@ def require_scene(name: str) -> None:
 def load_scene(name: str) -> Any:
     """Import the module of a scene, given its name or the path of a Python file with a function `build`."""
     require_scene(name)
-    return _load_file(Path(name)) if name.endswith(".py") else importlib.import_module(f"warp_pd.scenes.{name}")
+    with _without_collecting():
+        return _load_file(Path(name)) if name.endswith(".py") else importlib.import_module(f"warp_pd.scenes.{name}")
+
+
+@contextlib.contextmanager
+def _without_collecting() -> Iterator[None]:
+    """Context without garbage collection: a fifth of the time to import Warp goes into it, and all of that stays."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _load_file(path: Path) -> Any:
@@ -94,16 +108,28 @@ def _meant(error: Exception) -> str:
     return f" (did you mean {nearest[0]!r}?)" if nearest else f"; expected one of {', '.join(names)}"
 
 
-def require_settings(name: str, settings: Mapping[str, Any]) -> None:
-    """Check settings against the text of a scene's file, without importing it: see `scene_text.WrittenBuild`.
+def require_arguments(name: str, settings: Mapping[str, Any]) -> Callable[[], None]:
+    """Check names and types of settings against the text of a scene's file, without importing it and with it Warp.
 
-    So a wrong setting is refused without waiting for Warp. A file whose parameters cannot be told from its text is
-    checked by `build_scene` alone.
+    A file whose parameters cannot be told from its text is checked by `build_scene` alone. Returns a function that also
+    makes the checks of values that the text makes: see `scene_text.WrittenBuild`.
     """
     require_scene(name)
     written = WrittenBuild.of(scene_file(name))
-    if written is not None:
-        written.check(_values(name, settings, written.parameters))
+    if written is None:
+        return lambda: None
+    return functools.partial(written.check, _values(name, settings, written.parameters))
+
+
+def require_settings(name: str, settings: Mapping[str, Any]) -> None:
+    """Check names, types and values of settings against the text of a scene's file, without importing it."""
+    require_arguments(name, settings)()
+
+
+def written_parameters(name: str) -> Mapping[str, inspect.Parameter] | None:
+    """The parameters of a scene's `build` by the text of its file; None if that does not tell."""
+    written = WrittenBuild.of(scene_file(name))
+    return None if written is None else written.parameters
 
 
 def scene_file(name: str) -> Path:

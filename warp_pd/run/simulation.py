@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..materials import capabilities
-from .built import Built, compose
 from .scene import Measure, Outcome, Scene
 
 if TYPE_CHECKING:
+    from .built import Built
     from .result import Result
 
 
@@ -44,6 +44,8 @@ class Simulation(Scene):
         Raises:
             InputError: for parts that do not fit together, or a device that does not exist.
         """
+        from .built import compose
+
         return compose(self, device, precision)
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
@@ -69,4 +71,4 @@ class Simulation(Scene):
         return run(self, **options)
 
 
-__all__ = ["Built", "Measure", "Outcome", "Simulation"]
+__all__ = ["Measure", "Outcome", "Simulation"]

@@ -13,7 +13,6 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..device.checks import InputError, numbers
 from ..geometry.couplings import (
@@ -218,6 +217,8 @@ def _cap(spacings: float, between: bool) -> float:
 
     A line `between` two rows of points has less energy than in the continuum, one with points on both faces has more.
     """
+    from scipy.optimize import brentq
+
     rows = np.ceil(2.0 * spacings) + 2.0
     y, x = np.arange(rows) + 0.5 * between, np.arange(-4.0 * rows, 2.0 * rows) + 0.5
     width = np.where(y == 0.0, 0.5, 1.0)[:, None]

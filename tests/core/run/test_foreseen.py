@@ -10,15 +10,19 @@ from small_runs import simulate
 from warp_pd import (
     BodyForce,
     BodyPath,
+    Box,
+    EnclosedGas,
     EnclosedVolume,
     Explicit,
     Fixed,
+    Free,
     MooneyRivlin,
     Motion,
     NeoHookean,
     Newton,
     PointForce,
     Pressure,
+    RigidBall,
     RigidBody,
     Simulation,
     Sphere,
@@ -87,6 +91,42 @@ def test_sizes_that_cannot_be_meant_are_one_note(changes, parts, said):
     loads = [Fixed(sheet.edges()), Pressure(parts.pop("pressure", 1.0))]
     (note,) = notes(sheet, Explicit(1e-3), loads=loads, **parts)
     assert note.startswith("sizes: ") and said in note
+
+
+# Scenes on a square of 0.1 m, which carries 0.4 N at a stretch of two, and whose shear waves move at 1 m/s.
+STILL = BodyPath.still((0.05, 0.05, 0.1))
+
+
+@pytest.mark.parametrize(("part", "said"), [
+    (BodyForce((0.0, 0.0, -1e9)), "BodyForce of 1e+09 N/m^3 is 1e+05 times what the sheet carries"),
+    (PointForce([24], (0.0, 0.0, 500.0), ramp=[(0.0, 0.0), (1e-3, 2.0)]), "PointForce of 1e+03 N is 1e+04 times"),
+    (EnclosedGas(gauge=5e5, chamber=1e-3), "EnclosedGas.gauge of 500000 Pa is 5e+04 times what the sheet carries"),
+    (EnclosedGas(ambient=1.013, chamber=1e-3), "EnclosedGas.ambient is 1.013 Pa; is it in bar or kPa"),
+    (EnclosedGas(chamber=2.0), "EnclosedGas.chamber is 2 m^3, a ball with an area of 768 times the sheet's; is it in"),
+    (EnclosedVolume([(0.0, 0.0), (1e-3, 1.0)], 1e6), "EnclosedVolume.volume reaches 1 m^3, a ball with an area of 484"),
+    (Motion([24], [0.0, 1e-3], z=[0.0, 5.0]), "Motion moves its points by 5 m, 50 times the width of the sheet; is it"),
+    (Motion([24], [0.0, 1e-3], z=[0.0, 0.05]), "Motion moves its points at 50 m/s, 50 times the speed of its shear"),
+    (Motion([24, 25], [0.0, 1e-3], angle=[0.0, 90.0]), "90 rad; is it in degrees? They are 1.571 rad"),
+    (RigidBall(5.0, (0.05, 0.05, 2.6)), "RigidBall has a size of 5 m, 50 times the width of the sheet"),
+    (RigidBall(0.05, (0.05, 0.05, 150.0)), "RigidBall starts at a distance of 150 m, 1.5e+03 times"),
+    (RigidBall(0.05, (0.05, 0.05, 0.05), (0.0, 0.0, -50.0)), "RigidBall moves at 50 m/s, 50 times the speed of its"),
+    (RigidBody(Box((5.0, 5.0, 0.1)), STILL), "RigidBody 'body' has a size of 7.07 m"),
+    (RigidBody(Sphere(0.05), Free(500.0, (0.05, 0.05, 0.05))), "'body': its weight of 4.9e+03 N is 4.9e+04 times"),
+])  # fmt: skip
+def test_sizes_of_parts_that_cannot_be_meant_are_noted(part, said):
+    sheet = square(7)
+    given = {"contact": part} if isinstance(part, RigidBall | RigidBody) else {}
+    loads = [] if given or isinstance(part, Motion) else [Fixed(sheet.edges())]
+    (note,) = notes(sheet, Explicit(1e-3), loads=[*loads, *([] if given else [part])], **given)
+    assert note.startswith("sizes: ") and said in note and len(note.splitlines()) == 1
+
+
+def test_an_initial_state_that_cannot_be_meant_is_noted():
+    sheet = square(7)
+    far = np.tile((0.0, 0.0, 20.0), (sheet.size, 1))
+    (note,) = notes(sheet, Explicit(1e-3), initial_displacement=far, initial_velocity=5.0 * far)
+    assert "initial_displacement reaches 20 m, 200 times the width" in note
+    assert "initial_velocity reaches 100 m/s, 100 times the speed of its shear waves" in note
 
 
 def test_a_body_force_of_the_size_of_g_is_noted():

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from ...geometry.topology import boundary_sides, directed_edges
 from ...geometry.triangulation import doubled_normals
 from ...kernels.kinematics import DEGENERATE
 from .dual import BALANCED, closest_balanced
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 # Least ratio of corrected to plain weights; lattices of 10 points and more allow it.
 FLOOR = 0.05
@@ -183,6 +185,8 @@ def corrected_weights(
     rows = np.flatnonzero(np.repeat(asked, 2) & (np.diff(matrix.indptr) > 0))
     asked_matrix, asked_gap = matrix[rows], gap.ravel()[rows]
     if frames is not None and len(unknown_start):
+        from scipy import sparse
+
         # On a flat sheet the balance keeps the sum of the weights; on a curved one nothing else would.
         counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
         same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
@@ -297,6 +301,8 @@ def _unknowns(free: np.ndarray, start: np.ndarray, kind: np.ndarray | None) -> t
 
 def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.csr_matrix:
     """G of the free bonds [1/m], with rows 2 m + component and one column per unknown, shape (2 N, U)."""
+    from scipy import sparse
+
     neighbours, extent = table.neighbours, (2 * len(table.points), unknowns)
     total = sparse.csr_matrix(extent)
     for part in _parts(np.flatnonzero((column >= 0).any(axis=1)), neighbours):

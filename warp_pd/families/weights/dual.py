@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from ...device.checks import InputError
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 # Force per unit stress, in spacings, that counts as balanced.
 BALANCED = 1e-10
@@ -76,6 +77,9 @@ def _maximise(problem: _Dual, multiplier: np.ndarray, softness: np.ndarray) -> t
     Where `softness`, shape (M,), is positive, the penalty residual^2 / (2 softness) replaces the constraint. Returns
     multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
     """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
     value, ratio, slope = problem.value(multiplier, softness)
     for _ in range(MOST_STEPS):
         gradient = problem.left(ratio) - softness * multiplier
