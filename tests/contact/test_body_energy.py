@@ -129,7 +129,7 @@ def test_friction_has_its_exact_part_of_the_loss():
 
 
 def test_a_ball_that_bounces_keeps_the_energy():
-    """Of ball, sheet and loss together, over the energy of the ball. 115 bounces: docs/contact.md."""
+    """Of ball, sheet and loss together, over the energy of the ball."""
     scene = dropped_ball.build(points=15, horizon=2.015, diameter=0.12, duration=1.0, frames=100, safety=0.3)
     rows = scene.run(device="cpu", precision=64).history
     touched = np.array([row["ball_force_z"] != 0.0 for row in rows])

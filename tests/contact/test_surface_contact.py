@@ -248,7 +248,7 @@ def test_a_run_resumed_in_contact_goes_on_bit_for_bit(tmp_path):
 
 
 def test_a_pin_bursts_a_balloon_that_tears():
-    """Gas flows out; whole triangles stay outside, and those that tore let the pin pass. 0.8 mm: docs/contact.md."""
+    """Gas flows out; whole triangles stay outside, and those that tore let the pin pass."""
     result, gaps = pushed_in(Capsule(8e-3, LENGTH), 1.0, 0.24, 16, 72, 32, damage=TearingEnergy(1.4e5, 0.008))
     rows = result.history
     assert 0.9 < result.frame.intact_faces.mean() < 0.995

@@ -130,7 +130,7 @@ def test_a_pricked_balloon_tears_from_there_and_snaps_back():
 
 
 def test_a_blade_cuts_as_far_as_it_goes_and_takes_more_than_the_tearing_energy():
-    """The small run is coarse and fast: 1.75 Gc; docs/contact.md has finer and slower ones, of 1.12 to 1.21 Gc."""
+    """The small run is coarse and fast: 1.75 Gc; docs/contact.md has finer ones, of 1.08 to 1.13 Gc."""
     result = ran("cutting")
     assert 1.0 < value(result, "cutting_energy") < 2.0
     assert 0.02 < value(result, "cut_length") < 0.03

@@ -26,7 +26,7 @@ PUBLISHED: dict[str, Coefficients] = {
     "uniaxial": (64 / 49, 0.5 * 3 / 4, 0.0, 2.0 * 8 / 17),
 }
 # No force at stretch 1, a = b + c + d, and least squares of the relative error of the traction along x at 30 stretches
-# up to 4. No coefficients also give a uniaxial sheet its exact width (docs/stretch.md).
+# up to 4. No coefficients also give a uniaxial sheet its exact width (docs/papers/he.md).
 REFITTED: dict[str, Coefficients] = {
     "equibiaxial": (1.0, 0.0, 0.0, 1.0),
     "planar": (1.1650912, 1.6381354, -1.7093861, 1.2363419),
