@@ -24,7 +24,9 @@ import warp as wp
 from ..effects import Kernel, kernel
 from ..factories import PairwiseFactory
 from ..families import Layout, family_functions
+from ..family_fields import gradient_of_family
 from ..family_sums import sums_of_bonds
+from ..kinematics import kinematics
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
@@ -37,7 +39,7 @@ class BondBasedKernels:
     Attributes:
         pair_force: Internal force [points], N.
         earlier_energy: Warp function of the energy of a family, as for `energy_of_families`.
-        represented: Warp function of the sum of the weights of its intact bonds, as for `represented_volumes`.
+        density: Strain energy density [points], J/m^3.
         principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
         wrinkle_level: Fraction of compressed bonds [points].
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
@@ -45,7 +47,7 @@ class BondBasedKernels:
 
     pair_force: Kernel
     earlier_energy: wp.Function
-    represented: wp.Function
+    density: Kernel
     principal_stress: Kernel
     wrinkle_level: Kernel
     row_sums: Kernel
@@ -141,10 +143,10 @@ def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
 
 
 @functools.cache
-def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
-    """Kernels of the bond-based law."""
+def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = False) -> BondBasedKernels:
+    """Kernels of the bond-based law; `stiffened`: the moduli of the fields have a factor that varies by point."""
     types, bits = layout.types, layout.bits
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
     f = family_functions(layout)
     Family = f.struct
     bond = bond_functions(layout)
@@ -152,6 +154,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     tension_of, slope_of, energy_of = pairwise(bits)
 
     pull = pull_of_bond(layout, pairwise)
+    motion, gradient_of = kinematics(bits, layout.curved), gradient_of_family(layout)
 
     @wp.func
     def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
@@ -185,43 +188,105 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         return stored
 
     @wp.func
-    def represented(family: Family, displacement: wp.array(dtype=vec3), i: int):
-        """Sum of the weights of the intact bonds."""
+    def level(xi: vec2, tilt: vec2):
+        """A bond of a tilted family in its own plane."""
+        return xi + (wp.dot(tilt, xi) / (real(1.0) - wp.dot(tilt, tilt))) * tilt
+
+    @wp.func
+    def stretched_by(G: mat22, n: vec2):
+        """Strain of a bond along n in a uniform state."""
+        square = n[0] * (G[0, 0] * n[0] + real(2.0) * G[0, 1] * n[1]) + n[1] * G[1, 1] * n[1]
+        return square / (real(1.0) + wp.sqrt(wp.max(real(1.0) + square, real(0.0))))
+
+    @kernel(gathers=("displacement",))
+    def density(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        unit: real,
+        factors: wp.array(dtype=real),
+        directions: wp.array(dtype=vec2),
+        shares: wp.array(dtype=real),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        """Mean over the intact bonds, and what their directions lack of those inside the sheet in a uniform state."""
+        i = wp.tid() + first
+        known, _size, A1, A2, tilt = gradient_of(family, displacement, i)
+        G = motion.green(A1, A2, tilt)
         total = real(0.0)
+        stored = real(0.0)
         for k in range(family.members):
             if f.is_intact(family, i, k):
-                total += f.weight(family, i, k)
-        return total
+                U = displacement[f.neighbour(family, i, k)] - displacement[i]
+                weight = f.weight(family, i, k)
+                total += weight
+                stored += weight * energy_of(strain(f.chord(family, i, k), family.inverse_horizon * U), constants)
+                if known:
+                    n = wp.normalize(level(f.bond(family, i, k), tilt))
+                    stored -= weight * energy_of(stretched_by(G, n), constants)
+        found = real(0.0)
+        if total > real(0.0):
+            found = stored / total
+            if known:
+                for d in range(directions.shape[0]):
+                    found += shares[d] * energy_of(stretched_by(G, directions[d]), constants)
+        found *= unit
+        if wp.static(stiffened):
+            found *= factors[i]
+        out[i] = wp.float64(found)
+
+    @wp.func
+    def virial(F1: vec3, F2: vec3, G: mat22, n: vec2, constants: parameters):
+        """In-plane part (xx, xy, yy) of the tension of a bond along n in a uniform state times its stretch."""
+        s = stretched_by(G, n)
+        Y = n[0] * F1 + n[1] * F2
+        scale = tension_of(s, constants) / wp.max(real(1.0) + s, real(1.0e-6))
+        return scale * vec3(Y[0] * Y[0], Y[0] * Y[1], Y[1] * Y[1])
 
     @kernel(gathers=("displacement",))
     def principal_stress(
         family: Family,
         displacement: wp.array(dtype=vec3),
         constants: parameters,
+        unit: real,
+        factors: wp.array(dtype=real),
+        directions: wp.array(dtype=vec2),
+        shares: wp.array(dtype=real),
         first: int,
         out: wp.array(dtype=vec3),
     ):
-        """Principal stresses of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i)."""
+        """Those of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i), with the directions of `density`."""
         i = wp.tid() + first
-        sxx = real(0.0)
-        sxy = real(0.0)
-        syy = real(0.0)
+        known, _size, A1, A2, tilt = gradient_of(family, displacement, i)
+        G = motion.green(A1, A2, tilt)
+        F1, F2 = motion.gradient(A1, A2, tilt)
+        total = real(0.0)
+        moment = vec3()
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.chord(family, i, k)
                 U = family.inverse_horizon * (displacement[m] - displacement[i])
                 Y = image(xi, U)
-                tension = tension_of(strain(xi, U), constants)
                 weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
-                scaled = weight * tension / wp.length(xi) * wp.normalize(Y)
-                sxx += scaled[0] * Y[0]
-                sxy += scaled[0] * Y[1]
-                syy += scaled[1] * Y[1]
-        scale = real(0.5) / f.area(family, i)
-        mean = real(0.5) * scale * (sxx + syy)
-        half = real(0.5) * scale * (sxx - syy)
-        shear = scale * sxy
+                scaled = weight * tension_of(strain(xi, U), constants) / wp.length(xi) * wp.normalize(Y)
+                total += weight
+                moment += vec3(scaled[0] * Y[0], scaled[0] * Y[1], scaled[1] * Y[1])
+                if known:
+                    moment -= weight * virial(F1, F2, G, wp.normalize(f.bond(family, i, k)), constants)
+        found = vec3()
+        if total > real(0.0):
+            found = moment / total
+            if known:
+                for d in range(directions.shape[0]):
+                    found += shares[d] * virial(F1, F2, G, directions[d], constants)
+        found *= unit
+        if wp.static(stiffened):
+            found *= factors[i]
+        mean = real(0.5) * (found[0] + found[2])
+        half = real(0.5) * (found[0] - found[2])
+        shear = found[1]
         radius = wp.sqrt(half * half + shear * shear)
         out[i] = vec3(mean + radius, mean - radius, real(0.5) * wp.atan2(shear, half))
 
@@ -244,7 +309,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
     pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
-    return BondBasedKernels(pair_force, earlier_energy, represented, principal_stress, wrinkle_level, row_sums)
+    return BondBasedKernels(pair_force, earlier_energy, density, principal_stress, wrinkle_level, row_sums)
 
 
 @functools.cache

@@ -20,6 +20,8 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..families import Layout, family_functions
+from ..family_fields import gradient_of_family
+from ..kinematics import kinematics
 from ..visco.visco import relaxation_factors
 from .bond_based import bond_functions
 
@@ -32,11 +34,13 @@ class ViscoBondKernels:
         half_forces: Fills bond_force [members, points] with the forces of each family on its bonds, N.
         update: Updates strain and viscous stretch after a step.
         earlier_energy: Warp function of the energy of a family without Prony terms, as for `energy_of_families`.
+        density: Strain energy density without Prony terms [points], J/m^3.
     """
 
     half_forces: Kernel
     update: Kernel
     earlier_energy: wp.Function
+    density: Kernel
 
 
 @functools.cache
@@ -54,6 +58,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     bond = bond_functions(layout)
     strain_of, image = bond.strain, bond.image
     retained = relaxation_factors(bits)
+    motion, gradient_of = kinematics(bits), gradient_of_family(layout)
 
     @wp.func
     def excess(
@@ -149,4 +154,26 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
         J = excess(family, displacement, velocity, back, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 
-    return ViscoBondKernels(half_forces, update, earlier_energy)
+    @kernel(gathers=("displacement",))
+    def density(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        """Energy density, with the I1 of a uniform state in place of what the bonds of the family find of it."""
+        i = wp.tid() + first
+        J = excess(family, displacement, displacement, real(0.0), i)
+        known, _size, A1, A2, tilt = gradient_of(family, displacement, i)
+        if known:
+            G = motion.green(A1, A2, tilt)
+            found = real(0.0)
+            for k in range(family.members):
+                if f.is_intact(family, i, k):
+                    xi = f.bond(family, i, k)
+                    found += f.weight(family, i, k) * wp.dot(xi, G * xi)
+            J += G[0, 0] + G[1, 1] - real(0.5) * found / f.area(family, i)
+        out[i] = wp.float64(J * (constants[0] + constants[1] * J))
+
+    return ViscoBondKernels(half_forces, update, earlier_energy, density)

@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
+from bond_based_cases import LAWS
 from bond_based_cases import E as YOUNG
 from bond_based_cases import built as pairwise
 from curved_sheets import rotation, small_sphere
 from grid_sheets import holed
-from helpers import build, jittered, sever, soften, square, uniform
+from helpers import array, build, jittered, sever, soften, square, uniform
 from point_laws import build as build_law
 from visco_laws import POLYUREA, TERMS
 
 from warp_pd import (
+    Circle,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -19,15 +21,18 @@ from warp_pd import (
     Newton,
     Nodal,
     Relaxation,
+    Sheet,
     Simulation,
     TearingEnergy,
     TensionField,
     Visco,
+    ViscoBondBased,
+    Yeoh,
 )
 from warp_pd.materials import energy_density
 from warp_pd.run.frame_points import FramePoints
 
-MATERIAL = MooneyRivlin(2e5, 1e4)
+MATERIAL, MEMBRANE = MooneyRivlin(2e5, 1e4), LAWS["membrane"]
 F = rotation()[:, :2] @ np.diag([1.4, 1.1])
 EXACT = float(energy_density(MATERIAL, 1.4, 1.1))
 SHEETS = {
@@ -107,6 +112,44 @@ def test_density_of_other_laws_is_exact(torn):
             sever(built, ((0.02, 0.048), (0.07, 0.062)))
         found = shown(built, displacement)
         assert found == pytest.approx(exact, rel=1e-10)
+
+
+PAIRWISE = {
+    **{name: SHEETS[name] for name in ("lattice", "cut", "stiffened", "tapered")},
+    "cells": lambda: square(13, centred=True),
+    "cloud": lambda: jittered(13),
+    "disc": lambda: Sheet.outline(Circle((0.0, 0.0), 0.05), spacing=0.009, thickness=1e-3, density=1000.0),
+}
+
+
+@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.0])
+@pytest.mark.parametrize("sheet", PAIRWISE)
+def test_fields_of_pairwise_laws_are_uniform_in_uniform_states(sheet, horizon):
+    """At edges, corners and cuts they are those of the families inside, taut and compressed bonds alike."""
+    sheet = PAIRWISE[sheet]()
+    state, middle = uniform(sheet, [[1.05, 0.02], [0.01, 0.97], [0.0, 0.0]]), sheet.nearest(*sheet.points.mean(axis=0))
+    built = pairwise(sheet, MEMBRANE, horizon=horizon, fields=("principal_stress",))
+    density, factor = shown(built, state), np.ones(sheet.size) if sheet.stiffness is None else sheet.stiffness
+    assert density / factor == pytest.approx(density[middle] / factor[middle], rel=1e-10)
+    largest, smallest, angle = array(built, "principal_stress").numpy().T
+    stresses = np.column_stack([largest, smallest]) / factor[:, None]
+    assert stresses == pytest.approx(np.broadcast_to(stresses[middle], stresses.shape), rel=1e-9)
+    assert angle == pytest.approx(angle[middle], abs=1e-9)
+    if sheet.lattice is not None and not sheet.cuts:
+        # Inside it is the energy of the bonds over the volume.
+        energy = built.law.strain_energy.numpy()[middle] / (sheet.areas * sheet.thickness * np.ones(sheet.size))[middle]
+        assert density[middle] == pytest.approx(energy, rel=1e-10)
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_density_of_the_published_viscous_law_is_that_of_yeoh(torn):
+    sheet = jittered(11)
+    law = ViscoBondBased(Yeoh(1e4, 2e3))
+    built = build_law(sheet, law, **({"damage": CriticalStretch(9.0)} if torn else {}))
+    if torn:
+        sever(built, ((0.02, 0.048), (0.07, 0.062)))
+    excess = (F**2).sum() - 2.0
+    assert shown(built, uniform(sheet, F)) == pytest.approx(1e4 * excess + 2e3 * excess**2, rel=1e-10)
 
 
 def test_density_of_a_viscous_sheet_is_that_of_the_jump():

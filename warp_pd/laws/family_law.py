@@ -26,6 +26,8 @@ from .family_struct import family_struct
 from .point_fields import ShownFields, factors, grouped, offered, refuse_other
 from .weight_tables import notes_on_areas, notes_on_balance
 
+DENSITY = "strain_energy_density"
+
 
 def require_one_material(sheet: Sheet, what: str) -> None:
     """Check that a sheet has uniform material and thickness, for features (`what`) that need it."""
@@ -68,6 +70,7 @@ class FamilyLaw(BuiltLaw):
         represented: Warp function of the area that the intact bonds of a family represent, see
             kernels/family_sums.py; None if it is the area of the point whatever breaks.
         represented_share: Factor on what `represented` returns.
+        has_own_density: Whether the law fills `own_density`; otherwise it is the energy over that area.
         shown_stress: Material for the stress fields of frames, or None if the law has none.
         shown: Point fields requested for frames, or None.
         damage: Damage of the points that softens their families, (N,), or None.
@@ -89,6 +92,7 @@ class FamilyLaw(BuiltLaw):
     offered_fields: Sequence[str] = ()
     represented: wp.Function | None = None
     represented_share: float = 1.0
+    has_own_density: bool = False
     shown_stress: Material | None = None
     shown: ShownFields | None = None
     damage: Array | None = None
@@ -173,10 +177,13 @@ class FamilyLaw(BuiltLaw):
         """Energy of each family at the last frame [J], (N,) float64; None for a law without an energy."""
         if not self.has_energy:
             return None
-        return self.context.array(
-            "strain_energy", self.owner, wp.float64, shape=self.points, output="strain_energy_density",
-            volume=self._represented_volume,
-        )  # fmt: skip
+        shown = {} if self.has_own_density else {"output": DENSITY, "volume": self._represented_volume}
+        return self.context.array("strain_energy", self.owner, wp.float64, shape=self.points, **shown)
+
+    @functools.cached_property
+    def own_density(self) -> Array:
+        """Strain energy density at the last frame [J/m^3], (N,) float64, of a law that has its own."""
+        return self.context.array(DENSITY, self.owner, wp.float64, shape=self.points, output=DENSITY)
 
     @functools.cached_property
     def _represented_volume(self) -> Array | np.ndarray:

@@ -18,12 +18,15 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.effects import Kernel
 from ..kernels.papers.bond_based import bond_based, pull_of_bond
 from ..kernels.papers.bonds_once import BondsOnce, bonds_once
 from ..kernels.rupture import NEARLY
 from ..laws.family_law import FamilyLaw, whole_sheet
+from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
 from .bond_based_tangent import BondBasedTangent
+from .inner_directions import inner_directions
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}
@@ -80,6 +83,7 @@ class BondBasedForce(FamilyLaw):
     weights = "pairwise"
     has_energy = True
     takes_curved = True
+    has_own_density = True
     offered_fields = FIELDS
 
     def __init__(self, law: BondBased, context: Context) -> None:
@@ -97,11 +101,11 @@ class BondBasedForce(FamilyLaw):
         weights = families.scaled(weights)
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
-        self.kernels = bond_based(context.layout, law.material.pairwise)
-        self.earlier_energy, self.represented = self.kernels.earlier_energy, self.kernels.represented
+        self.kernels = bond_based(context.layout, law.material.pairwise, context.sheet.stiffness is not None)
+        self.earlier_energy = self.kernels.earlier_energy
+        self._inner = inner_directions(context, self.owner, families, weights)
         # Weights are W_ik = (g/2) times the area that a bond represents.
-        self.represented_share = 2.0 / STIFFNESS[law.state]
-        self._areas = self.represented_share * self._summed(weights)
+        self._areas = 2.0 / STIFFNESS[law.state] * self._summed(weights)
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: BondsOnce | None = None
@@ -117,13 +121,22 @@ class BondBasedForce(FamilyLaw):
         """Add the launches of a phase; at frames also those of the requested fields."""
         super().add(phase, stage)
         if phase is Phase.FRAME:
+            self._add_field(stage, self.kernels.density, self.own_density)
             for name, array in self._shown.items():
-                stress = name == "principal_stress"
-                stage.launch(
-                    self.owner, self.kernels.principal_stress if stress else self.kernels.wrinkle_level, self.points,
-                    family=self.struct, displacement=self.context.state.displacement,
-                    **({"constants": self.constants} if stress else {}), out=array,
-                )  # fmt: skip
+                if name == "principal_stress":
+                    self._add_field(stage, self.kernels.principal_stress, array)
+                else:
+                    stage.launch(
+                        self.owner, self.kernels.wrinkle_level, self.points, family=self.struct,
+                        displacement=self.context.state.displacement, out=array,
+                    )  # fmt: skip
+
+    def _add_field(self, stage: Stage, kernel: Kernel, out: Array) -> None:
+        """Add the launch of a field that is exact in uniform states up to the edges."""
+        self.add_launch(
+            stage, kernel, self.context.state.displacement, unit=0.5 * STIFFNESS[self.law.state],
+            factors=factors(self.context), directions=self._inner.directions, shares=self._inner.shares, out=out,
+        )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""

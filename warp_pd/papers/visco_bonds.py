@@ -70,6 +70,7 @@ class ViscoBondBasedForce(FamilyLaw):
 
     def __init__(self, law: ViscoBondBased, context: Context) -> None:
         self.law, self.has_energy, self.depends_on_time = law, law.has_energy, bool(law.prony)
+        self.has_own_density = law.has_energy
         require_one_material(context.sheet, "the law ViscoBondBased")
         families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
         super().__init__(law, context, families, None, _bond_weights(families))
@@ -89,6 +90,8 @@ class ViscoBondBasedForce(FamilyLaw):
         """Add the launches of a phase; at the start the one that applies the initial displacement instantaneously."""
         super().add(phase, stage)
         if self.prony is None:
+            if phase is Phase.FRAME:
+                self.add_launch(stage, self.kernels.density, self.context.state.displacement, out=self.own_density)
             return
         state = self.context.state
         if phase is Phase.INTERNAL_VARIABLES:
