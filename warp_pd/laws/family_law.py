@@ -177,8 +177,11 @@ class FamilyLaw(BuiltLaw):
         """Energy of each family at the last frame [J], (N,) float64; None for a law without an energy."""
         if not self.has_energy:
             return None
-        shown = {} if self.has_own_density else {"output": DENSITY, "volume": self._represented_volume}
-        return self.context.array("strain_energy", self.owner, wp.float64, shape=self.points, **shown)
+        own = self.has_own_density
+        return self.context.array(
+            "strain_energy", self.owner, wp.float64, shape=self.points, output="" if own else DENSITY,
+            volume=None if own else self._represented_volume,
+        )  # fmt: skip
 
     @functools.cached_property
     def own_density(self) -> Array:

@@ -72,4 +72,4 @@ def _inside(sheet: Sheet, families: Families) -> np.ndarray:
         whole = some[~(edge[members] & (members >= 0)).any(axis=1)]
         if len(whole):
             break
-    return whole[:: max(1, len(whole) // LOOKED_AT)]
+    return np.asarray(whole[:: max(1, len(whole) // LOOKED_AT)])
