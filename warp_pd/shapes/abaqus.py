@@ -20,6 +20,8 @@ SURFACE = re.compile(r"(?:CPS|CPEG|CPE|CAX|CGAX|M3D|R3D|SFM3D|STRI|S|DS|DC2D)(\d
 LINE = re.compile(r"(?:T2D|T3D|R2D|RAX|RB2D|RB3D|SAX|FRAME2D|FRAME3D)(\d)")
 # Elements that mean something else than a sheet in their program.
 NOT_SHEETS = {"R3D": "rigid elements", "CAX": "axisymmetric elements", "CGAX": "axisymmetric elements"}
+# Members that one line of a set may generate.
+MOST_MEMBERS = 10_000_000
 BEAM = re.compile(r"B[23]([123])")
 BEAM_NODES = {"1": 2, "2": 3, "3": 2}
 
@@ -145,6 +147,10 @@ def _members(
         words = [word for word in row if word]
         if "GENERATE" in options:
             begin, end, step = (int(word) for word in [*words, "1"][:3])
+            if abs((end - begin) // step) >= MOST_MEMBERS:
+                raise InputError(
+                    f"{where}: set {name!r} from {begin} to {end}: expected at most {MOST_MEMBERS} numbers"
+                )
             found += range(begin, end + 1, step)
             continue
         for word in words:

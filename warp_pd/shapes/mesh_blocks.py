@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 from collections.abc import Iterator
@@ -21,7 +22,8 @@ CORNERS = {"triangle": 3, "quad": 4}
 KINDS = ("point", "line", "surface")
 # Arrays of group numbers, by the reader of meshio that makes them.
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "su2:tag", "netgen:index")
-
+# Formats of meshio that are refused: tetrahedra alone, and texts that take its reader for ever if a number is wrong.
+NOT_READ = ("tetgen", "wkt")
 # Meshes in one file, of which the reader of meshio keeps one.
 SEVERAL = {
     ".vtu": (re.compile(rb"<Piece\s"), "pieces"),
@@ -29,6 +31,49 @@ SEVERAL = {
 }
 
 
+class _Ending(io.BufferedReader):
+    """A file that raises at the hundredth read beyond its end: some readers of meshio would read there for ever."""
+
+    beyond = 0
+
+    def _counted(self, found: bytes) -> bytes:
+        self.beyond += not found
+        if self.beyond > 100:
+            raise EOFError("the file ends too early")
+        return found
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read the next bytes."""
+        return self._counted(super().read(size))
+
+    def read1(self, size: int = -1, /) -> bytes:
+        """Read the next bytes that are at hand, as text files do."""
+        return self._counted(super().read1(size))
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """Read the next line."""
+        return self._counted(super().readline(size))
+
+
+def _open(path: str, mode: str = "r") -> Any:
+    """A file as `open` gives it to read, which raises EOFError if it is read on and on beyond its end."""
+    file = _Ending(io.FileIO(path))
+    return file if "b" in mode else io.TextIOWrapper(file, encoding="utf-8", errors="replace")
+
+
+@contextlib.contextmanager
+def _ending_files() -> Iterator[None]:
+    """Context in which meshio opens files by `_open`."""
+    from meshio import _files
+
+    vars(_files)["open"] = _open
+    try:
+        yield
+    finally:
+        del vars(_files)["open"]
+
+
+@_ending_files()
 def read_faces(path: Path) -> Faces:
     """Read the faces of a file by its suffix.
 
@@ -48,7 +93,8 @@ def read_faces(path: Path) -> Faces:
         return _faces(path, read_nastran(path))
     if suffix == ".msh":
         return _faces(path, _read_msh(path))
-    formats = [name for name in meshio.extension_to_filetypes.get(suffix, []) if name in reader_map]
+    known = meshio.extension_to_filetypes.get(suffix, [])
+    formats = [name for name in known if name in reader_map and name not in NOT_READ]
     if not formats:
         hint = "; outlines are read by read_outline" if suffix == ".svg" else ""
         raise InputError(
@@ -61,35 +107,18 @@ def read_faces(path: Path) -> Faces:
             raise InputError(f"path = {str(path)!r}: {count} {name}: expected one")
     # meshio.read tries the formats of a suffix in turn and ends the process if none fits.
     for name in formats[:-1]:
-        try:
+        with contextlib.suppress(meshio.ReadError):
             return _faces(path, reader_map[name](str(path)))
-        except meshio.ReadError:
-            continue
     return _faces(path, reader_map[formats[-1]](str(path)))
-
-
-class _Ending(io.BufferedReader):
-    """A file wrapper that raises at the end: meshio's reader of Ansys files would search for a bracket forever."""
-
-    beyond = 0
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Read the next bytes. Raises EOFError at the hundredth read beyond the end of the file."""
-        found = super().read(size)
-        self.beyond += not found
-        if self.beyond > 100:
-            raise EOFError("the file ends too early")
-        return found
 
 
 def _read_msh(path: Path) -> Any:
     """Read a .msh file of Gmsh (begins with a dollar sign) or Ansys (begins with a bracket)."""
     from meshio._helpers import reader_map
 
-    with _Ending(io.FileIO(path)) as file:
-        if file.peek(64).lstrip().startswith(b"("):
-            return reader_map["ansys"](file)
     with open(path, "rb") as file:
+        if file.peek(64).lstrip().startswith(b"("):
+            return reader_map["ansys"](str(path))
         lines = (line.decode("ascii", "replace").strip() for line in file)
         version = next((next(lines, "").split() for line in lines if line == "$MeshFormat"), [])
     return _read_gmsh41(path) if version[:1] in (["4"], ["4.1"]) else reader_map["gmsh"](str(path))
@@ -105,7 +134,7 @@ def _read_gmsh41(path: Path) -> Any:
     groups: Any = ({}, {}, {}, {})
     nodes: Any = None
     elements: Any = None
-    with open(path, "rb") as file:
+    with _open(str(path), "rb") as file:
         while file.readline().decode().strip() != "$MeshFormat":
             pass
         _, size, ascii_file = main._read_header(file)
