@@ -8,9 +8,9 @@ import warp as wp
 
 from warp_pd.device.checks import positive
 from warp_pd.interfaces import BuiltPart, Part
-from warp_pd.interfaces.phases import Phase
 from warp_pd.kernels.effects import kernel
 from warp_pd.kernels.numeric import numeric
+from warp_pd.step import Phase
 
 
 @functools.cache

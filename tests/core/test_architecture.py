@@ -1,5 +1,6 @@
 """What docs/architecture.md says of the package, held against the package."""
 
+import contextlib
 import importlib
 import inspect
 import re
@@ -11,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import warp_pd
-from warp_pd import interfaces
-from warp_pd.interfaces.phases import STEP
+from warp_pd import interfaces, step
+from warp_pd.step import Phase
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "warp_pd"
@@ -55,8 +56,26 @@ def test_contracts_know_every_module():
     assert tested - {"core", "gpu", "scenes", "tools"} <= set(subjects())
 
 
-def test_table_of_phases_is_the_step():
-    assert [(name.strip("`"), text) for name, text in tables("The step")[0]] == [(p.name, p.value) for p in STEP]
+def test_every_phase_has_a_place_in_the_step():
+    """Each in explicit dynamics or outside the step, and a solver without it refuses parts that act in it."""
+    inside = [phase for phase in Phase if phase not in (Phase.START, Phase.RESTORE, Phase.SCHEDULES, Phase.FRAME)]
+    assert phases_of(step.explicit_step) == inside
+    elsewhere = {Phase.RUPTURE}
+    assert phases_of(step.relaxation_step) == [p for p in inside if p not in {*step.NOT_IN_RELAXATION, *elsewhere}]
+
+
+def phases_of(order):
+    """The phases of a step, in order."""
+
+    class Listing:
+        def add(self, phase, stage):
+            stage.append(phase)
+
+    class Phases(list):
+        one_launch = contextlib.nullcontext
+
+    order(Listing(), found := Phases())
+    return found
 
 
 def test_no_file_is_longer_than_its_subject_may_be():

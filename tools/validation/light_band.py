@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import warp as wp
 
 from warp_pd.interfaces import BuiltPart, Part
-from warp_pd.interfaces.phases import Phase
 from warp_pd.kernels.effects import kernel
 from warp_pd.kernels.numeric import numeric
+from warp_pd.step import Phase
 
 LEAST = 0.1
 

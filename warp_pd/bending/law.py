@@ -15,10 +15,10 @@ from ..device.launches import Stage
 from ..families import pack
 from ..interfaces import SLOPE, BuiltLaw, Solve, SparseTangent, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.sparse import factorised
+from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 
 OWNER, NEWTON = "bending", "Newton"

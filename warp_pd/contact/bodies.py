@@ -18,11 +18,11 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
-from ..interfaces.phases import Phase
 from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
+from ..step import Phase
 from .body_checks import MIN_DIAMETER, bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances

@@ -13,11 +13,11 @@ from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.contact.body_contact import Given, PointContact, body_contact
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, free_motion, turn_between, vec6d
 from ..kernels.contact.free_contact import Equations, FreeBody, free_contact
 from ..kernels.pointwise import NEAR_BLOCK
+from ..step import Phase
 from .block_list import BlockList
 from .body_shapes import BodyShape, rotation_matrix
 

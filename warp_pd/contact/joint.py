@@ -17,8 +17,8 @@ from ..geometry.sheet import ByPoint
 from ..geometry.triangulation import doubled_normals, places_on_triangles
 from ..interfaces import BuiltLaw, BuiltPart, History, Part
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.contact.joint import joint
+from ..step import Phase
 from .self_contact import membrane_stiffness
 
 OWNER = "Joint"

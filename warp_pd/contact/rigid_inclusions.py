@@ -15,9 +15,9 @@ from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.contact.rigid import rigid_inclusions
 from ..kernels.integrate import RIGID
+from ..step import Phase
 
 OWNER = "rigid inclusions"
 # Largest deviation of displacements or velocities of an inclusion from those of a rigid body, over the largest of them.

@@ -16,10 +16,10 @@ from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.contact.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.contact.self_contact import repulsion
 from ..kernels.integrate import RIGID
+from ..step import Phase
 
 OWNER = "SelfContact"
 # Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.

@@ -14,12 +14,12 @@ from ..device.launches import Stage, with_values
 from ..geometry.topology import directed_edges, undirected
 from ..interfaces import BuiltContact, BuiltLaw
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.contact import sheet_contact as kernels
 from ..kernels.contact.face_tree import FaceTree, merge_boxes
 from ..kernels.contact.sheet_pairs import Surface
 from ..kernels.damage import face_damage
 from ..kernels.integrate import RIGID
+from ..step import Phase
 from .body_shapes import order_of_leaves
 
 OWNER = "SelfContact"

@@ -252,6 +252,9 @@ class Stage:
     wraparound: Launch | None = None
     leading: int = 0
     _every: int = field(default=1, init=False)
+    # Whether pointwise stages share launches, and the item before the first of them.
+    _shares: bool = field(default=False, init=False)
+    _before: Item | None = field(default=None, init=False)
 
     def __iter__(self) -> Iterator[Item]:
         return iter(self.items)
@@ -276,6 +279,17 @@ class Stage:
         self._every = repetitions
         yield
         self._every = 1
+
+    @contextlib.contextmanager
+    def one_launch(self) -> Iterator[None]:
+        """Context in which pointwise stages that follow each other on the same points share a launch.
+
+        One that gathers what another writes, or the reverse, begins a new launch.
+        """
+        outside = self._shares, self._before
+        self._shares, self._before = True, self.items[-1] if self.items else None
+        yield
+        self._shares, self._before = outside
 
     def __len__(self) -> int:
         return len(self.items)
@@ -331,10 +345,10 @@ class Stage:
         late: Mapping[str, Any] | None = None,
         **arguments: Any,
     ) -> None:
-        """Add a pointwise stage, joined with the previous launch if that is pointwise on the same points and allows it.
+        """Add a pointwise stage; within `one_launch` it may share the launch of the one before.
 
-        A stage with `only_if` is not joined where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`:
-        arguments that differ after the early launches of the next repetition.
+        A stage with `only_if` does not where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`: arguments
+        that differ after the early launches of the next repetition.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
@@ -347,7 +361,8 @@ class Stage:
         if late is not None:
             after = {"arguments": with_values(part.arguments(), {**arguments, **late})}
             launch.late = replace(launch, arguments=after, touched=touched(part.effects, after))
-        joined = _joined(self.items[-1], launch) if self.items else None
+        shares = self._shares and self.items and self.items[-1] is not self._before
+        joined = _joined(self.items[-1], launch) if shares else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
 
     def call(self, call: Call) -> None:

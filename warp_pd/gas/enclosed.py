@@ -16,7 +16,6 @@ from ..device.schedules import Schedule, factor_schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.damage import face_damage
@@ -30,6 +29,7 @@ from ..kernels.gas.enclosed_volume import (
     prescribed_volume,
 )
 from ..parts.loads import Ramp
+from ..step import Phase
 from .enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points, volume_of
 
 # Distance of a ring from a plane, over the size of the sheet, and a volume over its cube, that count as zero.

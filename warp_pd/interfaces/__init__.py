@@ -1,9 +1,9 @@
-"""Interfaces between the parts of a simulation: protocols, the context of a scene, phases, frames.
+"""Interfaces between the parts of a simulation: protocols, the context of a scene, frames.
 
 Supports, loads, contact, rupture, force laws, solvers and writers implement the protocols.
 
 A scene lists parts, which are small frozen dataclasses. Each part is built on a device and then adds its launches,
-phase by phase (phases.py). To write your own part, inherit from its protocol; optional methods have defaults. See
+phase by phase (warp_pd/step.py). To write your own part, inherit from its protocol; optional methods have defaults. See
 docs/write-your-own-part.md.
 """
 

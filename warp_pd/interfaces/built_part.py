@@ -8,7 +8,7 @@ from typing import Protocol
 
 from ..device.fields import Array
 from ..device.launches import Stage
-from .phases import Phase
+from ..step import Phase
 
 History = list[dict[str, float]]
 

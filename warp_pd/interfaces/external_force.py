@@ -9,10 +9,10 @@ import numpy as np
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.loads import begin_loads
+from ..step import Phase
 from .built_part import BuiltPart
 from .context import Context
 from .part import BuiltLoad
-from .phases import Phase
 
 
 class ExternalForce(BuiltPart):

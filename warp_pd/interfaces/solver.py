@@ -12,12 +12,12 @@ from ..device.checks import InputError
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..device.schedules import Schedule
+from ..step import Phase
 from .built_part import BuiltPart
 from .context import Context
 from .external_force import ExternalForce
 from .law import BuiltLaw
 from .part import BuiltRupture, Constraint
-from .phases import Phase
 
 # How a run ends: at its end, with a state that is not sound, without an equilibrium, on a path before its last load
 # factor although Newton's method converges, by the user.
@@ -107,11 +107,10 @@ class System:
     rupture: BuiltRupture | None
     _schedules: LaunchSequence | None = field(default=None, init=False, repr=False)
 
-    def add(self, phases: Iterable[Phase], stage: Stage) -> None:
-        """Add the launches of all parts in the given phases, in order."""
-        for phase in phases:
-            for part in self.parts:
-                part.add(phase, stage)
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of all parts in a phase, in their order."""
+        for part in self.parts:
+            part.add(phase, stage)
 
     def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
         """Check that no part acts in phases that the solver does not have."""

@@ -13,7 +13,6 @@ from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
 from ..kernels.statics.relaxation import row_sums
@@ -21,6 +20,7 @@ from ..kernels.visco.memory import remembered
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
 from ..statics.bond_associated_tangent import BondAssociatedTangent
 from ..statics.variational import BondAssociatedLaw
+from ..step import Phase
 from .family_law import require_one_material
 from .force_paths import PATHS, FamilyBlocks, force_path
 from .point_fields import ShownFields, factors

@@ -17,11 +17,11 @@ from ..families import Families, notes_on_folds, pack
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
 from ..kernels.tearing.damage_field import soften
 from ..materials import Material, capabilities, padded_constants
+from ..step import Phase
 from .family_struct import family_struct
 from .point_fields import ShownFields, factors, grouped, offered, refuse_other
 from .weight_tables import notes_on_areas, notes_on_balance

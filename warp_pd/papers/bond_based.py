@@ -17,7 +17,6 @@ from ..families import Families, build_families
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.effects import Kernel
 from ..kernels.papers.bond_based import bond_based, pull_of_bond
 from ..kernels.papers.bonds_once import BondsOnce, bonds_once
@@ -25,6 +24,7 @@ from ..kernels.rupture import NEARLY
 from ..laws.family_law import FamilyLaw, whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
+from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
 from .inner_directions import inner_directions
 

@@ -14,10 +14,10 @@ from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.papers.visco_bonds import visco_bonds
 from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
 from ..materials import Prony, Yeoh
+from ..step import Phase
 from ..visco.prony import at_once, prony_array, store_terms
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..device.launches import Stage
 from ..interfaces import BuiltPart
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
+from ..step import Phase
 
 
 class Ticking(BuiltPart):

@@ -13,11 +13,11 @@ from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.block_sums import BLOCK
 from ..kernels.checks import frame_checks
 from ..kernels.clock import clock
 from ..kernels.integrate import kinetic_energy
+from ..step import Phase
 
 OWNER = "frames"
 

@@ -11,8 +11,8 @@ from ..device.launches import Stage
 from ..device.schedules import factor_schedule
 from ..interfaces import BuiltLaw, BuiltPart, Part
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.loads import scaled_values
+from ..step import Phase
 from .loads import Ramp
 
 

@@ -14,9 +14,9 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Part
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.loads import support_forces
+from ..step import Phase
 
 OWNER = "Reaction"
 # Bits of the components that a support holds.

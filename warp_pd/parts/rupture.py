@@ -18,10 +18,10 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.papers.energy_release import energy_release
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
+from ..step import Phase
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12

@@ -16,10 +16,10 @@ from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..interfaces.scales import Scales
 from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID
+from ..step import Phase
 
 AXES = "xyz"
 # Angle [rad] from which a multiple of 5 is in degrees.

@@ -19,10 +19,10 @@ from ..distributed.processes import Communicator
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
 from ..interfaces.context import State, find_device
 from ..interfaces.external_force import ExternalForce
-from ..interfaces.phases import SETUP, Phase
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
 from ..parts.supports import MovedPoints
+from ..step import Phase, begin
 from .scene import Outcome, Scene
 from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state
 
@@ -186,10 +186,10 @@ def _check_outcome(outcome: Outcome, columns: Sequence[str]) -> None:
 def _add_stages(built: Built) -> None:
     """Compose the stages common to all solvers and those of this solver."""
     context = built.context
-    built.add([Phase.START], context.stage("start", "once at the start"))
-    built.add(SETUP, context.stage("setup", "once at the start or a restart"))
-    built.add([Phase.SCHEDULES], context.stage("clock", "whenever the host sets the time or the step"))
+    built.add(Phase.START, context.stage("start", "once at the start"))
+    begin(built, context.stage("setup", "once at the start or a restart"))
+    built.add(Phase.SCHEDULES, context.stage("clock", "whenever the host sets the time or the step"))
     built.solver.prepare(built)
     frame = context.stage("frame", "every frame")
-    built.add([Phase.FRAME], frame)
+    built.add(Phase.FRAME, frame)
     built.sums.add(frame)

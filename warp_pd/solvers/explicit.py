@@ -15,9 +15,9 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.context import Context
-from ..interfaces.phases import STEP, Phase
 from ..interfaces.solver import FINISHED
-from .integrator import add_motion, join_steps
+from ..step import Phase, explicit_step, join_steps
+from .integrator import add_motion
 from .retries import Retries
 from .stable_step import StableStep
 
@@ -148,7 +148,7 @@ class BuiltExplicit(BuiltSolver):
         """Compose the step."""
         self.system = system
         step = self.context.stage("step", "every step")
-        system.add(STEP, step)
+        explicit_step(system, step)
         for part in system.parts:
             part.complete(step)
         join_steps(step)

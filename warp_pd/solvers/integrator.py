@@ -1,12 +1,12 @@
-"""Launches of the explicit integrator: drift and kick, and what steps share."""
+"""Launches of the explicit integrator: drift and kick."""
 
 from __future__ import annotations
 
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.integrate import integration
+from ..step import Phase
 
 OWNER = "solver"
 
@@ -23,12 +23,3 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
         external=state.external, displacement=state.displacement, velocity=state.velocity, work=state.work,
         dissipated=state.dissipated,
     )  # fmt: skip
-
-
-def join_steps(step: Stage) -> None:
-    """On a GPU, let the end of a step and the beginning of the next share a launch.
-
-    A CPU would gain nothing, and compile the kernels of both a second time.
-    """
-    if step.device.is_cuda:
-        step.fuse_wraparound()

@@ -60,8 +60,9 @@ class StableStep:
                 OWNER, kernels.trial, n,
                 displacement=state.displacement, direction=direction, reach=reach, sign=sign, out=trial,
             )  # fmt: skip
-            system.law.add_force(stage, trial, force)
-            system.external.add_following(stage, trial, force)
+            with stage.one_launch():
+                system.law.add_force(stage, trial, force)
+                system.external.add_following(stage, trial, force)
         arrays = {
             "mass": inertia, "held_mask": state.held_mask, "plus": plus, "direction": direction,
             "response": response,

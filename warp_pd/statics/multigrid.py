@@ -63,14 +63,15 @@ class Hierarchy:
         following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
         level = Level(context, law, law.tangent(context, True), following)
         stage, state = context.stage("evaluate", "every residual of Newton"), context.state
-        law.add_force(stage, state.displacement, state.force)
         dead: Array | None = None
-        if state.external is not None:
-            dead = context.array("dead_loads", OWNER, context.types.vec3, shape=level.points)
-            begin = begin_loads(context.bits, True)
-            stage.pointwise(OWNER, begin, level.points, constant=dead, external=state.external)
-            for load in following:
-                load.add_force(stage, state.displacement, state.external)
+        with stage.one_launch():
+            law.add_force(stage, state.displacement, state.force)
+            if state.external is not None:
+                dead = context.array("dead_loads", OWNER, context.types.vec3, shape=level.points)
+                begin = begin_loads(context.bits, True)
+                stage.pointwise(OWNER, begin, level.points, constant=dead, external=state.external)
+                for load in following:
+                    load.add_force(stage, state.displacement, state.external)
         level.add_residual(stage, None if system.external.keep_dead_apart() is None else dead)
         self._dead_loads.append(dead)
         self.levels.append(level)

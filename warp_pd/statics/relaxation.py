@@ -17,12 +17,12 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
-from ..interfaces.phases import STEP, Phase
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..kernels.statics.adaptive_damping import adaptive_damping
-from ..solvers.integrator import add_motion, join_steps
+from ..solvers.integrator import add_motion
 from ..solvers.retries import Snapshot
 from ..solvers.stable_step import StableStep
+from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .load_scale import LoadScale
 from .static_rounds import MIN_LOAD, StaticRounds
 
@@ -31,8 +31,6 @@ CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
-# Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
-STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 # Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.
 STIFFNESS = 0.5
 # Unbalanced force over what moves a stressed sheet in equilibrium; and the way that it may still have to go over that
@@ -42,7 +40,6 @@ EPSILON = {64: 2.0**-52, 32: 2.0**-23}
 # A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
 # stretches that far.
 FARTHEST = 100.0
-NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
 
 
 @dataclass(frozen=True)
@@ -173,10 +170,10 @@ class BuiltRelaxation(BuiltSolver):
     def prepare(self, system: System) -> None:
         """Compose the step, the residual and the stable step."""
         self.system, context = system, self.context
-        system.refuse_phases("Relaxation", NOT_DONE)
+        system.refuse_phases("Relaxation", NOT_IN_RELAXATION)
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
-        system.add(STEPPED, step)
+        relaxation_step(system, step)
         join_steps(step)
         self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())

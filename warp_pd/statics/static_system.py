@@ -15,8 +15,8 @@ from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..solvers.retries import Snapshot
+from ..step import NOT_IN_EQUILIBRIUM
 from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
@@ -29,11 +29,6 @@ from .static_rounds import StaticRounds
 MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
-# Phases of a time step that static solvers do not have: they take the forces alone, set prescribed components
-# themselves, and break bonds in equilibrium.
-NOT_DONE = (
-    Phase.RIGID_DRIFT, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.RIGID_KICK, Phase.SEPARATE,
-)  # fmt: skip
 
 
 class StaticSystem(BuiltSolver):
@@ -67,15 +62,16 @@ class StaticSystem(BuiltSolver):
 
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
-        system.refuse_phases(self.name, NOT_DONE)
+        system.refuse_phases(self.name, NOT_IN_EQUILIBRIUM)
         self.system, context, state = system, self.context, self.context.state
         loads = system.external
         finest = Level(context, system.law, self.tangent, loads.following, loads.contacts, self.tolerance)
         dead = system.external.keep_dead_apart()
         stage = context.stage("evaluate", "every residual of Newton")
-        system.law.add_force(stage, state.displacement, state.force)
-        if state.external is not None:
-            system.external.add_force(stage, state.displacement, state.external)
+        with stage.one_launch():
+            system.law.add_force(stage, state.displacement, state.force)
+            if state.external is not None:
+                system.external.add_force(stage, state.displacement, state.external)
         finest.add_residual(stage, dead)
         finest.add_turning()
         self.preconditioner = self._preconditioner()

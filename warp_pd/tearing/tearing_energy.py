@@ -17,7 +17,6 @@ from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Rupture
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.fast.lanes import lanes_of
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies
@@ -25,6 +24,7 @@ from ..kernels.tearing.damage_list import TOGETHER, field_tables
 from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..materials import continued, largest_energy_density
 from ..parts.rupture import AT_REST, Damaged
+from ..step import Phase
 from .cut_profiles import Facing, damage_of_cuts, initial_damage, longest_between_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import Density, FieldConstants, relaxations

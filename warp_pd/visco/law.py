@@ -14,7 +14,6 @@ from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
-from ..interfaces.phases import Phase
 from ..kernels.factories import FunctionFactory
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
 from ..kernels.visco.visco import prony_response, visco_energy
@@ -22,6 +21,7 @@ from ..laws.bond_associated import BondAssociated, BondAssociatedForce
 from ..laws.family_law import FamilyLaw
 from ..laws.force_paths import Reference, RowSums
 from ..materials import Maxwell, Prony, capabilities
+from ..step import Phase
 from .prony import at_once, prony_array, store_terms
 
 

@@ -105,8 +105,9 @@ def run(made, repeat=1):
 def test_pointwise_stages_on_the_same_points_share_a_launch():
     a, b, c = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0), array(0.0, 0.0, 0.0)
     made = stage()
-    made.pointwise("one", twice(), 3, source=a, out=b)
-    made.pointwise("two", twice(), 3, source=b, out=c)
+    with made.one_launch():
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        made.pointwise("two", twice(), 3, source=b, out=c)
     assert len(made) == 1
     assert made.items[0].parts == ["double", "double"]
     assert made.items[0].owner == "one, two"
@@ -114,19 +115,29 @@ def test_pointwise_stages_on_the_same_points_share_a_launch():
     np.testing.assert_array_equal(c.numpy(), [4.0, 8.0, 12.0])
 
 
+def test_stages_outside_a_shared_launch_stay_apart():
+    a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("before", twice(), 3, source=a, out=b)
+    with made.one_launch():
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        with made.one_launch():
+            made.pointwise("two", twice(), 3, source=a, out=b)
+        made.pointwise("three", twice(), 3, source=a, out=b)
+    made.pointwise("after", twice(), 3, source=a, out=b)
+    assert [launch.owner for launch in made] == ["before", "one", "two, three", "after"]
+
+
 @pytest.mark.parametrize("first", ["writer", "gatherer"])
 def test_what_one_gathers_and_the_other_writes_keeps_them_apart(first):
     """In one launch a point could see its neighbour before or after the other stage."""
     a, b, c = array(1.0, 2.0, 3.0), array(1.0, 1.0, 1.0), array(0.0, 0.0, 0.0)
     made = stage()
-    if first == "writer":
-        made.pointwise("one", twice(), 3, source=a, out=b)
-        made.pointwise("two", neighbour_sum(), 3, source=b, out=c)
-        expected = [10.0, 8.0, 6.0]
-    else:
-        made.pointwise("two", neighbour_sum(), 3, source=b, out=c)
-        made.pointwise("one", twice(), 3, source=a, out=b)
-        expected = [2.0, 2.0, 2.0]
+    stages = [("one", twice(), 3, {"source": a, "out": b}), ("two", neighbour_sum(), 3, {"source": b, "out": c})]
+    expected = [10.0, 8.0, 6.0] if first == "writer" else [2.0, 2.0, 2.0]
+    with made.one_launch():
+        for *given, arrays in stages if first == "writer" else reversed(stages):
+            made.pointwise(*given, **arrays)
     assert len(made) == 2
     run(made)
     np.testing.assert_array_equal(c.numpy(), expected)
@@ -135,18 +146,20 @@ def test_what_one_gathers_and_the_other_writes_keeps_them_apart(first):
 def test_other_points_keep_stages_apart():
     a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
     made = stage()
-    made.pointwise("one", twice(), 3, source=a, out=b)
-    made.pointwise("two", twice(), 2, source=a, out=b)
-    made.pointwise("three", twice(), 2, source=a, out=b, begin=1)
+    with made.one_launch():
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        made.pointwise("two", twice(), 2, source=a, out=b)
+        made.pointwise("three", twice(), 2, source=a, out=b, begin=1)
     assert len(made) == 3
 
 
 def test_a_kernel_between_two_stages_keeps_them_apart():
     a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
     made = stage()
-    made.pointwise("one", twice(), 3, source=a, out=b)
-    made.launch("two", add_kernel(), 3, a=a, b=b)
-    made.pointwise("three", twice(), 3, source=b, out=a)
+    with made.one_launch():
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        made.launch("two", add_kernel(), 3, a=a, b=b)
+        made.pointwise("three", twice(), 3, source=b, out=a)
     assert [launch.name for launch in made] == ["double", "add", "double"]
 
 

@@ -17,10 +17,10 @@ from ...families import InfluenceFunction, influence_function
 from ...interfaces import BuiltLaw, History
 from ...interfaces.context import Context
 from ...interfaces.frame import format_time
-from ...interfaces.phases import Phase
 from ...kernels.papers.neural import neural
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
+from ...step import Phase
 from ..nodal import PointLaw
 from . import networks
 from .networks import Network

@@ -1,0 +1,109 @@
+"""The order of a step: what a simulation computes, from one displacement to the next.
+
+Each line of these functions is a phase: every part of the scene that acts in it adds its launches there, in the order
+in which run/built.py lists the parts: force law, solver, moved points, clock, rigid inclusions, supports and loads as
+the scene names them, contact, rupture, the sum of all loads, checks at frames. A feature that the scene does not use
+adds nothing. `warp-pd plan SCENE` prints the launches.
+
+Within `one_launch`, pointwise stages on the same points share a launch, unless one gathers from neighbours what another
+writes.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Protocol
+
+from .device.launches import Stage
+
+
+class Phase(enum.Enum):
+    """What a part may add to; the value says what happens there."""
+
+    PRESCRIBE = "velocity of points on a prescribed motion"
+    RIGID_DRIFT = "half kick and drift of rigid inclusions"
+    DRIFT = "half kick and drift of the points"
+    PROJECT = "contact: points out of bodies"
+    CLOCK = "time, and the schedules that depend on it"
+    RUPTURE = "bonds that exceed the criterion break"
+    INTERNAL_VARIABLES = "internal variables of the force law"
+    INTERNAL_FORCE = "internal force"
+    BOND_WORK = "work of each bond"
+    EXTERNAL_FORCE = "external force"
+    DAMPING = "damping of this step"
+    KICK = "second half kick of the points"
+    RIGID_KICK = "second half kick of rigid inclusions"
+    SEPARATE = "contact: velocity into bodies"
+
+    # Outside the step.
+    START = "state of the force law at the initial displacement"
+    RESTORE = "what follows from the arrays of a restart file"
+    SCHEDULES = "schedules at the present time"
+    FRAME = "what frames and the history hold"
+
+
+# Phases without a place in relaxation, and in Newton's method, which takes the forces alone and sets prescribed
+# components itself. Both break bonds in equilibrium, in stages of their own.
+NOT_IN_RELAXATION = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
+NOT_IN_EQUILIBRIUM = (*NOT_IN_RELAXATION, Phase.RIGID_DRIFT, Phase.RIGID_KICK)
+
+
+class Acting(Protocol):
+    """The parts of a simulation, see `interfaces.System`."""
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of all parts in a phase."""
+        ...
+
+
+def begin(parts: Acting, stage: Stage) -> None:
+    """Forces that belong to the displacement, before the first step or after a restart."""
+    parts.add(Phase.RESTORE, stage)
+    parts.add(Phase.SCHEDULES, stage)
+    with stage.one_launch():
+        parts.add(Phase.INTERNAL_FORCE, stage)
+        parts.add(Phase.EXTERNAL_FORCE, stage)
+
+
+def explicit_step(parts: Acting, step: Stage) -> None:
+    """Central differences in time. A step ends with the forces at its displacement and the velocity at its end."""
+    with step.one_launch():
+        parts.add(Phase.PRESCRIBE, step)
+        parts.add(Phase.RIGID_DRIFT, step)
+        parts.add(Phase.DRIFT, step)
+        parts.add(Phase.PROJECT, step)
+    parts.add(Phase.CLOCK, step)
+    parts.add(Phase.RUPTURE, step)
+    parts.add(Phase.INTERNAL_VARIABLES, step)
+    with step.one_launch():
+        parts.add(Phase.INTERNAL_FORCE, step)
+        parts.add(Phase.BOND_WORK, step)
+        parts.add(Phase.EXTERNAL_FORCE, step)
+        parts.add(Phase.DAMPING, step)
+        parts.add(Phase.KICK, step)
+        parts.add(Phase.RIGID_KICK, step)
+        parts.add(Phase.SEPARATE, step)
+
+
+def relaxation_step(parts: Acting, step: Stage) -> None:
+    """Steps in fictitious time towards equilibrium, with the damping of the motion so far."""
+    with step.one_launch():
+        parts.add(Phase.PRESCRIBE, step)
+        parts.add(Phase.RIGID_DRIFT, step)
+        parts.add(Phase.DRIFT, step)
+    parts.add(Phase.CLOCK, step)
+    with step.one_launch():
+        parts.add(Phase.INTERNAL_FORCE, step)
+        parts.add(Phase.EXTERNAL_FORCE, step)
+        parts.add(Phase.DAMPING, step)
+        parts.add(Phase.KICK, step)
+        parts.add(Phase.RIGID_KICK, step)
+
+
+def join_steps(step: Stage) -> None:
+    """Let the end of a step, from the kick on, share a launch with the beginning of the next, on a GPU.
+
+    A CPU would gain nothing, and compile the kernels of both a second time.
+    """
+    if step.device.is_cuda:
+        step.fuse_wraparound()
