@@ -238,13 +238,12 @@ def page(options: argparse.Namespace) -> None:
         told = [sum(row["result"] == "found" for row in here), sum(bool(row["reason"]) for row in here)]
         lines.append([folder or "all", *map(str, (len(here), *told, len(here) - sum(told)))])
     head = ("folder", "changes", "found", "of no effect", "missed")
-    origin = f"Made by `tools/mutations.py` on {provenance('a CPU')}. Every change: [mutations.json](mutations.json)."
-    origin += " Tests were written for changes that were missed at first."
+    origin = f"Small changes of the code that tests should notice, by `python tools/mutations.py` on {provenance('a CPU')}. "
+    origin += "Every change, and why some have no effect: [mutations.json](mutations.json)."
     text = [origin, "", *table(head, lines), ""]
-    for title, wanted in (("Missed", False), ("Of no effect", True)):
-        some = [row for row in rows if row["result"] == "survived" and bool(row["reason"]) == wanted]
-        listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}` {row['reason']}".strip() for row in some]
-        text += [f"{title}:", "", *listed, ""] if listed else []
+    missed = [row for row in rows if row["result"] == "survived" and not row["reason"]]
+    listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}`" for row in missed]
+    text += ["Missed:", "", *listed, ""] if listed else []
     renew(DOCS / "reliability.md", {"## Tests that notice": text})
 
 

@@ -1,5 +1,7 @@
 """The wheel holds kernels and scenes under warp_pd, and works where it is installed."""
 
+import ast
+import pkgutil
 import shutil
 import subprocess
 import sys
@@ -88,3 +90,16 @@ def test_import_is_lean():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_no_name_of_a_lazy_package_is_that_of_a_module_in_it():
+    """Importing the module would put it in the place of the name."""
+    found = {}
+    for path in (ROOT / "warp_pd").rglob("__init__.py"):
+        text = path.read_text("utf-8")
+        if "lazy(__name__)" in text:
+            imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level]
+            names = {alias.name for node in imports for alias in node.names}
+            modules = {module.name for module in pkgutil.iter_modules([str(path.parent)])}
+            found[str(path.relative_to(ROOT))] = names & modules
+    assert len(found) > 3 and not any(found.values()), found

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from .model import SceneTests
     from .probes import Deflection, PointField, Probe, SupportForce
     from .report import Fit
-    from .sensitivity import Sensitivity, sensitivity
+    from .derivatives import Sensitivity, sensitivity
     from .tearing import TearingFit, tearing_energy
     from .uniform import UniformTests, nominal_stress
 else:

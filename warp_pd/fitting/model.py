@@ -14,7 +14,7 @@ from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
 from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
 from .probes import PointField
-from .sensitivity import Build, Derivatives, Value, value_of
+from .derivatives import Build, Derivatives, Value, value_of
 
 # Candidates for the value of a control at zero load: of a force or displacement, and of a stretch.
 AT_REST = (0.0, 1.0)

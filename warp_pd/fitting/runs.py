@@ -16,7 +16,7 @@ from ..device.checks import InputError
 from ..interfaces.solver import FINISHED, STOPPED
 from .data import Curve, Test
 from .model import Model
-from .sensitivity import Build
+from .derivatives import Build
 
 STEP = 1e-2
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..device.checks import InputError, positive
 from ..interfaces import History
-from .sensitivity import Build
+from .derivatives import Build
 
 # Runs after which the last one is the answer.
 MOST_RUNS = 5
