@@ -238,8 +238,8 @@ def page(options: argparse.Namespace) -> None:
         told = [sum(row["result"] == "found" for row in here), sum(bool(row["reason"]) for row in here)]
         lines.append([folder or "all", *map(str, (len(here), *told, len(here) - sum(told)))])
     head = ("folder", "changes", "found", "of no effect", "missed")
-    origin = f"Small changes of the code that tests should notice, by `python tools/mutations.py` on {provenance('a CPU')}. "
-    origin += "Every change, and why some have no effect: [mutations.json](mutations.json)."
+    origin = "Small changes of the code that tests should notice, by `python tools/mutations.py` on "
+    origin += f"{provenance('a CPU')}. Every change, and why some have no effect: [mutations.json](mutations.json)."
     text = [origin, "", *table(head, lines), ""]
     missed = [row for row in rows if row["result"] == "survived" and not row["reason"]]
     listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}`" for row in missed]

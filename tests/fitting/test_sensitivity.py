@@ -6,8 +6,8 @@ from helpers import refused
 
 from warp_pd import Explicit, Relaxation
 from warp_pd.fitting import sensitivity
-from warp_pd.fitting.equilibrium import Equilibrium
 from warp_pd.fitting.derivatives import with_defaults
+from warp_pd.fitting.equilibrium import Equilibrium
 
 STRIP = {"stretch": 1.3, "thickness": 1e-3}
 # Build, settings, constants, measures: edges, follower pressure on clamped and free edges, prestretch, enclosed gas,

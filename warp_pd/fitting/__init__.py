@@ -7,11 +7,11 @@ from ..device.lazy import lazy
 if TYPE_CHECKING:
     from .columns import read_tests
     from .data import Curve, FieldData, read_table
+    from .derivatives import Sensitivity, sensitivity
     from .least_squares import fit
     from .model import SceneTests
     from .probes import Deflection, PointField, Probe, SupportForce
     from .report import Fit
-    from .derivatives import Sensitivity, sensitivity
     from .tearing import TearingFit, tearing_energy
     from .uniform import UniformTests, nominal_stress
 else:

@@ -12,9 +12,9 @@ import numpy as np
 from ..device.checks import InputError
 from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
+from .derivatives import Build, Derivatives, Value, value_of
 from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
 from .probes import PointField
-from .derivatives import Build, Derivatives, Value, value_of
 
 # Candidates for the value of a control at zero load: of a force or displacement, and of a stretch.
 AT_REST = (0.0, 1.0)

@@ -15,8 +15,8 @@ import numpy as np
 from ..device.checks import InputError
 from ..interfaces.solver import FINISHED, STOPPED
 from .data import Curve, Test
-from .model import Model
 from .derivatives import Build
+from .model import Model
 
 STEP = 1e-2
 
