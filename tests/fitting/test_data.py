@@ -57,6 +57,37 @@ def test_files_of_spreadsheets_are_read(tmp_path, encoding):
         assert table.notes == (["data.csv: read as Latin-1, as it is not UTF-8"] if latin else [])
 
 
+@pytest.mark.parametrize("units", ["kPa,mm", "(kPa),(mm)", "[kPa] , [mm]", '"(kPa)","(mm)"'])
+def test_units_may_be_in_a_second_row(tmp_path, units):
+    table = read_table(written(tmp_path, f"pressure,height\n{units}\n2,3\n4,5\n"))
+    assert table.columns["pressure"].tolist() == [2e3, 4e3] and table.rows.tolist() == [3, 4]
+    np.testing.assert_allclose(table.columns["height"], [3e-3, 5e-3])
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("\u538b\u529b pressure\uff08kPa\uff09,height(mm)\n2,3\n", "gb18030"),
+        ("# \u8bd5\u9a8c\n\u538b\u529b pressure (kPa),height (mm)\n2,3\n", "gbk"),
+        ("# Gr\u00f6\u00dfe, d\u00e9j\u00e0 vu\n\u538b pressure (kPa),height (mm)\n2,3\n", "utf-8"),
+    ],
+)
+def test_chinese_spreadsheets_are_read(tmp_path, text, encoding):
+    path = tmp_path / "data.csv"
+    path.write_bytes(text.encode(encoding))
+    table = read_table(path)
+    first = next(name for name in table.columns if name.endswith("_pressure"))
+    assert first.startswith("\u538b") and table.columns[first][0] == 2e3
+    assert table.notes == ([] if encoding == "utf-8" else ["data.csv: read as GB18030, as it is not UTF-8"])
+
+
+@pytest.mark.parametrize("word", ["Gr\u00f6\u00dfe", "d\u00e9form\u00e9e", "\u00c9paisseur", "\u00b0C", "na\u00efve"])
+def test_accents_are_not_chinese(tmp_path, word):
+    path = tmp_path / "data.csv"
+    path.write_bytes(f"{word} [mm],b [N]\n2,3\n".encode("cp1252"))
+    assert word.lower().strip("\u00b0") in next(iter(read_table(path).columns))
+
+
 @pytest.mark.parametrize(("text", "said"), [
     ("stretch [1],force [N]\n0,0\n0.5,1\n", "expected positive stretches, got 0; 1 is undeformed: add 1 to strains"),
     ("stretch [1],force [N]\n110,1\n150,2\n", r"got 150; 1 is undeformed: write the unit \[%\] for percents"),
@@ -111,6 +142,11 @@ def test_gaps_are_left_out_and_named(tmp_path):
         ("pressure,height [mm]\n1,2\n", "column 'pressure': expected a name and a unit"),
         ("pressure [kPa],height [parsec]\n1,2\n", r"data.csv: column 'height': unit \[parsec\] is not known"),
         ("pressure [kPa],height [mm]\n1,two\n", "line 2: height = 'two': expected a number"),
+        (
+            "pressure [kPa],height [mm]\nraw,filtered\n1,2\n",
+            "line 2: 'raw, filtered': expected numbers below the header",
+        ),
+        ("pressure,height\nkPa,parsec\n1,2\n", r"column 'height': unit \[parsec\] is not known"),
         ("pressure [kPa],height [mm]\n1,2,3\n", "line 2: 3 cells: expected 2"),
         ("pressure [kPa],height [mm]\n1,5,2,5\n", "4 cells: expected 2, one per column; with decimal commas, separate"),
         ("pressure [kPa];height [mm]\n1,000;2,000\n", "'1,000' may have thousands or decimals: expected numbers"),

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers import build, jittered, sever, soften, square
+from helpers import build, jittered, refused, sever, soften, square
 from references.shooting import at_stretch
 from resumed_runs import require_same_when_stopped
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 from small_runs import run, simulate
 
 from warp_pd import (
@@ -18,6 +19,7 @@ from warp_pd import (
     Fixed,
     MooneyRivlin,
     Newton,
+    Pressure,
     Relaxation,
     Sheet,
     Simulation,
@@ -214,3 +216,29 @@ def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest():
         assert abs(result.history[-1]["balance_error"]) < 1e-3
         moved.append(np.linalg.norm(result.frame.displacement, axis=1).max() / RADIUS)
     assert moved[1] < 0.01 and moved[1] < 0.4 * moved[0]
+
+
+def test_a_balloon_grows_as_the_pressure_outside_falls():
+    """A rising balloon: (ambient - fall + p) l^3 = ambient, p = 2 mu (h / R) (1 / l - 1 / l^7)."""
+    ambient, fall, mu, radius, thickness = 101325.0, 4000.0, 2e5, 0.1, 1e-3
+    sheet = Sheet.sphere(radius, thickness=thickness, density=1e3, points=12)
+    low, high, side = (sheet.nearest(*place) for place in ((0, 0, -radius), (0, 0, radius), (radius, 0, 0)))
+    result = Simulation(
+        sheet,
+        BondAssociated(MooneyRivlin(0.5 * mu), horizon=2.015),
+        Newton(load_steps=2),
+        loads=[
+            Fixed([low]), Fixed([high], "xy"), Fixed([side], "y"), EnclosedGas(ambient=ambient),
+            Pressure(fall, ramp=[(0.0, 0.0), (1.0, 1.0)]),
+        ],
+    ).run(device="cpu")  # fmt: skip
+
+    def excess(stretch):
+        rubber = 2.0 * mu * thickness / radius * (stretch**-1 - stretch**-7)
+        return (ambient - fall + rubber) * stretch**3 - ambient
+
+    exact, row = brentq(excess, 1.0, 1.05), result.history[-1]
+    assert (row["volume"] / result.history[0]["volume"]) ** (1.0 / 3.0) - 1.0 == pytest.approx(exact - 1.0, rel=0.01)
+    assert row["pressure"] == pytest.approx(ambient * exact**-3 - ambient, rel=0.01)
+    with refused(match=r"EnclosedGas.ambient = \[.*\]: expected one number, .*; a Pressure acts like its fall"):
+        EnclosedGas(ambient=[(0.0, ambient), (1.0, ambient - fall)])

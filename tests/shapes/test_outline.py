@@ -217,7 +217,7 @@ def slotted(*lines):
 REFUSED = {
     "self-crossing": (
         lambda: outline([(0, 0), (0.1, 0.1), (0.1, 0), (0, 0.1)]),
-        "outline: Self-intersection[0.05 0.05]",
+        "outline: it crosses or touches itself at (0.05, 0.05) m: expected a closed curve",
     ),
     "flat outline": (lambda: outline([(0, 0), (0.1, 0), (0.05, 0)]), "outline: "),
     "two corners": (

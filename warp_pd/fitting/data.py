@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.checks import InputError
+from ..device.checks import InputError, said
 
 HEADER = re.compile(r"^\s*([^\[\]()]+?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 # A number with separators; one whose commas, points or spaces may separate thousands.
@@ -205,7 +205,8 @@ def read_table(path: str | Path) -> Table:
     """Read a CSV file whose header names each column and its unit, as in "pressure [kPa], deflection [mm]".
 
     Empty cells are gaps. Lines that begin with # are skipped. Columns are separated by commas, semicolons or tabs. The
-    decimal separator is that of the file, found from all of its cells. The text is UTF-8, UTF-16 or Latin-1.
+    decimal separator is that of the file, found from all of its cells. The text is UTF-8, UTF-16, GB18030 or
+    Latin-1. Units may be in a second row, below the names.
 
     Raises:
         InputError: if the file cannot be read, a column has no unit or an unknown one, a cell is not a number, or
@@ -221,9 +222,10 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"file = {str(path)!r}: expected a header and rows of numbers")
     first = kept[0][1]
     separator = max(";\t,", key=first.count)
-    names, factors, dimensions = _header(path, next(csv.reader([first], delimiter=separator)))
-    cells = [next(csv.reader([line], delimiter=separator)) for _, line in kept[1:]]
-    rows = np.array([number for number, _ in kept[1:]])
+    cells = [next(csv.reader([line], delimiter=separator)) for _, line in kept]
+    header, above = _joined_header(path, cells[0], cells[1], kept[1][0])
+    names, factors, dimensions = _header(path, header)
+    cells, rows = cells[above:], np.array([number for number, _ in kept[above:]])
     for row, number in zip(cells, rows, strict=True):
         if len(row) != len(names):
             commas = "; with decimal commas, separate columns by semicolons" if len(row) == 2 * len(names) else ""
@@ -252,10 +254,25 @@ def _text_of(path: Path) -> tuple[str, list[str]]:
         return content.decode("utf-8-sig"), []
     except UnicodeDecodeError:
         pass
+    if (chinese := _chinese(content)) is not None:
+        return chinese, [f"{path.name}: read as GB18030, as it is not UTF-8"]
     try:
         return content.decode("cp1252"), [f"{path.name}: read as Latin-1, as it is not UTF-8"]
     except UnicodeDecodeError:
-        raise InputError(f"file = {str(path)!r}: expected text in UTF-8, UTF-16 or Latin-1") from None
+        raise InputError(f"file = {str(path)!r}: expected text in UTF-8, UTF-16, GB18030 or Latin-1") from None
+
+
+def _chinese(content: bytes) -> str | None:
+    """The text if all bytes beyond ASCII are pairs of GB18030, symbols or common characters; accents come singly."""
+    runs = re.findall(rb"[\x80-\xff]+", content)
+    pairs = [run[k : k + 2] for run in runs for k in range(0, len(run), 2)]
+    if not all(len(pair) == 2 and (0xA1 <= pair[0] <= 0xA9 or 0xB0 <= pair[0] <= 0xD7) for pair in pairs):
+        return None
+    try:
+        text = content.decode("gb18030")
+    except UnicodeDecodeError:
+        return None
+    return text if any(0xB0 <= pair[0] for pair in pairs) else None
 
 
 def plain_number(text: str) -> str:
@@ -302,13 +319,35 @@ def decimal_of(file: str, cells: Sequence[Sequence[str]]) -> str:
     )
 
 
+def _joined_header(path: Path, first: list[str], second: list[str], line: int) -> tuple[list[str], int]:
+    """The header, and its number of rows: two where the second one has the units, such as "mm" or "(mm)", in its cells.
+
+    Raises InputError for any other second row of words.
+    """
+    words = [text.strip().strip("[](){}\uff08\uff09").strip() for text in second]
+    if any(NUMERIC.fullmatch(plain_number(text)) or text.lower() in EMPTY[1:4] for text in words) or not any(words):
+        return first, 1
+    if len(second) == len(first) and not any(HEADER.match(_half_width(cell)) for cell in first):
+        return [f"{name} [{unit or '1'}]" for name, unit in zip(first, words, strict=True)], 2
+    raise InputError(
+        f"{path.name}, line {line}: {said(', '.join(second))}: expected numbers below the header; begin other lines "
+        "with #"
+    )
+
+
+def _half_width(cell: str) -> str:
+    """A cell with ASCII brackets in place of those of Chinese text."""
+    return cell.translate(str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]"))
+
+
 def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], list[str]]:
     names, factors, dimensions = [], [], []
     for cell in cells:
-        match = HEADER.match(cell)
+        match = HEADER.match(_half_width(cell))
         if match is None:
             raise InputError(
-                f"{path.name}: column {cell.strip()!r}: expected a name and a unit, such as 'pressure [kPa]'"
+                f"{path.name}: column {cell.strip()!r}: expected a name and a unit, such as 'pressure [kPa]', or "
+                "units in the row below"
             )
         name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
         if name in names:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, finite, not_negative, positive
+from ..device.checks import InputError, finite, not_negative, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
@@ -109,6 +109,11 @@ class EnclosedGas(Enclosed):
 
     def __post_init__(self) -> None:
         finite("EnclosedGas.gauge", self.gauge)
+        if np.ndim(self.ambient):
+            raise InputError(
+                f"EnclosedGas.ambient = {said(self.ambient)}: expected one number, the pressure outside at the start; "
+                "a Pressure acts like its fall since then, Pressure(fall, ramp=[(0, 0), (duration, 1)])"
+            )
         not_negative("EnclosedGas.ambient", self.ambient)
         positive("EnclosedGas.ambient + EnclosedGas.gauge", self.ambient + self.gauge)
         positive("EnclosedGas.exponent", self.exponent)

@@ -72,8 +72,8 @@ def as_output_error(path: Path | None = None) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         name = "a result file" if path is None else repr(str(path))
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"{name} could not be written: {reason[:200]}") from error
+        reason = getattr(error, "strerror", None) or "the disk may be full, or another program may hold the file"
+        raise OutputError(f"{name} could not be written: {reason}") from error
 
 
 def require_room(folder: Path, needed: int) -> None:

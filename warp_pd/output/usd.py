@@ -53,7 +53,9 @@ def write_animation(path: Path, frames: Path, seconds_per_frame: float | None = 
         _fill(Usd.Stage.Open(layer), frames, seconds_per_frame)
         os.replace(unfinished, path)
     except (OSError, Tf.ErrorException) as error:
-        raise OutputError(f"a result file could not be written: {path}: {' '.join(str(error).split())}") from error
+        # Those of USD name places in its sources.
+        reason = (error.strerror or str(error)) if isinstance(error, OSError) else "the disk may be full"
+        raise OutputError(f"a result file could not be written: {path}: {reason}") from error
     finally:
         unfinished.unlink(missing_ok=True)
     published = Sdf.Layer.Find(str(path))

@@ -204,9 +204,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
 
 def _reading(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager[None]:
     """Context in which a file may turn out to be damaged: one line instead of any error of HDF5 or of numbers in it."""
-    return user_code(
-        lambda error: f"{path}: expected a complete VTKHDF file of frames ({str(error).strip(chr(39) + chr(34))})"
-    )
+    return user_code(lambda error: f"{path}: expected a complete VTKHDF file of frames")
 
 
 def read_frame(path: str | os.PathLike[str], index: int) -> SeriesFrame:

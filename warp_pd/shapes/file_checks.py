@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import MAX_SHOWN, InputError, kind_and_text, one_of, positive, said
+from ..device.checks import MAX_SHOWN, InputError, one_of, positive, said
 
 METERS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of meters"
@@ -45,9 +45,28 @@ def listed(indices: np.ndarray, noun: str) -> str:
     return f"{noun if len(indices) == 1 else noun + 's'} {', '.join(rows)}{more}"
 
 
+def _reason(path: Path, error: Exception) -> str:
+    """Why a library could not read a file, and what would be read."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()
+    expected = f"expected a complete {path.suffix.lower() or 'mesh'} file of a common version"
+    if isinstance(error, SyntaxError) and hasattr(error, "position"):
+        line, column = error.position
+        return f"line {line}, column {column + 1}: expected well-formed XML"
+    if isinstance(error, UnicodeDecodeError):
+        return f"its byte {error.start} is no text; {expected}"
+    if isinstance(error, MemoryError):
+        return f"it asks for more memory than there is; {expected}"
+    return f"{expected}; write it again, or in another format"
+
+
 @contextlib.contextmanager
 def library_reads(path: Path) -> Iterator[None]:
-    """Context in which a library reads a file; its output goes to the error message on failure, otherwise to stderr."""
+    """Context in which a library reads a file; what it prints goes to stderr if it could.
+
+    Raises:
+        InputError: in place of any error of the library, whose words are those of its own code.
+    """
     printed = io.StringIO()
     try:
         # meshio multiplies what may be no number of triangles, to see whether an STL file is binary.
@@ -56,7 +75,6 @@ def library_reads(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        text = " ".join((printed.getvalue() + " " + kind_and_text(error)).split())
-        raise InputError(f"path = {str(path)!r}: the file cannot be read: {text}") from error
+        raise InputError(f"path = {str(path)!r}: the file cannot be read: {_reason(path, error)}") from error
     if printed.getvalue():
         print(printed.getvalue().rstrip(), file=sys.stderr)

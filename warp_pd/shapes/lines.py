@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -107,8 +108,9 @@ def polygon(line: Line) -> Any:
 
     found = shapely.Polygon(line.points)
     if not found.is_valid or found.area == 0.0:
-        reason = shapely.is_valid_reason(found)
-        raise InputError(f"{line.name}: {reason}; expected a closed curve that does not cross itself")
+        place = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(found))
+        where = "it has no area" if place is None else f"it crosses or touches itself at ({place[1]}, {place[2]}) m"
+        raise InputError(f"{line.name}: {where}: expected a closed curve that does not cross itself")
     return found
 
 

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..device.checks import InputError, kind_and_text, one_of, positive, said, user_code
+from ..device.checks import InputError, one_of, positive, said, user_code
 from .curves import Spacing, spread_evenly, spread_on_curve
 from .file_checks import METERS, UNITS, existing_file, library_reads, meters
 
@@ -122,7 +122,7 @@ def read_outline(
 
 
 def _unreadable(where: str, name: str, error: Exception) -> str:
-    return f"{where}: {name} cannot be read: {kind_and_text(error)}"
+    return f"{where}: {name} cannot be read: expected a path of numbers and commands of SVG"
 
 
 def _require_small(where: str, path: Path) -> None:

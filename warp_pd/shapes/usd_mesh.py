@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -60,9 +59,7 @@ def read_usd(path: Path, part: str | None) -> Faces:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        # The reasons are in quotes, among the places in USD's sources where they arose.
-        reasons = re.findall(r": '(.*?)'", str(error)) or [str(error)]
-        raise InputError(f"path = {str(path)!r}: the file cannot be read: {'; '.join(reasons)}") from None
+        raise InputError(f"path = {str(path)!r}: the file cannot be read: expected a complete USD file") from error
     meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh)]
     mesh = _chosen(path, meshes, part)
     first = Usd.TimeCode.EarliestTime()

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..device.checks import InputError, said
 from .usd_mesh import Faces
 
 
 def read_wavefront(path: Path) -> Faces:
     """Read vertices, polygons and the groups (`g`) and objects (`o`) of the polygons; normals and textures are ignored.
 
-    Corners count from 1, or backwards from the last vertex so far if negative. Raises ValueError with the line.
+    Corners count from 1, or backwards from the last vertex so far if negative. Raises InputError with the line.
     """
     points: list[list[float]] = []
     faces: list[list[int]] = []
@@ -31,8 +32,9 @@ def read_wavefront(path: Path) -> Faces:
                 faces.append([corner - 1 if corner > 0 else len(points) + corner for corner in corners])
             elif words[0] == "l":
                 lines += 1
-        except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from None
+        except ValueError:
+            where = f"path = {str(path)!r}: the file cannot be read: line {number}"
+            raise InputError(f"{where}: {said(' '.join(words))}: expected numbers") from None
         if words[0] == "o":
             current["o"] = [" ".join(words[1:])] if words[1:] else []
         elif words[0] == "g":
