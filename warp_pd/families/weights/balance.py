@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Least ratio of corrected to plain weights; lattices of 10 points and more allow it.
 FLOOR = 0.05
+# Ratio of areas of points from which a sheet is uneven.
+UNEVEN = 9.0
 # Entries of the dense (points, members, members) blocks that are in memory at a time.
 BLOCK = 2_000_000
 
@@ -191,7 +193,10 @@ def corrected_weights(
         counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
         same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
         asked_matrix, asked_gap = sparse.vstack([asked_matrix, same_sum], format="csr"), np.append(asked_gap, 0.0)
-    ratio = closest_balanced(asked_matrix, plain, asked_gap, FLOOR)
+    # On uneven sheets the search takes many steps.
+    uneven = kind is None and areas.max() > UNEVEN * areas.min()
+    family = np.sort(np.nonzero(column >= 0)[0]) if uneven else None
+    ratio = closest_balanced(asked_matrix, plain, asked_gap, FLOOR, family)
 
     weights = start.copy()
     changed = column >= 0
