@@ -7,6 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folders=("${@:-tests}")
+status=0
 for numpy in "numpy" "numpy>=2"; do
     environment=build/lowest
     rm -rf "$environment"
@@ -20,5 +21,6 @@ for numpy in "numpy" "numpy>=2"; do
     mapfile -t tests < <("$environment/bin/pytest" --collect-only -q --ignore=tests/browser --ignore=tests/gpu \
         --ignore=tests/tools "${folders[@]}" | grep :: \
         | awk -v every="${EVERY:-10}" 'NR % every == 0')
-    "$environment/bin/pytest" -q -p no:cacheprovider "${tests[@]}"
+    "$environment/bin/pytest" -q -p no:cacheprovider "${tests[@]}" || status=$?
 done
+exit "$status"
