@@ -12,10 +12,11 @@ for numpy in "numpy" "numpy>=2"; do
     environment=build/lowest
     rm -rf "$environment"
     python3 -m venv "$environment"
-    # Of the neural laws' Torch the version that tools/start.sh takes, for the reason that stands there.
-    "$environment/bin/pip" install -q uv torch==2.13.0
+    "$environment/bin/pip" install -q uv
     VIRTUAL_ENV="$environment" "$environment/bin/uv" pip install --quiet --resolution lowest-direct \
         --only-binary :all: --no-binary warp-pd . "$numpy" "pytest>=8" "hypothesis>=6.100" "scikit-fem>=10"
+    # The version that tools/start.sh takes, for the reason that stands there; last, since it brings newer ones of others.
+    "$environment/bin/pip" install -q torch==2.13.0
     VIRTUAL_ENV="$environment" "$environment/bin/uv" pip list
     # Not those that need a browser, a GPU or the tools of a developer.
     mapfile -t tests < <("$environment/bin/pytest" --collect-only -q --ignore=tests/browser --ignore=tests/gpu \

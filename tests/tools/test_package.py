@@ -20,7 +20,7 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
     source = tmp_path / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", *PLACES):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "MANIFEST.in", *PLACES):
         subprocess.run(["cp", "-r", str(ROOT / name), str(source)], check=True)
     build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(source)]
     subprocess.run(build, check=True, capture_output=True)
@@ -29,7 +29,12 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     modules |= {f"warp_pd/scenes/{p.name}" for p in (ROOT / "scenes").glob("*.svg")}
     modules |= {f"warp_pd/viewer/page/{p.name}" for p in (ROOT / "warp_pd" / "viewer" / "page").iterdir()}
     assert {"warp_pd/scenes/glove.svg", "warp_pd/viewer/page/vendor.js"} <= modules
-    assert modules <= set(zipfile.ZipFile(wheel).namelist())
+    with zipfile.ZipFile(wheel) as archive:
+        assert modules <= set(archive.namelist())
+        metadata = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        description = archive.read(metadata).decode().partition("\n\n")[2]
+    assert "# warp_pd" in description and "docs/" not in description and "![" not in description
+    assert "[NVIDIA Warp](https://" in description and "](" not in description.replace("](https://", "")
     site = tmp_path / "site"
     subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)
     code = (
