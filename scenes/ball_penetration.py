@@ -30,9 +30,9 @@ import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, SelfContact, Sheet, Simulation
 from warp_pd.device.checks import count, positive
-from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
+from warp_pd.papers import force_law
+from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
 def build(

@@ -31,7 +31,7 @@ from warp_pd import (
 )
 from warp_pd.device.checks import count, not_negative, positive
 from warp_pd.measures import largest, worst_balance
-from warp_pd.parts import length_for_tears
+from warp_pd.tearing import length_for_tears
 
 RADIUS, THICKNESS, DENSITY, MU, SHARE = 0.1, 0.3e-3, 1000.0, 0.4e6, 0.1
 C10, C01 = 0.5 * (1.0 - SHARE) * MU, 0.5 * SHARE * MU

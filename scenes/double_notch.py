@@ -25,8 +25,8 @@ from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sh
 from warp_pd.device.checks import InputError, count, finite, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 from warp_pd.shapes.roughness import rough_surface
+from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
 def build(

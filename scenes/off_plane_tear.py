@@ -28,7 +28,7 @@ from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measur
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
+from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
 def build(

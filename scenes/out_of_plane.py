@@ -15,8 +15,8 @@ and the scene is within 6 % at 3.15 and 3 % at 1.5, at all four times. Slack poi
 import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
-from warp_pd.laws import force_law
 from warp_pd.measures import support_force
+from warp_pd.papers import force_law
 
 SHOWN = (1.5, 2.5, 3.5, 4.5)
 

@@ -19,9 +19,9 @@ import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation
 from warp_pd.device.checks import InputError, positive, resolved
-from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
+from warp_pd.papers import force_law
+from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.
 GRIP = 0.2

@@ -8,7 +8,7 @@ dead. The paper's own finite elements give 15.62 mm, its peridynamics 16.19 mm.
 from warp_pd import BondAssociated, Explicit, Fixed, Gent, Measure, Newton, Pressure, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of
 from warp_pd.interfaces import Solver
-from warp_pd.laws import point_areas
+from warp_pd.papers import point_areas
 
 FOLLOWER, DEAD = 15.6799e-3, 15.4661e-3
 

@@ -11,8 +11,8 @@ do not.
 """
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, Pressure, Sheet, Simulation
-from warp_pd.laws import force_law, point_areas
 from warp_pd.measures import at_time, largest
+from warp_pd.papers import force_law, point_areas
 
 LARGEST = {0.25: 0.06334, 0.5: 0.25916, 0.75: 0.6338, 1.0: 0.4318}
 

@@ -10,7 +10,7 @@ import numpy as np
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Newton, Pressure, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import one_of
 from warp_pd.interfaces import Solver
-from warp_pd.laws import force_law, point_areas
+from warp_pd.papers import force_law, point_areas
 
 CENTRE = {20.0: 0.302585}
 

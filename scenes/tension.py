@@ -9,7 +9,7 @@ free edge moves in by 13.543 mm, the grip force is 0.18112 N. The paper's own fi
 from warp_pd import BondAssociated, Explicit, Fixed, Gent, Measure, Motion, Newton, Relaxation, Sheet, Simulation
 from warp_pd.device.checks import InputError, finite, one_of
 from warp_pd.interfaces import Solver
-from warp_pd.laws import point_areas
+from warp_pd.papers import point_areas
 
 CONTRACTION, GRIP = 13.5432e-3, 0.181116
 SIDE = 0.1

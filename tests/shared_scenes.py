@@ -38,7 +38,7 @@ from warp_pd import (
 )
 from warp_pd.device.fields import to_host
 from warp_pd.device.launches import Call, Touched
-from warp_pd.distributed.processes import Communicator
+from warp_pd.interfaces.communicator import Communicator
 from warp_pd.run.built import compose
 from warp_pd.run.scene_context import partition_of
 

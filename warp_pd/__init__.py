@@ -27,17 +27,14 @@ if TYPE_CHECKING:
     from .laws.bond_associated import BondAssociated
     from .materials import (
         ArrudaBoyce,
-        Bimodular,
         ByRegion,
         Gent,
         Incompressible,
         Material,
-        Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
         PairwiseMaterial,
-        Prony,
         TensionField,
         Yeoh,
     )
@@ -48,6 +45,7 @@ if TYPE_CHECKING:
     from .papers.hyperelastic_bonds import HyperelasticBonds
     from .papers.neural.law import Neural
     from .papers.nodal import Nodal
+    from .papers.pairwise import Bimodular
     from .papers.visco_bonds import ViscoBondBased
     from .parts.loads import BodyForce, PointForce, Pressure
     from .parts.point_values import ValuesInTime
@@ -70,6 +68,7 @@ if TYPE_CHECKING:
     from .tearing.tearing_energy import TearingEnergy
     from .viewer.sheet_plot import draw_sheet
     from .visco.law import Visco
+    from .visco.viscous import Maxwell, Prony
 else:
     __getattr__ = lazy(__name__)
 

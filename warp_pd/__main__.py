@@ -59,7 +59,7 @@ class OneLineGroup(click.Group):
             ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
         except RuntimeError as error:
             from .device.checks import LOST
-            from .distributed.processes import LAUNCHER_REPORTS, LostError
+            from .interfaces.communicator import LAUNCHER_REPORTS, LostError
 
             if not isinstance(error, LostError):
                 raise

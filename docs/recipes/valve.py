@@ -7,9 +7,9 @@ import warp as wp
 
 from warp_pd import EnclosedGas
 from warp_pd.device.checks import not_negative, positive
+from warp_pd.gas import BuiltEnclosed
 from warp_pd.kernels.effects import kernel
 from warp_pd.kernels.numeric import numeric
-from warp_pd.parts import BuiltEnclosed
 from warp_pd.step import Phase
 
 

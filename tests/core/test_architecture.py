@@ -124,7 +124,10 @@ def test_nobody_asks_for_the_type_of_a_part():
             assert ours == defined, f"{path}: isinstance(..., {kind})"
 
 
-@pytest.mark.parametrize("package", ["warp_pd", "warp_pd.laws", "warp_pd.parts", "warp_pd.interfaces"])
+OFFERING = ("parts", "interfaces", "contact", "gas", "papers", "tearing")
+
+
+@pytest.mark.parametrize("package", ["warp_pd", *(f"warp_pd.{name}" for name in OFFERING)])
 def test_packages_offer_what_they_say(package):
     """Names are imported on first use, each from the module that has it."""
     module = importlib.import_module(package)

@@ -9,8 +9,9 @@ from shared_scenes import SIZE, composed, scene, sheet_of
 
 from warp_pd import Sheet
 from warp_pd.distributed.local_families import builds_alone, local_cloud_families, local_rows
-from warp_pd.distributed.partition import ALIGNED, partition_sheet, sheet_on_partition
+from warp_pd.distributed.partition import partition_sheet, sheet_on_partition
 from warp_pd.families import Families, build_families
+from warp_pd.families.partition import ALIGNED
 from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.kernels.stable_step import NOISE
 

@@ -20,7 +20,8 @@ from warp_pd import (
     TensionField,
     Yeoh,
 )
-from warp_pd.materials import capabilities, continued, energy_density, stretch_of_density
+from warp_pd.materials import capabilities, energy_density, stretch_of_density
+from warp_pd.tearing.continuation import continued
 
 LOCKING = Gent(mu=1e3, bulk=100e3, lock=8.0)
 STIFFENING = [

@@ -11,7 +11,7 @@ from study import build_scene
 
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Newton, Relaxation, Result, Simulation
 from warp_pd.interfaces import Law
-from warp_pd.laws import force_law
+from warp_pd.papers import force_law
 
 from .errors import Errors, Frames, dynamic_errors, hole_field, pressure_field, static_errors, tension_field
 

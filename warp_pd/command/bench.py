@@ -22,8 +22,9 @@ from ..geometry.sheet import Sheet
 from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
 from ..laws.bond_associated import BondAssociated
-from ..materials import Bimodular, Gent
+from ..materials import Gent
 from ..papers.bond_based import BondBased
+from ..papers.pairwise import Bimodular
 from ..parts.loads import Pressure
 from ..parts.rupture import CriticalStretch
 from ..parts.supports import Fixed

@@ -13,7 +13,7 @@ import warp as wp
 from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
-from ..distributed.partition import Partition
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, StepLimit
 from ..interfaces.context import Context

@@ -22,12 +22,12 @@ from ..device.checks import InputError
 from ..device.cores import start_warp
 from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
+from ..families.partition import Partition
 from ..geometry.triangulation import CoarseLattice
+from ..interfaces.communicator import Communicator, LostError
 from ..kernels.block_sums import BLOCK
 from ..papers.neural.torch_step import capture, release_graphs
 from .messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
-from .partition import Partition
-from .processes import Communicator, LostError
 
 T = TypeVar("T")
 

@@ -10,7 +10,7 @@ from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
 
 if TYPE_CHECKING:
-    from .processes import Communicator
+    from ..interfaces.communicator import Communicator
 
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
@@ -29,7 +29,7 @@ def is_first() -> bool:
 def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
     """The communicator of this process, and its device; "cuda" and None mean one GPU per process."""
     if processes_here() == 1:
-        from .processes import Communicator
+        from ..interfaces.communicator import Communicator
 
         return Communicator(), device
     from .communicator import TorchCommunicator, own_device

@@ -14,7 +14,7 @@ from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
 from ..device.checks import LOST
-from .processes import LAUNCHER_REPORTS
+from ..interfaces.communicator import LAUNCHER_REPORTS
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:

@@ -13,7 +13,7 @@ import torch.distributed as dist
 import warp as wp
 
 from ..device.fields import Array
-from .processes import LostError
+from ..interfaces.communicator import LostError
 
 SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import warp as wp
 
 from ..device.launches import Call, Item, Launch, Touched
-from .partition import Partition
+from ..families.partition import Partition
 
 
 def has_streams(device: wp.Device) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import crosses
-from ..shapes.surface_paths import apart_along
+from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
 DETOUR = 1.2

@@ -17,8 +17,7 @@ from ..device.cores import require_no_cuda_of_parent, start_warp
 from ..device.fields import Array, Field, FieldRegister, Stored, to_host
 from ..device.graph import LaunchSequence, run_once
 from ..device.launches import Launch, Stage, compile_launches
-from ..distributed.partition import Partition
-from ..distributed.processes import Communicator
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import CoarseLattice
 from ..kernels import block_sums
@@ -26,6 +25,7 @@ from ..kernels.effects import Kernel
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
 from ..kernels.numeric import Numeric
+from .communicator import Communicator
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
 SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256

@@ -12,7 +12,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..distributed.partition import Partition
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
 from .context import Context

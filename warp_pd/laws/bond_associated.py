@@ -19,12 +19,12 @@ from ..kernels.statics.relaxation import row_sums
 from ..kernels.visco.memory import remembered
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
 from ..statics.bond_associated_tangent import BondAssociatedTangent
-from ..statics.variational import BondAssociatedLaw
 from ..step import Phase
 from .family_law import require_one_material
 from .force_paths import PATHS, FamilyBlocks, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
+from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")

@@ -20,7 +20,7 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
-from ..distributed.partition import ALIGNED
+from ..families.partition import ALIGNED
 from ..fast.undamaged_lattice import undamaged_stencil
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
@@ -35,8 +35,8 @@ from ..kernels.fast.undamaged_lattice import undamaged_lattice_force
 from ..kernels.reference_force import published_force, reference_force
 from ..kernels.tearing.damage_field import OtherFamilies
 from ..materials import Material, capabilities
-from ..statics.variational import BondAssociatedLaw
 from .family_struct import moments_of
+from .variational import BondAssociatedLaw
 
 
 @dataclass(frozen=True)

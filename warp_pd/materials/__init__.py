@@ -1,8 +1,5 @@
 """Materials: constants and their device functions."""
 
-from ..papers.pairwise import Bimodular
-from ..tearing.continuation import continued
-from ..visco.viscous import Maxwell, Prony
 from .by_region import ByRegion
 from .compressible import Gent, NeoHookean
 from .energy import (
@@ -23,25 +20,21 @@ from .tension_field import WRINKLES, TensionField, with_wrinkles
 __all__ = [
     "WRINKLES",
     "ArrudaBoyce",
-    "Bimodular",
     "ByRegion",
     "Capabilities",
     "Gent",
     "Incompressible",
     "Material",
-    "Maxwell",
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
     "PairwiseMaterial",
     "PlaneStress",
-    "Prony",
     "TensionField",
     "Yeoh",
     "borne",
     "capabilities",
     "check_material",
-    "continued",
     "energy_density",
     "largest_energy_density",
     "modulus_in_tension",

@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from ..interfaces import FrameReport
-from ..viewer.notebook import has_widgets, in_notebook
+from .notebook import has_widgets, in_notebook
 
 # Seconds left that are worth a line, and between two lines.
 LONG, SECONDS_SAID = 60.0, 30.0

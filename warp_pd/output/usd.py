@@ -15,8 +15,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from ..device.checks import InputError, OutputError
 from ..interfaces.frame import Body
-from ..viewer.shapes import bounding_box, camera_place, damage_colours, point_normals
 from .point_fields import same_arrays
+from .shapes import bounding_box, camera_place, damage_colours, point_normals
 from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
 
 # Frames that a second shows, and that the memory holds.

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..device.checks import InputError
-from ..materials import Prony, Yeoh
+from ..materials import Yeoh
+from ..visco.viscous import Prony
 
 
 def second_stress(c10: float, c20: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -236,7 +236,7 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
         InputError: unless the sheet is an uncut rectangle of uniform material and thickness with at least four rows and
             columns.
     """
-    from ..families.weights import balanced_micromoduli
+    from .micromoduli import balanced_micromoduli
 
     lattice = sheet.lattice
     if lattice is None or sheet.cuts or sheet.factors is not None or min(lattice.rows, lattice.columns) < 4:

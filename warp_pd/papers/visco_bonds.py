@@ -16,9 +16,10 @@ from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.papers.visco_bonds import visco_bonds
 from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
-from ..materials import Prony, Yeoh
+from ..materials import Yeoh
 from ..step import Phase
 from ..visco.prony import at_once, prony_array, store_terms
+from ..visco.viscous import Prony
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ..device.checks import finite, one_of, point_indices, vector
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import factor_schedule
-from ..distributed.partition import Partition
+from ..families.partition import Partition
 from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load

@@ -15,8 +15,8 @@ from ..contact.rigid_inclusions import RigidInclusions
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
 from ..distributed.exchange import add_exchanges
-from ..distributed.processes import Communicator
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
+from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
 from ..interfaces.external_force import ExternalForce
 from ..parts.clock import Ticking

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..device.checks import InputError, count
 from ..interfaces import History
 from ..interfaces.frame import Frame
-from ..viewer.notebook import Page, data_frame, html_table
+from ..output.notebook import Page, data_frame, html_table
 from .built import Built
 from .description import result_rows, units_of
 from .summary import WHOLE_RUN

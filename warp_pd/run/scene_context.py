@@ -10,9 +10,10 @@ import warp as wp
 
 from ..device.clock import Clock
 from ..device.fields import FieldRegister
-from ..distributed.partition import Partition, partition_sheet, sheet_on_partition
-from ..distributed.processes import Communicator
+from ..distributed.partition import partition_sheet, sheet_on_partition
+from ..families.partition import Partition
 from ..interfaces import Constraint, Part
+from ..interfaces.communicator import Communicator
 from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
 from ..kernels.numeric import numeric
 from ..parts.frame_checks import EnergyBalance

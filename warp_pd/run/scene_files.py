@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..command.scene_text import WrittenBuild
 from ..device.checks import InputError, kind_and_text, user_code
 from .arguments import converted, is_plain, plain
+from .scene_text import WrittenBuild
 
 
 def scene_names() -> list[str]:

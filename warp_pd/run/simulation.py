@@ -22,14 +22,14 @@ class Simulation(Scene):
 
     def __repr__(self) -> str:
         """One line per part instead of the default text with all arrays."""
-        from ..viewer.notebook import text_table
+        from ..output.notebook import text_table
         from .description import scene_rows
 
         return text_table(f"Simulation {self.scene!r}", scene_rows(self))
 
     def _repr_html_(self) -> str:
         """HTML for a notebook, one line per part."""
-        from ..viewer.notebook import html_table
+        from ..output.notebook import html_table
         from .description import scene_rows
 
         return html_table(f"Simulation {self.scene!r}", scene_rows(self))
@@ -62,8 +62,8 @@ class Simulation(Scene):
 
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""
+        from ..output.notebook import in_notebook
         from ..output.progress import Progress
-        from ..viewer.notebook import in_notebook
         from .runner import run
 
         if "reporter" not in options and in_notebook():

@@ -22,9 +22,10 @@ from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies
 from ..kernels.tearing.damage_list import TOGETHER, field_tables
 from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
-from ..materials import continued, largest_energy_density
+from ..materials import largest_energy_density
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
+from .continuation import continued
 from .cut_profiles import Facing, damage_of_cuts, initial_damage, longest_between_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import Density, FieldConstants, relaxations

@@ -20,9 +20,10 @@ from ..kernels.visco.visco import prony_response, visco_energy
 from ..laws.bond_associated import BondAssociated, BondAssociatedForce
 from ..laws.family_law import FamilyLaw
 from ..laws.force_paths import Reference, RowSums
-from ..materials import Maxwell, Prony, capabilities
+from ..materials import capabilities
 from ..step import Phase
 from .prony import at_once, prony_array, store_terms
+from .viscous import Maxwell, Prony
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..interfaces.context import Context
-from ..materials import Maxwell, Prony
+from .viscous import Maxwell, Prony
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
 AT_ONCE = 1e30

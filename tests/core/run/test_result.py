@@ -8,7 +8,7 @@ from helpers import refused, square
 from small_runs import simulate
 
 from warp_pd import CriticalStretch, Explicit, Fixed, Measure, RigidBall
-from warp_pd.viewer import notebook
+from warp_pd.output import notebook
 
 
 def scene(**parts):

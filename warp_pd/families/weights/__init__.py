@@ -27,7 +27,6 @@ The bond-associated family is that of Yang, Chen & Liu (Eng. Fract. Mech. 2024, 
 uses other weights and has no energy; the energy, the plain weights and the correction were developed in this project.
 """
 
-from ...papers.micromoduli import balanced_micromoduli
 from .balance import (
     CorrectedWeights,
     corrected_weights,
@@ -42,7 +41,6 @@ from .rectangle import RectangleWeights, rectangle_corrected
 __all__ = [
     "CorrectedWeights",
     "RectangleWeights",
-    "balanced_micromoduli",
     "corrected_weights",
     "edge_vectors",
     "edge_vectors_of",

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..device.fields import Array, Stored
 from ..device.launches import Call
+from ..families.partition import Partition
 from ..geometry.triangulation import CoarseLattice
-from .partition import Partition
 
 T = TypeVar("T")
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 from ..kernels.factories import PairFactory
 from ..kernels.families import Layout
-from ..laws.family_law import FamilyLaw
 from ..materials import Material
+from .family_law import FamilyLaw
 
 # Layout, functions of the material, form.
 Key = tuple[Layout, PairFactory, str]
