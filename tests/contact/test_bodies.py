@@ -407,3 +407,14 @@ def cube(**changes):
 def test_wrong_bodies_are_named_in_one_line(make, words):
     with refused(match=words):
         make()
+
+
+def test_a_body_that_never_touches_the_sheet_is_noted():
+    sheet = square(7)
+    for solver, height, said in (
+        (Explicit(1e-3, frames=2), 0.1, True), (Explicit(1e-3, frames=2), 0.025, False), (Newton(), 0.1, True),
+    ):  # fmt: skip
+        ball = RigidBall(0.05, (0.05, 0.05, height), (0.0, 0.0, -0.01))
+        scene = simulate(sheet, solver, loads=[Fixed(sheet.edges())], contact=ball)
+        found = [note for note in scene.run(device="cpu").summary["notes"] if "did not touch the sheet" in note]
+        assert found == (["contact = RigidBall did not touch the sheet"] if said else [])

@@ -313,7 +313,9 @@ class BuiltBody(BuiltContact):
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """A note on friction at edges that the spacing cannot resolve."""
+        """Notes on a body that never touched the sheet, and on friction at edges that the spacing cannot resolve."""
+        if untouched := self._untouched(history):
+            return [untouched]
         part, least = self.part, ROUNDED * self.context.whole.spacing
         slid = self._rubs and history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
         if not slid or part.shape.edge_radius() >= least:
@@ -323,6 +325,13 @@ class BuiltBody(BuiltContact):
             "friction depends on the grid and on round-off by some per cent: expected edges with a radius of a quarter "
             f"of a spacing, {least:.3g} m, or more; Box and Cylinder have `rounding`"
         ]
+
+    def _untouched(self, history: History) -> str:
+        """A note if the body met no point of the sheet until the end of the run; otherwise ""."""
+        over = history[-1]["time"] >= self.context.clock.duration * (1.0 - 1e-9)
+        if not over or any(row.get(name) for row in history for name in self._forces):
+            return ""
+        return f"{self.label} did not touch the sheet"
 
     @cached_property
     def _outline(self) -> Body:
@@ -450,9 +459,10 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         )
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Note on load steps in which the body would have passed through the sheet."""
+        """Notes on a body that never touched the sheet, and on load steps in which it would have passed through it."""
+        untouched = self._untouched(history)
         if not self._refused:
-            return []
+            return [untouched] if untouched else []
         return [
             f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
             "load_steps, a thicker body, or more points"

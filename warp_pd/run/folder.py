@@ -57,6 +57,10 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
         raise InputError(
             f"resume from {str(folder)!r}: the folder does not exist; expected the folder of an earlier run"
         )
+    if resume and not (folder / RESTART).is_file():
+        raise InputError(
+            f"resume from {str(folder / RESTART)!r}: the file does not exist; expected the folder of an earlier run"
+        )
     with _writing_in(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -312,7 +312,7 @@ class Recorder:
             try:
                 reported = number_of(measure, built, frame)
             except InputError as error:
-                if frame.index == 0 and isinstance(error.__cause__, ALWAYS):
+                if frame.index == 0 and _always_fails(error.__cause__):
                     raise InputError(f"Measure {measure.name!r}: {error}") from error
                 # The other numbers of the run must not go with this one.
                 reported = None
@@ -326,6 +326,15 @@ class Recorder:
         if found["frames"] == 1:
             when = format_time(frame.time, self.built.simulation.load_duration)
             found["why"] = f"first at {when} (frame {frame.index}): {error}"
+
+
+def _always_fails(cause: BaseException | None) -> bool:
+    """Whether a measure that failed in the first frame will fail in all others, too.
+
+    A sum with None may be one of a number that comes later.
+    """
+    of_none = isinstance(cause, TypeError) and "NoneType" in str(cause)
+    return isinstance(cause, ALWAYS) and not of_none
 
 
 def number_of(item: Reported, *arguments: Any) -> float | None:

@@ -153,8 +153,6 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
 def load(path: Path, known: Identity, most: int) -> dict[str, Any]:
     """Load the arrays and numbers of a restart file of this run, of at most `most` bytes."""
     where = f"resume from {str(path)!r}"
-    if not path.exists():
-        raise InputError(f"{where}: the file does not exist; expected the folder of an earlier run")
     data: dict[str, Any] = read_arrays(where, path, most)
     with user_code(lambda error: f"{where}: the file is damaged ({type(error).__name__})"):
         numbers = dict(json.loads(bytes(data.pop("numbers"))))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,6 +34,7 @@ class Reported:
         name: Key in summary.json.
         unit: SI unit.
         value: Its function.
+        arguments: What that is given.
         reference: Value to compare with, in the same unit, or None.
         source: Where the reference comes from.
     """
@@ -43,19 +45,39 @@ class Reported:
     reference: float | None = None
     source: str = ""
 
+    arguments: ClassVar[tuple[str, ...]] = ()
+
     def __post_init__(self) -> None:
         """Check the function, the unit and the reference."""
         what = f"{type(self).__name__} {self.name!r}"
         if not callable(self.value):
             raise InputError(f"{what}: value = {said(self.value)}: expected a function")
+        if not _takes(self.value, len(self.arguments)):
+            expected = ", ".join(self.arguments)
+            raise InputError(f"{what}: value = {said(self.value)}: expected a function of ({expected})")
         if not isinstance(self.unit, str):
             raise InputError(f"{what}: unit = {self.unit!r}: expected text")
         if self.reference is not None:
             finite(f"{what}: reference", self.reference)
 
 
+def _takes(function: Callable[..., Any], arguments: int) -> bool:
+    """Whether a function can be called with so many arguments, as far as its signature tells."""
+    try:
+        signature = inspect.signature(function)
+    except ValueError:
+        return True
+    try:
+        signature.bind(*[None] * arguments)
+    except TypeError:
+        return False
+    return True
+
+
 class Measure(Reported):
     """A number that a scene reports at every frame; `value` is a function (built simulation, newest frame)."""
+
+    arguments: ClassVar[tuple[str, ...]] = ("built", "frame")
 
 
 @dataclass(frozen=True)
@@ -71,6 +93,8 @@ class Outcome(Reported):
     """
 
     fine: bool = False
+
+    arguments: ClassVar[tuple[str, ...]] = ("history",)
 
 
 @dataclass(eq=False)

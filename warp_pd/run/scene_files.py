@@ -94,7 +94,8 @@ def _said_in(path: Path, error: Exception) -> str:
 def _meant(error: Exception) -> str:
     """The parameter that a mistyped keyword of a class or function of the package may mean, as text; or ""."""
     found = re.match(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'", str(error))
-    if not isinstance(error, TypeError) or found is None:
+    # From version 3.13 on Python says what was meant.
+    if not isinstance(error, TypeError) or found is None or "Did you mean" in str(error):
         return ""
     import warp_pd
 

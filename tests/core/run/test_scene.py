@@ -66,6 +66,15 @@ def test_a_wrong_influence_function_is_named():
         BondAssociated(NEO, influence="cubic")
 
 
+@pytest.mark.parametrize(("kind", "value", "expected"), [
+    (Measure, lambda frame: 1.0, "built, frame"), (Outcome, lambda built, frame: 1.0, "history"),
+])  # fmt: skip
+def test_a_function_of_other_arguments_is_refused_before_the_run(kind, value, expected):
+    with refused(match=rf"^{kind.__name__} 'a': value = the function <lambda>: expected a function of \({expected}\)"):
+        kind("a", "m", value)
+    assert kind("a", "m", max).value is max and kind("a", "m", lambda *given: 1.0).unit == "m"
+
+
 @pytest.mark.parametrize("kind", [Measure, Outcome])
 @pytest.mark.parametrize(("changed", "said"), [
     ({"unit": 3}, "unit = 3: expected text"), ({"reference": "x"}, "reference = 'x'"),

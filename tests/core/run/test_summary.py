@@ -64,6 +64,23 @@ def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
         assert not notes and float(cells[2]) == value
 
 
+@pytest.mark.parametrize(("value", "said"), [
+    (lambda frame: np.nan if frame == 0 else 2.0, ""),
+    (lambda frame: None if frame == 0 else 2.0, ""),
+    (lambda frame: (None if frame == 0 else 3.0) - 1.0, "unsupported operand"),
+])  # fmt: skip
+def test_a_measure_may_have_its_first_number_later(value, said):
+    simulation = Simulation(
+        square(5), BondAssociated(NEO), Explicit(2e-4, frames=2),
+        measures=[Measure("m", "N", lambda built, frame: value(frame.index))],
+        outcomes=[Outcome("peak", "N", largest("m"))],
+    )  # fmt: skip
+    summary = simulation.run(device="cpu").summary
+    assert [summary["measures"][name]["value"] for name in ("m", "peak")] == [2.0, 2.0]
+    notes = [note for note in summary["notes"] if note.startswith("Measure 'm': missing in one frame, first at t = 0")]
+    assert [said in note for note in notes] == ([True] if said else [])
+
+
 def test_an_outcome_of_an_unknown_column_is_refused_before_the_run():
     peak = Outcome("peak", "N", largest("puul"))
     pull = Measure("pull", "N", lambda built, frame: 1.0)
