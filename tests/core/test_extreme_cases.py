@@ -1,6 +1,6 @@
 """Stiff and extreme cases run at the default step in float32, and keep the energy balance to a percent.
 
-docs/stability.md has the table. Sheets of 1 m, in which a shear wave goes 1 m/s, held at all edges and released.
+See docs/stability.md. Sheets of 1 m, in which a shear wave goes 1 m/s, held at all edges and released.
 """
 
 import numpy as np

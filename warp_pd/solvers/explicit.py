@@ -37,7 +37,7 @@ SAFETY, LESS_SAFETY = 0.9, 0.5
 MAX_DAMPED = 0.2
 # Safety below which it is why a step is short.
 SMALL_SAFETY = 0.01
-# Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
+# Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/theory.md).
 SHORTFALL = 0.02
 
 
