@@ -251,7 +251,7 @@ def test_drawing_leaves_the_backend_alone(tmp_path):
     code = """
 import pathlib, sys, matplotlib
 matplotlib.use("svg")
-from warp_pd.output import plots
+from warp_pd.viewer import plots
 rows = [{"time": 0.0, "a": 1.0}, {"time": 1.0, "a": 2.0}]
 plots.curves(pathlib.Path(sys.argv[1]), rows, ["a"], ylabel="a")
 assert matplotlib.get_backend() == "svg", matplotlib.get_backend()
