@@ -123,6 +123,12 @@ def test_no_number_is_of_a_tool_that_is_gone(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_pages_name_no_commit(page):
+    """A number is of a command, a device and a date."""
+    assert not re.findall(r"\b(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{7,10}\b", page.read_text())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_cited_commands_have_these_arguments(page):
     text = page.read_text()
     wrong = {command: why for command in commands(text) if (why := problem(command, text))}
