@@ -11,12 +11,6 @@ of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is 
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one in any system of units, which suits float32.
-
-A compact cloud, for a GPU, stores no tables for values that a thread computes as fast as it would read them. A member
-is stored as the difference between its index and that of the point, in 16 bits if all differences of a sheet fit, and
-the reverse bond in 8. Bond vectors are differences of float64 positions, as exact as tabulated ones. Named influence
-functions are evaluated. Shape tensors are summed: the inverse shape tensor of an intersection takes a loop over its
-members.
 """
 
 import functools
@@ -25,14 +19,11 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_of, lowest_bit, without_lowest_bit
+from .bits import bit_of
 from .entries import entry_of
-from .kinematics import kinematics
 from .numeric import Numeric, numeric
 
 WORD = 32
-# Influence functions that are evaluated; others have a table.
-EVALUATED = ("linear", "inverse", "inverse_square")
 
 
 @dataclass(frozen=True)
@@ -43,10 +34,10 @@ class Layout:
         kind: "lattice", "grid" or "cloud".
         bits: Precision, 32 or 64.
         curved: Whether the points of a cloud lie on a surface in space.
-        compact: Name of the influence function of a compact flat cloud, or "" if the cloud is not compact.
         breakable: Whether bonds can break.
         softened: Whether the damage of a point reduces the stiffness of its family, see
-        kernels/tearing/damage_field.py. regions: Whether bonds have several materials, see kernels/by_region.py.
+            kernels/tearing/damage_field.py.
+        regions: Whether bonds have several materials, see kernels/by_region.py.
         by_point: Whether the last constant of the material is a value of the point.
         remembers: Whether it is a value of the intersection instead, see kernels/visco/memory.py.
     """
@@ -54,7 +45,6 @@ class Layout:
     kind: str
     bits: int
     curved: bool = False
-    compact: str = ""
     breakable: bool = False
     softened: bool = False
     regions: bool = False
@@ -410,106 +400,9 @@ def table_functions(layout: Layout) -> FamilyFunctions:
     )  # fmt: skip
 
 
-def compact_functions(layout: Layout) -> FamilyFunctions:
-    """Functions of a flat cloud whose bonds keep their weight; `compact` is one of EVALUATED or "table"."""
-    types = layout.types
-    real, vec2, vec3 = types.real, types.vec2, types.vec3
-    inverse_shape = kinematics(layout.bits).inverse_shape
-    evaluated = layout.compact in EVALUATED
-    linear, inverse = layout.compact == "linear", layout.compact == "inverse"
-    word_size = WORD
-    short, byte, number, place = entry_of(wp.int16, 2), entry_of(wp.uint8, 2), entry_of(real, 2), entry_of(wp.vec2d, 1)
-
-    # Members that a sheet does not need have no array. With `far`, indices have a second half, and so have members of
-    # reverse bonds with `large`.
-    @wp.struct
-    class CompactFamily:
-        members: wp.int32
-        words: wp.int32
-        horizon: real
-        inverse_horizon: real
-        intact: wp.array2d(dtype=wp.uint32)
-        rows: wp.int32
-        far: wp.int32
-        large: wp.int32
-        inverse_horizon_64: wp.float64
-        positions: wp.array(dtype=wp.vec2d)
-        neighbours: wp.array2d(dtype=wp.int16)
-        neighbours_high: wp.array2d(dtype=wp.int16)
-        reverses: wp.array2d(dtype=wp.uint8)
-        reverses_high: wp.array2d(dtype=wp.uint8)
-        influences: wp.array2d(dtype=real)
-        commons: wp.array3d(dtype=wp.uint32)
-        initials: wp.array2d(dtype=wp.uint32)
-        weights: wp.array2d(dtype=real)
-        areas: wp.array(dtype=real)
-        family_areas: wp.array(dtype=real)
-
-    @wp.func
-    def neighbour(family: CompactFamily, i: int, k: int):
-        difference = wp.int32(short(family.neighbours, k * family.rows + i))
-        if family.far != 0:
-            difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.rows + i)) << 16)
-        return i + difference
-
-    @wp.func
-    def reverse(family: CompactFamily, i: int, k: int):
-        member = wp.int32(byte(family.reverses, k * family.rows + i))
-        if family.large != 0:
-            member = member + (wp.int32(byte(family.reverses_high, k * family.rows + i)) << 8)
-        return member
-
-    @wp.func
-    def bond(family: CompactFamily, i: int, k: int):
-        X = family.inverse_horizon_64 * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
-        return vec2(real(X[0]), real(X[1]))
-
-    @wp.func
-    def influence(family: CompactFamily, i: int, k: int):
-        if wp.static(evaluated):
-            X = bond(family, i, k)
-            r = wp.min(wp.length(X), real(1.0))
-            if wp.static(linear):
-                return real(1.0) - r
-            elif wp.static(inverse):
-                return real(1.0) / r
-            else:
-                return real(1.0) / (r * r)
-        else:
-            return number(family.influences, k * family.rows + i)
-
-    @wp.func
-    def row_of(family: CompactFamily, i: int):
-        return i
-
-    of_rows = row_functions(layout, CompactFamily, row_of)
-    common, area = of_rows["common"], of_rows["area"]
-
-    @wp.func
-    def shape(family: CompactFamily, i: int, k: int):
-        K = vec3(real(0.0), real(0.0), real(0.0))
-        for word in range(family.words):
-            members = common(family, i, k, word)
-            while members != wp.uint32(0):
-                m = word * word_size + lowest_bit(members)
-                members = without_lowest_bit(members)
-                X = bond(family, i, m)
-                c = influence(family, i, m) * area(family, neighbour(family, i, m))
-                K += c * vec3(X[0] * X[0], X[0] * X[1], X[1] * X[1])
-        return inverse_shape(K)
-
-    return FamilyFunctions(
-        CompactFamily, neighbour, reverse, bond, influence, shape, **of_rows,
-        chord=bond, **flat_functions(layout, CompactFamily),
-        **bond_functions(layout, CompactFamily, of_rows["initial"]), of_bond=same_constants(CompactFamily),
-    )  # fmt: skip
-
-
 @functools.cache
 def family_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a layout, the same whether or not its bonds soften."""
     if layout.softened:
         return family_functions(replace(layout, softened=False))
-    if layout.compact:
-        return compact_functions(layout)
     return lattice_functions(layout) if layout.kind == "lattice" else table_functions(layout)

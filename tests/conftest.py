@@ -76,7 +76,6 @@ def ball(tmp_path_factory):
 
 
 @pytest.fixture
-def gpu_paths(monkeypatch, tune):
+def gpu_paths(monkeypatch):
     """Force paths of a GPU on a CPU, which runs blocks of threads one after the other."""
     play_gpu(monkeypatch)
-    tune(compact_points=0)

@@ -62,18 +62,6 @@ _ADD_PARTS = """
     return parts;
 """
 
-_ADD_PRODUCTS_AND_SHAPES = """
-        if (common.data[b][word] & bit) {
-            for (int a = 0; a < 3; ++a) {
-                sum[a] += w[3] * w[a];
-                sum[3 + a] += y[0] * w[a];
-            }
-            sum[6] += w[3] * y[1];
-            sum[7] += w[3] * y[2];
-            sum[8] += y[0] * y[2];
-        }
-"""
-
 _OPAQUE = """
 #if defined(__CUDA_ARCH__)
     asm("" : "+r"(mask));
@@ -99,36 +87,6 @@ def putting(kind: Any) -> wp.Function:
 def opaque(mask: wp.uint32) -> wp.uint32:
     """Return the mask unchanged, but opaque to the compiler, which would otherwise recompute it for each bit."""
     ...
-
-
-def _products_and_shapes(bits: int) -> str:
-    """C++ code that adds nine products to `sums`.
-
-    In float32 on a GPU it is PTX with predicates, which is faster than the branch around the sums that the compiler
-    would emit. Operands: %0 to %8 are the sums, %9 is the condition, %10 to %16 are U, w[3] and y.
-    """
-    first, second = "%13", "%14"
-    factors = [*((first, f"%{10 + a}") for a in range(3)), *((second, f"%{10 + a}") for a in range(3))]
-    factors += [(first, "%15"), (first, "%16"), (second, "%16")]
-    lines = [f"@p fma.rn.f32 %{at}, {one}, {other}, %{at};" for at, (one, other) in enumerate(factors)]
-    text = " ".join(["{ .reg .pred p; setp.ne.u32 p, %9, 0;", *lines, "}"])
-    results = ", ".join(f'"+f"(sum[{at}])' for at in range(9))
-    read = ", ".join(f'"f"({value})' for value in ("w[0]", "w[1]", "w[2]", "w[3]", "y[0]", "y[1]", "y[2]"))
-    predicated = f"""
-#if defined(__CUDA_ARCH__)
-        asm("{text}" : {results} : "r"(common.data[b][word] & bit), {read});
-#else
-{_ADD_PRODUCTS_AND_SHAPES}
-#endif
-"""
-    return f"""
-    constexpr int bonds = sizeof(sums.data) / sizeof(sums.data[0]);
-    for (int b = 0; b < bonds; ++b) {{
-        auto& sum = sums.data[b];
-{predicated if bits == 32 else _ADD_PRODUCTS_AND_SHAPES}
-    }}
-    return sums;
-"""
 
 
 @dataclass(frozen=True)
@@ -182,9 +140,9 @@ def block_force(
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    breakable, curved, compact = layout.breakable, layout.curved, layout.compact != ""
+    breakable, curved = layout.breakable, layout.curved
     # Whether the shape tensor of a damaged intersection is the undamaged one less its missing members, which are few.
-    by_missing = not (curved or compact)
+    by_missing = not curved
     motion, stress_near = kinematics(bits, curved), near(bits)
     Constants = constants_of(stress_near)
     n, bonds, lanes = family_block.members, family_block.bonds, family_block.lanes
@@ -195,15 +153,12 @@ def block_force(
     # Bits of members, and of D_ik of each bond of a thread (first index).
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     Masks = wp.types.matrix(shape=(bonds, words), dtype=wp.uint32)
-    # What threads exchange of a member: (U_k, c_k X_k1), then (c_k X_k2, 1 / c_k), or X_k where shape tensors are sums.
-    Arm = vec4 if compact else vec2
-    # Sums over the intersection of each bond of a thread: c_k X_k1 U_k, c_k X_k2 U_k, on a compact cloud also K_ij;
-    # then the two columns of A.
-    Sums = wp.types.matrix(shape=(bonds, 9 if compact else 6), dtype=real)
+    # Sums over the intersection of each bond of a thread: c_k X_k1 U_k, c_k X_k2 U_k; then the two columns of A.
+    Sums = wp.types.matrix(shape=(bonds, 6), dtype=real)
     Parts = wp.types.matrix(shape=(bonds, 6), dtype=real)
     Inverses = wp.types.matrix(shape=(bonds, 3), dtype=real)
     Weights = wp.types.vector(length=bonds, dtype=real)
-    put_vec2, put_vec3, put_vec4, put_arm = (putting(kind) for kind in (vec2, vec3, vec4, Arm))
+    put_vec2, put_vec3, put_vec4 = (putting(kind) for kind in (vec2, vec3, vec4))
     put_pair = put_entry(vec3, 2, wp.int64)
     vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2, wp.uint32)
 
@@ -223,19 +178,11 @@ def block_force(
         """
         member = wp.min(k, wp.static(n - 1))
         m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
-        X = vec2(real(0.0), real(0.0))
-        if wp.static(compact):
-            X = f.bond(family, i, member)
-            c = f.influence(family, i, member) * f.area(family, m)
-            moment = vec3(c * X[0], c * X[1], real(0.0))
-        else:
-            moment = moment_of(moments, f.entry(family, i, member))
+        moment = moment_of(moments, f.entry(family, i, member))
         stretch = f.to_frame(
             family, i, family.inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i))
         )
-        inverse = vec3(real(0.0), real(0.0), real(0.0))
-        if wp.static(not compact):
-            inverse = f.shape(family, i, member)
+        inverse = f.shape(family, i, member)
         weight = f.weight(family, i, member)
         mask = present[0]
         for word in range(1, wp.static(words)):
@@ -248,12 +195,8 @@ def block_force(
             together = f.common(family, i, member, wp.static(word)) & present[word]
             common[word] = wp.where(intact_here, together, wp.uint32(0))
         exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
-        arm = Arm()
-        arm[0] = moment[1]
-        if wp.static(compact):
-            arm[1] = X[0]
-            arm[2] = X[1]
-        elif wp.static(breakable):
+        arm = vec2(moment[1], real(0.0))
+        if wp.static(breakable):
             arm[1] = moment[2]
         return exchanged, arm, common, inverse, weight
 
@@ -315,8 +258,6 @@ def block_force(
         member = wp.min(k, wp.static(n - 1))
         tilt = f.tilt(family, i, member)
         undamaged_inverse = inverse
-        if wp.static(compact):
-            inverse = motion.inverse_shape(shape)
         if wp.static(breakable):
             if not undamaged:
                 if wp.static(by_missing):
@@ -331,8 +272,8 @@ def block_force(
         A1, A2 = motion.stress_on_members(H1, H2, S, table_weight, inverse, tilt)
         return A1, A2, next_guess
 
-    @wp.func_native(_products_and_shapes(bits) if compact else _ADD_PRODUCTS)
-    def add_products(sums: Sums, common: Masks, word: int, bit: wp.uint32, w: vec4, y: Arm) -> Sums:
+    @wp.func_native(_ADD_PRODUCTS)
+    def add_products(sums: Sums, common: Masks, word: int, bit: wp.uint32, w: vec4, y: vec2) -> Sums:
         """Add a member, given by its `word` and `bit`, to c_k X_k1 U_k and c_k X_k2 U_k of intersections it is in."""
         ...
 
@@ -366,7 +307,7 @@ def block_force(
             count = wp.min(count, other_count[0])
         # What the threads of a family tell each other, by member.
         stretches = wp.tile_empty(shape=wp.static(bonds * threads), dtype=vec4, storage="shared")
-        arms = wp.tile_empty(shape=wp.static(bonds * threads), dtype=Arm, storage="shared")
+        arms = wp.tile_empty(shape=wp.static(bonds * threads), dtype=vec2, storage="shared")
         firsts = wp.tile_empty(shape=wp.static(bonds * threads), dtype=vec4, storage="shared")
         seconds = wp.tile_empty(shape=wp.static(bonds * threads), dtype=vec2, storage="shared")
         pulls = wp.tile_empty(shape=wp.static(threads), dtype=vec3, storage="shared")
@@ -394,7 +335,7 @@ def block_force(
                     family, present, moments, displacement, i, k + wp.static(b * lanes)
                 )
                 put_vec4(stretches, place_of_bond, u)
-                put_arm(arms, place_of_bond, m)
+                put_vec2(arms, place_of_bond, m)
                 for word in range(wp.static(words)):
                     common[b, word] = mask[word]
                 inverses[b] = inverse
@@ -417,9 +358,7 @@ def block_force(
                     mask[word] = common[b, word]
                 shape = vec3(real(0.0), real(0.0), real(0.0))
                 rises = vec2(real(0.0), real(0.0))
-                if wp.static(compact):
-                    shape = vec3(sums[b, 6], sums[b, 7], sums[b, 8])
-                elif wp.static(breakable):
+                if wp.static(breakable):
                     if not undamaged:
                         # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                         if wp.static(by_missing):

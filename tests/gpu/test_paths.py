@@ -27,7 +27,7 @@ def close(one, other, tolerance):
 def test_fast_paths_have_the_forces_of_the_reference(device, tune, size, cloud, torn, precision):
     """On a GPU small sheets share blocks; large ones have a kernel for undamaged families, and a list of the others."""
     if size == "large":
-        tune(lattice_bonds=0, ring=300, cloud_ring=300, compact_points=0)
+        tune(lattice_bonds=0, ring=300)
     sheet = square(33).as_cloud() if cloud else square(33)
     forces = []
     for fast in (True, False):

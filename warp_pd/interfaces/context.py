@@ -125,8 +125,6 @@ class Context:
         block_dim: Threads per block on CUDA, common to most launches because kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
-        compact: Name of the influence function of a compact cloud (kernels/families.py); "" on other sheets. Set
-            by the force law, which is built before any kernel.
         regions: Whether bonds have several materials (kernels/by_region.py), set by the force law.
         by_point: Whether the last constant of the material is a value of the point, set by the force law.
         remembers: Whether it is an internal variable of the intersection, set by the force law.
@@ -149,7 +147,6 @@ class Context:
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
-    compact: str = ""
     regions: bool = False
     by_point: bool = False
     remembers: bool = False
@@ -176,7 +173,7 @@ class Context:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
         return Layout(
-            sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions,
+            sheet.layout, self.bits, sheet.frames is not None, f.breakable, f.softened, self.regions,
             self.by_point, self.remembers,
         )  # fmt: skip
 
@@ -356,7 +353,7 @@ class Context:
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
-            placement=None, compact="",
+            placement=None,
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1, begin: int = 0) -> LaunchSequence:

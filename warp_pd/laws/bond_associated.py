@@ -21,7 +21,7 @@ from ..materials import Material, capabilities, check_material, largest_energy_d
 from ..statics.bond_associated_tangent import BondAssociatedTangent
 from ..step import Phase
 from .family_law import require_one_material
-from .force_paths import PATHS, FamilyBlocks, force_path
+from .force_paths import PATHS, force_path
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
 from .variational import BondAssociatedLaw
@@ -125,9 +125,6 @@ class BondAssociatedForce(BondAssociatedLaw):
         context.regions, context.remembers = bool(regions), known.remembers is not None
         context.by_point = known.by_point is not None and not context.remembers
         own_values = context.by_point or context.remembers
-        if not regions and not own_values and self._has_compact_families(context):
-            named = isinstance(law.influence, str) and sheet.spacings is None
-            context.compact = str(law.influence) if named else "table"
         settings = law.horizon, law.influence, self.weights
         tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
         families, inverse, weights, self.correction = tables
@@ -163,11 +160,6 @@ class BondAssociatedForce(BondAssociatedLaw):
         else:
             self.point_values = context.array("point_values", self.owner, real, each, restart=True)
             self.struct.point_values = self.point_values
-
-    def _has_compact_families(self, context: Context) -> bool:
-        """Whether its families are a compact cloud, see kernels/families.py."""
-        blocks = self.fast and self.weights != "published" and FamilyBlocks in self.paths
-        return blocks and FamilyBlocks.takes_compact_families(context, self.material, self.law.horizon)
 
     @property
     def force_path(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,10 @@ from ..device.checks import InputError
 from ..families import Families, pack
 from ..families.tables import in_blocks
 from ..interfaces.context import Context
-from ..kernels.families import EVALUATED, family_functions
+from ..kernels.families import family_functions
 
 # Tables are read with indices of 32 bits.
 MAX_ENTRIES = 2**32
-# Differences of indices below this have 16 bits.
-NEAR = 2**15
 
 
 def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
@@ -70,8 +67,8 @@ def family_struct(
         s.class_family_area = put("class_family_area", family_areas, types.real)
         return s
     assert families.neighbours is not None
-    rows, compact = len(families.exists), context.layout.compact
-    if not compact and rows * s.members >= MAX_ENTRIES:
+    rows = len(families.exists)
+    if rows * s.members >= MAX_ENTRIES:
         raise InputError(
             f"{rows} families of up to {s.members} members: expected fewer than 2^32 entries in each table; "
             "choose a shorter horizon or fewer points"
@@ -82,12 +79,8 @@ def family_struct(
     s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)
-    if compact not in EVALUATED:
-        s.influences = put("influences", _by_member(families.influence, real), types.real)
+    s.influences = put("influences", _by_member(families.influence, real), types.real)
     s.rows = rows
-    if compact:
-        _put_compact(s, families, context, put)
-        return s
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
         steps[: len(families.steps)] = families.steps
@@ -108,24 +101,6 @@ def family_struct(
         if inverse is not None:
             s.tilts = put("tilts", _by_member(families.tilts(inverse), real, (1, 0, 2)), types.vec2)
     return s
-
-
-def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any]) -> None:
-    """Copy the tables of a compact cloud alone to the device; arguments as for `family_struct`."""
-    assert families.neighbours is not None
-    index = np.arange(families.points, dtype=np.int32)[:, None]
-    apart = np.where(families.exists, families.neighbours - index, 0)
-    s.far, s.large = int(np.abs(apart).max() >= NEAR), int(families.members > 2**8)
-    s.inverse_horizon_64 = 1.0 / families.horizon
-    s.positions = put("positions", context.sheet.points, wp.vec2d)
-    s.neighbours = put("neighbours", _by_member(apart.astype(np.int16), np.int16), wp.int16)
-    s.reverses = put("reverses", _by_member(families.reverses.astype(np.uint8), np.uint8), wp.uint8)
-    if s.far:
-        s.neighbours_high = put("neighbours_high", _by_member((apart >> 16).astype(np.int16), np.int16), wp.int16)
-    if s.large:
-        s.reverses_high = put(
-            "reverses_high", _by_member((families.reverses >> 8).astype(np.uint8), np.uint8), wp.uint8
-        )
 
 
 def moments_of(families: Families) -> np.ndarray:

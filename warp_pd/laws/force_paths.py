@@ -22,7 +22,6 @@ from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
 from ..families.partition import ALIGNED
 from ..fast.undamaged_lattice import undamaged_stencil
-from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -34,7 +33,7 @@ from ..kernels.fast.stencil import Stencil
 from ..kernels.fast.undamaged_lattice import undamaged_lattice_force
 from ..kernels.reference_force import published_force, reference_force
 from ..kernels.tearing.damage_field import OtherFamilies
-from ..materials import Material, capabilities
+from ..materials import capabilities
 from .family_struct import moments_of
 from .variational import BondAssociatedLaw
 
@@ -61,16 +60,9 @@ class Tuning:
     # most blocks would find nothing, and starting them takes time.
     blocks: int = 8192
     listed_blocks: int = 1056
-    # Columns of the ring of a lattice, and of a cloud, from twice as many points on. Every strip of a lattice waits for
-    # its few other families, which take as long as 2^16 undamaged ones; a cloud has no such families.
+    # Columns of the ring of a lattice, from twice as many points on. Every strip waits for its few other families,
+    # which take as long as 2^16 undamaged ones.
     ring: int = 2**19
-    cloud_ring: int = 2**18
-    # Horizon [spacings] up to which families of a cloud have few enough members for blocks.
-    compact_horizon: float = 4.0
-    # Number of points from which on memory counts more than time: small tables save two thirds of it, and cost a fifth.
-    compact_points: int = 2**20
-    # Entries of these tables have numbers of 31 bits.
-    max_compact_points: int = 2**24
 
 
 TUNING = Tuning()
@@ -218,7 +210,7 @@ class BondForces:
         array: The forces [N], vec3.
     """
 
-    def __init__(self, law: BondAssociatedLaw, ring: int | None) -> None:
+    def __init__(self, law: BondAssociatedLaw, ring: int | None = None) -> None:
         self.law = law
         here, points = whole_families(law), law.points
         self.entries = reverse_entries(law)
@@ -263,7 +255,7 @@ def reverse_entries(law: BondAssociatedLaw) -> Array | None:
     """
     families, points = law.families, law.points
     many = families.members * points >= 2**31
-    if families.layout != "cloud" or law.layout.compact or law.context.partition is not None or many:
+    if families.layout != "cloud" or law.context.partition is not None or many:
         return None
     assert families.neighbours is not None
     own = np.arange(points, dtype=np.int32) + points * np.arange(families.members, dtype=np.int32)[:, None]
@@ -307,11 +299,7 @@ class FamilyBlocks(Reference):
         super().__init__(law)
         self.near, self.forces = near, forces
         context = law.context
-        self.moments: Array | None = None
-        if not law.layout.compact:
-            self.moments = context.array(
-                "moments", law.owner, context.types.vec3, moments_of(law.families), per="table"
-            )
+        self.moments = context.array("moments", law.owner, context.types.vec3, moments_of(law.families), per="table")
 
     @staticmethod
     def near_stress(law: BondAssociatedLaw) -> FunctionFactory | None:
@@ -319,27 +307,13 @@ class FamilyBlocks(Reference):
         few = law.families.members <= TUNING.block_members
         return capabilities(law.material).near if few and has_shared_memory(law.context.device) else None
 
-    @staticmethod
-    def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
-        """Whether the families of a sheet should be stored as a compact cloud, see kernels/families.py.
-
-        Thread blocks then recompute shape tensors, which would be slow for a tangent. If bonds can break, the released
-        energy is bitwise reproducible only with stored tables.
-        """
-        sheet, features = context.whole, context.features
-        able = has_shared_memory(context.device) and capabilities(material).near is not None
-        cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
-        pays = sheet.size >= TUNING.compact_points and horizon <= TUNING.compact_horizon
-        return able and cloud and pays and features.dynamic and not features.breakable
-
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:
         """The path on a GPU if families are not too large and the material has stress_near; see `Reference.of`."""
         near = cls.near_stress(law)
         if near is None:
             return None
-        ring = TUNING.cloud_ring if law.layout.compact and law.context.partition is None else None
-        return cls(law, near, BondForces(law, ring))
+        return cls(law, near, BondForces(law))
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""

@@ -168,7 +168,7 @@ def gpu_paths():
     """Builds simulations with the paths of a large sheet on a GPU, whose blocks a CPU runs one after the other."""
     with pytest.MonkeyPatch.context() as patch:
         play_gpu(patch)
-        tune_paths(patch, lattice_bonds=0, compact_points=0)
+        tune_paths(patch, lattice_bonds=0)
         law = BondAssociated(NEO, horizon=1.5, weights="plain")
         torn = {"damage": CriticalStretch(2.0)}
         cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))

@@ -6,7 +6,7 @@ from curved_sheets import rough_motion, small_tube, tear
 from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
-from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, Simulation, TearingEnergy, Visco
+from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
 from warp_pd.device.checks import InputError
 from warp_pd.families import pack
 from warp_pd.laws import family_struct
@@ -151,68 +151,6 @@ def test_four_bonds_per_thread(gpu_paths, tune, sheet, horizon, bits, tear):
     tune(block_bonds=0)
     quick, _ = compare(sheet, horizon, bits, tear)
     assert "family_block_force" in quick
-
-
-def shuffled(points=13):
-    """A cloud whose neighbours are far apart in memory."""
-    sheet = jittered(points)
-    order = np.random.default_rng(1).permutation(sheet.size)
-    return Sheet.from_points(sheet.points[order], thickness=1e-3, density=1000.0)
-
-
-@pytest.mark.parametrize("influence", ["inverse_square", lambda r: 1.2 - r])
-def test_influence_functions_of_a_cloud(gpu_paths, influence):
-    """Named ones are evaluated, others have a table."""
-    compare(jittered(13), 2.015, 64, law={"influence": influence})
-
-
-def test_a_cloud_through_a_ring(gpu_paths, tune):
-    tune(cloud_ring=300)
-    quick, _ = compare(jittered(33), 2.015, 64)
-    assert quick.count("gather_from_reverse_bonds") > 4
-
-
-def test_indices_that_are_far_apart(gpu_paths):
-    """More than 2^15 points: differences have a second half."""
-    sheet = shuffled(183)
-    built = build(sheet)
-    assert built.law.struct.far == 1 and build(jittered(13)).law.struct.far == 0
-    families = built.law.families
-    half = array(built, "neighbours").numpy().astype(np.int64) & 0xFFFF
-    whole = half + (array(built, "neighbours_high").numpy().astype(np.int64) << 16)
-    found = (whole + np.arange(sheet.size)).T
-    assert (found == np.where(families.exists, families.neighbours, np.arange(sheet.size)[:, None])).all()
-
-
-def test_forces_with_indices_that_are_far_apart(monkeypatch, gpu_paths):
-    # Indices that are far apart need a sheet of 2^15 columns.
-    monkeypatch.setattr(family_struct, "NEAR", 5)
-    compare(shuffled(), 2.015, 64)
-
-
-def test_bytes_of_a_cloud(gpu_paths):
-    """At 3.15 a cloud without rupture takes at most 600 bytes a point, and the ring 88 of a million points."""
-    built = build(square(101).as_cloud(), horizon=3.15, precision=32, solver=Explicit(duration=1.0))
-    points, stored = built.simulation.sheet.size, built.context.fields
-    ring = TUNING.cloud_ring * built.law.families.members * 12 / 1e6
-    assert (stored.nbytes - stored["bond_force"].size * 12) / points + ring <= 600.0
-    assert not {"shapes", "bonds", "moments"} & {field.name for field in stored}
-
-
-def test_laws_that_need_tables_have_them(gpu_paths, tune):
-    cloud = jittered(13)
-
-    def compact(**parts):
-        return build(cloud, **parts).context.layout.compact
-
-    assert compact() == compact(horizon=3.15) == "linear"
-    assert compact(law={"influence": lambda r: 1.2 - r}) == "table"
-    for damage in (CriticalStretch(1e3), TearingEnergy(10.0)):
-        assert not compact(damage=damage)
-    assert not compact(law={"fast": False}) and not compact(solver=Newton())
-    assert not Simulation(cloud, Visco(NEO), Explicit(1.0)).build("cpu").context.layout.compact
-    tune(compact_points=cloud.size + 1)
-    assert not compact(horizon=3.15) and not compact(horizon=2.015)
 
 
 def compare_softened(sheet, bits):
