@@ -73,7 +73,7 @@ def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltL
         raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
     if context.features.breakable and not context.features.dynamic:
         raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
-    if context.regions or context.by_point or context.remembers:
+    if context.varying:
         raise InputError(f"bending = {given}: expected one material, the same at all points")
     return BendingForce(law, context, given)  # type: ignore[abstract]
 

@@ -25,6 +25,7 @@ from ..kernels.effects import Kernel
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
 from ..kernels.numeric import Numeric
+from ..materials import capabilities
 from .communicator import Communicator
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
@@ -72,6 +73,32 @@ class Features:
     breakable: bool = False
     softened: bool = False
     dynamic: bool = False
+
+
+@dataclass(frozen=True)
+class Varying:
+    """Where the constants of the material vary, which decides how kernels of families are compiled.
+
+    Attributes:
+        regions: Whether bonds have several materials (kernels/by_region.py).
+        by_point: Whether the last constant is a value of the point.
+        remembers: Whether it is an internal variable of the intersection.
+    """
+
+    regions: bool = False
+    by_point: bool = False
+    remembers: bool = False
+
+    def __bool__(self) -> bool:
+        """Whether they vary at all."""
+        return self.regions or self.by_point or self.remembers
+
+    @classmethod
+    def of(cls, material: Any) -> Varying:
+        """Those of a material."""
+        known = capabilities(material)
+        remembers = known.remembers is not None
+        return cls(bool(known.regions), known.by_point is not None and not remembers, remembers)
 
 
 @dataclass(eq=False)
@@ -125,9 +152,7 @@ class Context:
         block_dim: Threads per block on CUDA, common to most launches because kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
-        regions: Whether bonds have several materials (kernels/by_region.py), set by the force law.
-        by_point: Whether the last constant of the material is a value of the point, set by the force law.
-        remembers: Whether it is an internal variable of the intersection, set by the force law.
+        varying: Where the constants of the material vary.
         state: Arrays shared by all parts.
     """
 
@@ -147,9 +172,7 @@ class Context:
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
-    regions: bool = False
-    by_point: bool = False
-    remembers: bool = False
+    varying: Varying = field(default_factory=Varying)
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -171,11 +194,9 @@ class Context:
     @property
     def layout(self) -> Layout:
         """Layout of the families."""
-        sheet, f = self.sheet, self.features
-        return Layout(
-            sheet.layout, self.bits, sheet.frames is not None, f.breakable, f.softened, self.regions,
-            self.by_point, self.remembers,
-        )  # fmt: skip
+        sheet, f, v = self.sheet, self.features, self.varying
+        curved = sheet.frames is not None
+        return Layout(sheet.layout, self.bits, curved, f.breakable, f.softened, v.regions, v.by_point, v.remembers)
 
     @property
     def step_options(self) -> StepOptions:

@@ -122,15 +122,12 @@ class BondAssociatedForce(BondAssociatedLaw):
         known = capabilities(law.material)
         regions = known.regions
         self.remembered = known.remembers
-        context.regions, context.remembers = bool(regions), known.remembers is not None
-        context.by_point = known.by_point is not None and not context.remembers
-        own_values = context.by_point or context.remembers
         settings = law.horizon, law.influence, self.weights
         tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
         families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
         self._areas = sheet.areas if self.weights == "published" else self._summed(weights)
-        if own_values:
+        if context.varying.by_point or context.varying.remembers:
             self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout
@@ -154,7 +151,7 @@ class BondAssociatedForce(BondAssociatedLaw):
             raise InputError(f"{name}: expected a number or shape ({sheet.size},), got shape {given.shape}")
         each = np.broadcast_to(given, sheet.size)
         real = context.types.real
-        if context.remembers:
+        if context.varying.remembers:
             start = np.tile(each, (self.families.members, 1))
             self.struct.remembered = context.array("remembered", self.owner, real, start, per="bond", restart=True)
         else:

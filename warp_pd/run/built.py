@@ -17,7 +17,7 @@ from ..device.fields import Array, in_double
 from ..distributed.exchange import add_exchanges
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
 from ..interfaces.communicator import Communicator
-from ..interfaces.context import State, find_device
+from ..interfaces.context import State, Varying, find_device
 from ..interfaces.external_force import ExternalForce
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
@@ -97,6 +97,7 @@ def compose(
         begin_loading_common(context)
     constraints = constraints_here(constraints, context)
     force = scene.force if scene.damage is None else scene.damage.law(scene.force, context)
+    context.varying = Varying.of(force.material)
     law = with_bending(force.build(context), context, scene.bending)
     built = [part.build(context, law) for part in parts_here(parts, context)]
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))

@@ -246,7 +246,7 @@ class DamageField(Damaged):
     def _refuse_early(self, law: BuiltLaw) -> None:
         """Refuse a start far above the strength before kernels are compiled; `begin` is exact."""
         context = self.context
-        one_material = not (context.regions or context.by_point or context.remembers)
+        one_material = not context.varying
         alike = one_material and self.spared is None and context.partition is None
         if not alike or not context.initial_displacement.any():
             return
