@@ -1,5 +1,6 @@
 """Frames are written in a thread, in order; errors come back; nothing is left unwritten."""
 
+import errno
 import threading
 
 import pytest
@@ -21,7 +22,7 @@ class Notes:
         assert self.gate.wait(30.0)
         self.threads.add(threading.get_ident())
         if frame == self.fails_at:
-            raise OSError("disk full")
+            raise OSError(errno.ENOSPC, "disk full")
         self.done.append(frame)
 
 
