@@ -19,6 +19,9 @@ from ..families import WORD, Layout, family_functions
 from ..kinematics import kinematics
 from ..stiffness_left import stiffness_left
 
+# Density over that of the taut sheet below which a point counts as slack.
+SLACK = 0.1
+
 
 @functools.cache
 def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kernel, Kernel]:
@@ -109,15 +112,20 @@ def row_sums(layout: Layout, response: FunctionFactory, form: str) -> tuple[Kern
         row: wp.array2d(dtype=vec3),
         own: wp.array(dtype=real),
         least: real,
+        taut: wp.array(dtype=real),
         first: int,
         density: wp.array(dtype=real),
     ):
-        """Sum the density of a point; a point without stiffness gets the density `least`."""
+        """Sum the density of a point, at least `least`; a slack point gets that of a taut one, if that is given."""
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 total += row[f.reverse(family, i, k), f.neighbour(family, i, k)][0]
-        density[i] = wp.max(total, least)
+        total = wp.max(total, least)
+        if taut:
+            if total < real(SLACK) * taut[i]:
+                total = taut[i]
+        density[i] = total
 
     return family_rows, sum_rows

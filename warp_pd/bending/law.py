@@ -32,7 +32,7 @@ STRAIN = 1e-3
 OF_THE_LAW = (
     "label", "weights", "has_energy", "families", "struct", "intact", "constants", "energy_constants", "point_values",
     "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
-    "partial_energy", "goes_slack", "slack_frequency", "slack_stiffness",
+    "partial_energy", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
     "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density", "fictitious_mass",
     "request_fields", "field_names", "sums", "column_names", "columns", "notes", "fingerprint", "likely_cause",
 )  # fmt: skip

@@ -115,6 +115,7 @@ class BuiltLaw(BuiltPart, Protocol):
         slack_stiffness: Stiffness that the material keeps where it is slack [Pa].
         slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
             stiffer in other states, such as a bimodular one; None for other laws.
+        slack_force: Loads and reactions [N] that count as none where relaxation finds a sheet slack; 0 for other laws.
         other_families: The families that are not undamaged, a struct `OtherFamilies` of
             kernels/tearing/damage_field.py, if a kernel of its own computes the others and bonds can break; else None.
         damage: What `soften` was given, (N,), or None.
@@ -138,6 +139,7 @@ class BuiltLaw(BuiltPart, Protocol):
     goes_slack: bool
     slack_stiffness: float
     slack_frequency: float | None
+    slack_force: float
     other_families: Any | None = None
     damage: Array | None = None
 

@@ -28,6 +28,11 @@ from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
+# Strain at which a sheet is taut everywhere; its largest frequency with the fictitious mass, 0.30 to 0.32 at every
+# horizon.
+TAUT, TAUT_FREQUENCY = 0.05, 0.3
+# Strain of a strip of one spacing whose force counts as none where all is slack.
+SLACK_STRAIN = 1e-2
 
 
 @dataclass(frozen=True)
@@ -227,18 +232,30 @@ class BondAssociatedForce(BondAssociatedLaw):
         if response is None:
             return None
         rows, total = row_sums(self.layout, response, self.law.form)
-        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
-        stage.launch(
-            "Relaxation", rows, self.points,
-            family=self.struct, displacement=context.state.displacement, constants=self.constants,
-            unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
-        )  # fmt: skip
-        stage.launch(
-            "Relaxation", total, self.points, family=self.struct, row=self.pairs, own=own,
-            least=1e-3 * self._stiffness_scale() * self.thickness, density=density,
-        )  # fmt: skip
-        return density
+        least = 1e-3 * self._stiffness_scale() * self.thickness
+
+        def add_density(name: str, displacement: Array, taut: Array | None) -> Array:
+            density = context.array(name, "Relaxation", context.types.real, shape=self.points)
+            stage.launch(
+                "Relaxation", rows, self.points,
+                family=self.struct, displacement=displacement, constants=self.constants,
+                unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
+            )  # fmt: skip
+            stage.launch(
+                "Relaxation", total, self.points, family=self.struct, row=self.pairs, own=own, least=least, taut=taut,
+                density=density,
+            )  # fmt: skip
+            return density
+
+        taut = None
+        if self.goes_slack and not self.slack_stiffness:
+            # What is slack may be taut a step later, and would then be too stiff for its density.
+            stretched = context.array("stretched", "Relaxation", context.types.vec3, TAUT * context.sheet.positions)
+            taut = add_density("taut_mass", stretched, None)
+            self.slack_frequency = TAUT_FREQUENCY
+            self.slack_force = 1e3 * least * SLACK_STRAIN * context.whole.spacing
+        return add_density("fictitious_mass", context.state.displacement, taut)
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """Create the tangent for Newton's method.

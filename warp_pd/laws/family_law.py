@@ -88,6 +88,7 @@ class FamilyLaw(BuiltLaw):
     partial_energy: wp.Function | None = None
     needs_finest: str = "force: expected BondAssociated"
     slack_frequency: float | None = None
+    slack_force: float = 0.0
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
     represented: wp.Function | None = None

@@ -317,6 +317,7 @@ class BuiltRelaxation(BuiltSolver):
             reaction = self._scale.size(total) ** 2
         else:
             reaction = max(reaction, MIN_LOAD**2 * self._largest)
+        reaction = max(reaction, self.law.slack_force**2)
         if unbalanced == 0.0:
             return 0.0
         return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
