@@ -33,7 +33,7 @@ __all__ = ["build_scene"]
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS = ROOT / "docs", ROOT / "runs"
 # Finite-element solutions.
-REFERENCES = ROOT / "tests" / "physics" / "references" / "data"
+REFERENCES = ROOT / "tests" / "papers" / "references" / "data"
 Row = dict[str, Any]
 
 

@@ -133,7 +133,8 @@ def sections(rows: Sequence[Row], page: Path, only: Sequence[str] = ()) -> dict[
         if here:
             drawn = f"error-vs-time/{scene}-{kind}.png"
             draw(here, page.parent / drawn)
-            lines += [f"![{scene} on {device}]({drawn})", "", *front_table(here), ""]
+            lines += [f"![{scene} on {device}]({drawn})", ""]
+            lines += [] if only else [*front_table(here), ""]
         failed = [f"- {name_of(row)}: {row['status']}" for row in everything if row["field"] is None]
         lines += ["Runs without a result:", "", *failed, ""] if failed else []
         lines += ["Observed orders in the spacing:", "", *ordered] if (ordered := orders(here)) else []
