@@ -13,7 +13,7 @@ with the length L of the stretched strip. Without bending (`--set bending=False`
 
 import numpy as np
 
-from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Plate, Sheet, Simulation
 from warp_pd.device.checks import count, positive
 from warp_pd.measures import support_force
 
@@ -65,8 +65,7 @@ def build(
     return Simulation(
         sheet,
         force=BondAssociated(NeoHookean(mu=MU, bulk=1e3 * MU), horizon=horizon),
-        loads=[Fixed(left), Fixed(right)],
-        bending=bending,
+        loads=[Fixed(left), Fixed(right), *([Plate()] if bending else [])],
         initial_displacement=start,
         solver=Explicit(duration, frames=frames, damping=damping, safety=0.5),
         measures=[

@@ -18,7 +18,18 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from study import DOCS, Row, device_title, in_processes, picture, provenance, run_tool, study_parser, table
 
-from warp_pd import BondAssociated, Explicit, Fixed, Measure, MooneyRivlin, Result, Sheet, Simulation, TensionField
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    Measure,
+    MooneyRivlin,
+    Plate,
+    Result,
+    Sheet,
+    Simulation,
+    TensionField,
+)
 from warp_pd.parts.loads import ForcesHere
 
 INNER, OUTER, MU = 0.02, 0.1, 1e3
@@ -99,10 +110,11 @@ def simulation(around: int, thickness: float, relaxed: bool, pulls: Sequence[flo
     else:
         start[:, 2] = 0.02 * thickness * np.random.default_rng(0).normal(size=sheet.size)
         start[outside] = 0.0
+        loads.append(Plate())
     material = MooneyRivlin(0.5 * MU)
     law = BondAssociated(TensionField(material) if relaxed else material, horizon=2.015, weights="corrected")
     return Simulation(
-        sheet, law, Explicit(time, frames=len(pulls), damping=DAMPING), loads=loads, bending=not relaxed,
+        sheet, law, Explicit(time, frames=len(pulls), damping=DAMPING), loads=loads,
         initial_displacement=start, fields=("first_piola",),
         measures=[Measure("shift", "m", lambda built, frame: -float(radial(sheet, frame, inside).mean()))],
     )  # fmt: skip

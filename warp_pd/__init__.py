@@ -12,6 +12,7 @@ from .device.lazy import lazy
 from .device.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from .bending.plate import Plate
     from .contact.bodies import RigidBody
     from .contact.body_mesh import TriangleMesh
     from .contact.body_motion import BodyPath, Free
@@ -120,6 +121,7 @@ __all__ = [
     "PairwiseMaterial",
     "Place",
     "Plane",
+    "Plate",
     "PointForce",
     "Polygon",
     "Pressure",

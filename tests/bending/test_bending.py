@@ -1,9 +1,10 @@
 """Bending: gradient and tangent, momentum, patches, rolled sheets, plates, buckling, dynamics."""
 
+import helpers
 import numpy as np
 import pytest
-from helpers import build, internal_force, jittered, random_gradient, refused, sever, square, strain_energy, uniform
-from small_runs import run
+import small_runs
+from helpers import internal_force, jittered, random_gradient, refused, sever, square, strain_energy, uniform
 
 from warp_pd import (
     ArcLength,
@@ -15,6 +16,7 @@ from warp_pd import (
     Motion,
     NeoHookean,
     Newton,
+    Plate,
     PointForce,
     Pressure,
     Relaxation,
@@ -35,6 +37,19 @@ def tube():
 
 
 SHEETS = {"lattice": lambda: square(7), "cloud": lambda: jittered(7), "tube": tube}
+
+
+def with_plate(made):
+    """The function with an argument `bending`: True, a stiffness, or False for a membrane."""
+
+    def bent(*arguments, bending=False, loads=(), **parts):
+        plate = [Plate(None if bending is True else bending)] if bending else []
+        return made(*arguments, loads=[*loads, *plate], **parts)
+
+    return bent
+
+
+build, run = with_plate(helpers.build), with_plate(small_runs.run)
 
 
 def bending_force(sheet, displacement, **parts):
@@ -220,7 +235,7 @@ def test_held_slopes_are_those_of_two_held_rows():
 
 def test_held_slopes_are_refused_where_they_mean_nothing():
     sheet = square(11)
-    with refused(match="Fixed.slope = True: expected bending"):
+    with refused(match="Fixed.slope = True: expected a Plate"):
         build(sheet, loads=[Fixed(sheet.edges("all"), slope=True)])
     with refused(match="Fixed.slope = True with components = 'z': expected 'xyz'"):
         Fixed([0], "z", slope=True)
@@ -354,12 +369,12 @@ def test_a_plate_torn_while_it_bends_keeps_its_energy(damage, precision):
 
 def test_what_bending_refuses_and_a_scene_without_it():
     sheet = square(7)
-    with refused(match=r"bending = -1\.0"):
-        build(sheet, bending=-1.0)
-    for given in (1, 0, np.int64(1), "yes", [1.0]):
-        with refused(match="expected True, False or a stiffness D"):
-            build(sheet, bending=given)
-    with refused(match="'multigrid': bending: expected False"):
+    for given in (-1.0, 0, True, "yes", [1.0]):
+        with refused(match=r"Plate.stiffness = .*: expected a (positive )?number"):
+            Plate(given)
+    with refused(match="two or more parts Plate; expected one"):
+        build(sheet, loads=[Plate(), Plate(1e-6)])
+    with refused(match="'multigrid': loads = Plate: not supported"):
         build(square(25), bending=True, solver=Newton(preconditioner="multigrid"))
     with refused(match="damage not supported in static equilibrium"):
         build(sheet, bending=True, damage=CriticalStretch(2.0), solver=Relaxation())

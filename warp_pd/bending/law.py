@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, positive, said
+from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
@@ -40,46 +40,8 @@ OF_THE_LAW = (
 SAME = 1e-10
 
 
-def with_bending(law: BuiltLaw, context: Context, given: bool | float) -> BuiltLaw:
-    """The law with bending stiffness beside it; the law itself without.
-
-    Args:
-        law: The force law on the device.
-        context: Its context.
-        given: True for the stiffness of a plate of the material and the thickness, or a stiffness D [N m], with
-            Poisson's ratio of the material; False for none. The integers 0 and 1 are refused: they may be meant as
-            False and True.
-
-    Raises:
-        InputError: for several processes, bonds that break in static equilibrium, several materials, or a material
-            without stiffness.
-    """
-    if isinstance(given, bool | np.bool_):
-        given = bool(given)
-    elif isinstance(given, str) or not np.isscalar(given) or (isinstance(given, int | np.integer) and given in (0, 1)):
-        # 1 may be meant as True or as 1 N m, a stiffness that no rubber sheet has.
-        raise InputError(
-            f"bending = {said(given)}: expected True, False or a stiffness D [N m], a positive number such as 1e-6"
-        )
-    else:
-        positive("bending", given)
-    if given is False:
-        if (context.held & SLOPE).any():
-            raise InputError(
-                "Fixed.slope = True: expected bending = True or a stiffness; a membrane has no slope to hold"
-            )
-        return law
-    if context.partition is not None:
-        raise InputError(f"bending = {given}: not supported on several processes; expected a run in one process")
-    if context.features.breakable and not context.features.dynamic:
-        raise InputError(f"bending = {given}: damage not supported in static equilibrium; expected Explicit")
-    if context.varying:
-        raise InputError(f"bending = {given}: expected one material, the same at all points")
-    return BendingForce(law, context, given)  # type: ignore[abstract]
-
-
-def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
-    """E / (12 (1 - nu^2)) [Pa] of the law, or the stiffness that was given, and Poisson's ratio.
+def plate_stiffness(law: BuiltLaw) -> tuple[float, float]:
+    """E / (12 (1 - nu^2)) [Pa] of the law, and Poisson's ratio.
 
     Raises:
         InputError: if the law has no energy density or no stiffness.
@@ -88,11 +50,11 @@ def plate_stiffness(law: BuiltLaw, given: bool | float) -> tuple[float, float]:
     try:
         density = law.energy_density(steps[:, None], steps[None, :])
     except InputError:
-        raise InputError(f"bending = {given}: expected a law with an energy density") from None
+        raise InputError("loads = Plate: expected a law with an energy density") from None
     modulus = (density[0, 1] - 2.0 * density[1, 1] + density[2, 1]) / STRAIN**2
     mixed = (density[0, 0] + density[2, 2] - density[0, 2] - density[2, 0]) / (4.0 * STRAIN**2)
     if not modulus > 0.0:
-        raise InputError(f"bending = {given}: expected a material with stiffness")
+        raise InputError("loads = Plate: expected a material with stiffness")
     return float(modulus) / 12.0, float(mixed / modulus)
 
 
@@ -111,9 +73,10 @@ class BendingForce(BuiltLaw):
         needs_finest: On coarser lattices the stiffness would be that of shorter waves.
     """
 
-    needs_finest = "bending: expected False"
+    needs_finest = "loads = Plate: not supported"
+    resists_bending = True
 
-    def __init__(self, law: BuiltLaw, context: Context, given: bool | float) -> None:
+    def __init__(self, law: BuiltLaw, context: Context, given: float | None) -> None:
         self.law, self.context = law, context
         for name in OF_THE_LAW:
             setattr(self, name, getattr(law, name))
@@ -150,12 +113,12 @@ class BendingForce(BuiltLaw):
             per="face",
         )  # fmt: skip
 
-    def _stiffness(self, given: bool | float) -> tuple[np.ndarray, float]:
+    def _stiffness(self, given: float | None) -> tuple[np.ndarray, float]:
         """D of each point [N m], (N,), and Poisson's ratio."""
         sheet = self.context.sheet
-        unit, poisson = plate_stiffness(self.law, given)
+        unit, poisson = plate_stiffness(self.law)
         softer = 1.0 if sheet.stiffness is None else sheet.stiffness
-        each = unit * sheet.thickness**3 * softer if given is True else given
+        each = unit * sheet.thickness**3 * softer if given is None else given
         return np.broadcast_to(np.asarray(each, float), sheet.size), poisson
 
     def _tables(self) -> Any:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..bending.plate import Plate
 from ..contact.rigid_ball import RigidBall
 from ..device.checks import InputError, finite, one_of
 from ..geometry.sheet import Sheet
@@ -101,6 +102,8 @@ class Case:
             loads.append(Fixed(sheet.edges("all")))
         if "pressure" in self.features:
             loads.append(Pressure(20.0))
+        if BENDING in self.features:
+            loads.append(Plate())
         ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.5), velocity=(0.0, 0.0, -0.1))
         return Simulation(
             sheet,
@@ -108,7 +111,6 @@ class Case:
             loads=loads,
             contact=ball if "contact" in self.features else None,
             damage=self.rupture(),
-            bending=BENDING in self.features,
             solver=Explicit(duration=1.0, damping=0.1 if "damping" in self.features else 0.0),
             track_energy="energy" in self.features,
             initial_displacement=_rough(sheet),

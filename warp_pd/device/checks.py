@@ -71,8 +71,8 @@ def finite(name: str, value: Any) -> float:
         number = float(value)
     except (TypeError, ValueError):
         number = None
-    # Reject text even if it reads like a number: the first sum with it would end with a traceback.
-    if number is None or isinstance(value, str):
+    # Reject text even if it reads like a number: the first sum with it would end with a traceback. True is not 1.
+    if number is None or isinstance(value, str | bool | np.bool_):
         raise InputError(f"{name} = {said(value)}: expected a number")
     if not math.isfinite(number):
         raise InputError(f"{name} = {said(value)}: expected a finite number")

@@ -110,6 +110,7 @@ class BuiltLaw(BuiltPart, Protocol):
         driving_energy: The same for the part that drives a damage field; None if it is the whole.
         energy_constants: The constants that these take.
         partial_energy: Warp function of what every n-th member adds to this energy, if the law has one.
+        resists_bending: Whether the slope of the sheet can be held.
         needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
         goes_slack: Whether the material carries nothing in compression.
         slack_stiffness: Stiffness that the material keeps where it is slack [Pa].
@@ -135,6 +136,7 @@ class BuiltLaw(BuiltPart, Protocol):
     driving_energy: wp.Function | None
     energy_constants: Any
     partial_energy: wp.Function | None
+    resists_bending: bool = False
     needs_finest: str
     goes_slack: bool
     slack_stiffness: float

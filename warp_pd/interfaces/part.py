@@ -139,6 +139,10 @@ class Part(Protocol):
             f"{self.argument}: {type(self).__name__}: not supported on several processes; expected a run in one process"
         )
 
+    def around(self, law: BuiltLaw, context: Context) -> BuiltLaw:
+        """The force law as the part needs it, before any part is built; by default unchanged."""
+        return law
+
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the part on a device: allocate arrays and register schedules; launches are added later."""
         raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")

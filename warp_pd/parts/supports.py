@@ -48,7 +48,7 @@ class Fixed(Support):
     Attributes:
         points: Point indices.
         components: Held components, letters from "xyz".
-        slope: Whether the slope of a sheet with `bending` is held there, too, as in a clamp; all components must be.
+        slope: Whether the slope of a sheet with a `Plate` is held there, too, as in a clamp; all components must be.
     """
 
     points: Any
@@ -211,6 +211,11 @@ class MovedPoints(BuiltPart):
         self._schedules = [context.clock.register(motion) for _, motion in self._moving]
         angles = [None if constraint.turn is None else constraint.turn.angle for constraint, _ in self._moving]
         self._turns = [context.clock.register(angle) for angle in angles]
+
+    def refuse_held_slopes(self) -> None:
+        """Check that no slope is held, on a sheet without bending stiffness."""
+        if (self.context.held & SLOPE).any():
+            raise InputError("Fixed.slope = True: expected a Plate() among the loads; a membrane has no slope to hold")
 
     def check_begin(self, horizon: float) -> None:
         """Check that no motion begins more than a horizon [m] from a point: no step can close the gap."""

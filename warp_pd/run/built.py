@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 
-from ..bending.law import with_bending
 from ..contact.body_checks import body_checks
 from ..contact.rigid_inclusions import RigidInclusions
 from ..device.checks import InputError, one_of
@@ -98,12 +97,16 @@ def compose(
     constraints = constraints_here(constraints, context)
     force = scene.force if scene.damage is None else scene.damage.law(scene.force, context)
     context.varying = Varying.of(force.material)
-    law = with_bending(force.build(context), context, scene.bending)
-    built = [part.build(context, law) for part in parts_here(parts, context)]
+    law, here = force.build(context), parts_here(parts, context)
+    for part in here:
+        law = part.around(law, context)
+    built = [part.build(context, law) for part in here]
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if is_load(part, scene)]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
+    if not law.resists_bending:
+        moved.refuse_held_slopes()
     if scene.solver.dynamic:
         moved.check_begin(law.families.horizon)
     does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)

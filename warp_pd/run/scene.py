@@ -108,7 +108,6 @@ class Scene:
         loads: Supports and loads.
         contact: A rigid body, a list of them, or None.
         damage: Rupture criterion, or None if bonds cannot break.
-        bending: Whether the sheet resists bending, as a plate of its material and thickness, or its stiffness D [N m].
         measures: Numbers to report at every frame; the summary has those of the last frame.
         outcomes: Numbers to report for the whole run.
         fields: Names of additional point fields of the frames, out of those that the force law offers.
@@ -134,7 +133,6 @@ class Scene:
     loads: Sequence[Part] = ()
     contact: Contact | Sequence[Contact] | None = None
     damage: Rupture | None = None
-    bending: bool | float = False
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
     fields: Sequence[str] = ()

@@ -1,10 +1,12 @@
-"""Checks of input: indices and masks of points."""
+"""Checks of input: numbers, indices and masks of points."""
+
+import math
 
 import numpy as np
 import pytest
 from helpers import refused
 
-from warp_pd.device.checks import point_indices
+from warp_pd.device.checks import finite, point_indices
 
 
 @pytest.mark.parametrize(
@@ -17,3 +19,10 @@ def test_what_is_neither_indices_nor_a_mask_is_named(points, text):
 
 def test_a_mask_of_all_points_is_their_numbers():
     assert (point_indices("points", np.arange(9) > 6, 9) == [7, 8]).all()
+
+
+@pytest.mark.parametrize("value", [True, np.bool_(False), "1", None, [1.0], math.nan])
+def test_a_number_is_a_number(value):
+    """True would count as 1 in silence."""
+    with refused(match=r"size = .*: expected a (finite )?number"):
+        finite("size", value)
