@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections.abc import Iterator
 from typing import Any
 
@@ -29,7 +31,7 @@ def foreseen(built: Built) -> list[str]:
     notes = stability_notes(material) if continuum else []
     unlikely = list(_unlikely_sizes(built, shear_modulus(material) if continuum else None))
     sizes = [f"sizes: {'; '.join(unlikely)}"] if unlikely else []
-    return [*notes, *sizes, *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
+    return [*notes, *sizes, *_unheld(built), *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
 
 
 def step_note(built: Built, dt: float) -> str:
@@ -71,6 +73,17 @@ def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
     for name, of in (("initial_displacement", scales.of_length), ("initial_velocity", scales.of_speed)):
         if getattr(scene, name) is not None:
             yield from of(f"{name} reaches", float(np.linalg.norm(scene.initial(name), axis=1).max()))
+
+
+def _unheld(built: Built) -> Iterator[str]:
+    """Directions in which no support holds a sheet in static equilibrium."""
+    held = functools.reduce(operator.or_, (c.components for c in built.constraints if len(c.points)), 0)
+    free = [axis for bit, axis in enumerate("xyz") if not held & (1 << bit)]
+    if free and not built.simulation.solver.dynamic and not built.context.whole.inclusions:
+        yield (
+            f"supports: none holds the sheet along {' and '.join(free)}: expected Fixed or Motion, unless loads that "
+            "follow the sheet or bodies hold it"
+        )
 
 
 def _held_forces(scene: Scene) -> Iterator[str]:

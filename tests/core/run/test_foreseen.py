@@ -129,6 +129,16 @@ def test_an_initial_state_that_cannot_be_meant_is_noted():
     assert "initial_velocity reaches 100 m/s, 100 times the speed of its shear waves" in note
 
 
+def test_a_direction_that_nothing_holds_is_noted_in_static_equilibrium():
+    sheet = square(7)
+    (note,) = notes(sheet, loads=[Pressure(5.0)])
+    assert note.startswith("supports: none holds the sheet along x and y and z: expected Fixed or Motion")
+    sides = [Fixed(sheet.edges("left"), "x"), Fixed(sheet.edges("bottom"), "y")]
+    (note,) = notes(sheet, loads=[*sides, Pressure(5.0)])
+    assert "along z:" in note
+    assert notes(sheet, loads=[*sides, Fixed(sheet.edges(), "z")]) == [] == notes(sheet, Explicit(0.1), loads=[])
+
+
 def test_a_body_force_of_the_size_of_g_is_noted():
     sheet = square(7)
     (note,) = notes(sheet, loads=[Fixed(sheet.edges()), BodyForce((0.0, 0.0, -9.81))])
@@ -141,10 +151,11 @@ def test_a_point_force_on_supports_is_noted():
     """One point or one component that is free is enough to say nothing."""
     sheet = square(7)
     fixed, left = Fixed(sheet.edges(), "xz"), sheet.edges("left")
-    (note,) = notes(sheet, loads=[fixed, PointForce(left, (0.0, 0.0, 1.0))])
+    middle = Fixed([24], "y")
+    (note,) = notes(sheet, loads=[fixed, middle, PointForce(left, (0.0, 0.0, 1.0))])
     assert note == "PointForce (0.0, 0.0, 1.0) N: supports hold all of its points, and it moves nothing"
     for points, force in ((left, (0.0, 1.0, 1.0)), (np.append(left, sheet.nearest(0.05, 0.05)), (0.0, 0.0, 1.0))):
-        assert notes(sheet, loads=[fixed, PointForce(points, force)]) == []
+        assert notes(sheet, loads=[fixed, middle, PointForce(points, force)]) == []
 
 
 def test_a_tiny_step_is_noted_with_its_cause():
