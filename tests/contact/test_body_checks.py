@@ -86,7 +86,7 @@ def test_a_way_through_a_body_is_told_from_one_beside_it(begin, end, met):
 
 
 def test_a_pin_beside_the_sheet_is_not_noted():
-    assert notes(pin(0.15, 0.055)) == []
+    assert notes(pin(0.15, 0.055)) == ["contact = RigidBody 'pin' did not touch the sheet"]
 
 
 def test_a_way_through_a_torn_triangle_is_no_passage():
@@ -114,7 +114,7 @@ def test_the_sides_of_a_tear_are_no_gap_that_a_body_slips_through():
 @pytest.mark.parametrize(("apart", "overlap"), [(0.02, True), (0.05, False)])
 def test_bodies_that_overlap_are_noted(apart, overlap):
     balls = [RigidBody(Sphere(0.03), Free(0.01, (0.03 + apart * k, 0.05, 0.02)), name=f"b{k}") for k in range(2)]
-    found = notes(balls, duration=0.01)
+    found = [note for note in notes(balls, duration=0.01) if "did not touch" not in note]
     assert len(found) == overlap
     said = "'b0' and contact = RigidBody 'b1' overlap: rigid bodies do not interact with each other (at 0 s)"
     assert all(said in note for note in found)

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, History, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, BuiltPart, Contact, History, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.scales import Scales
@@ -23,7 +23,7 @@ from ..kernels.contact.body_contact import point_contact
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
-from .body_checks import MIN_DIAMETER, bond_bits, passes, sweeps, torn_since
+from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 from .body_surface import BodySurface
@@ -148,8 +148,7 @@ class BuiltBody(BuiltContact):
     """
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
-        self.part, self.context, self.label = part, context, f"contact = {part.title}"
-        self.solid = self
+        self.part, self.context, self.law, self.label = part, context, law, f"contact = {part.title}"
         self.meets_others, self.between_points = part.meets_others, not part.surface
         self.thickness = part.shape.thinnest() if part.shape.bounded else None
         name, sheet, types = part.name, context.sheet, context.types
@@ -233,6 +232,11 @@ class BuiltBody(BuiltContact):
         motion.add_contact(stage, of, at_end, values, None if self._surface is None else self._surface.when)
         if self._surface is not None:
             self._surface.add_end(stage)
+
+    def checks(self, contacts: Sequence[BuiltContact]) -> Sequence[BuiltPart]:
+        """The checks of all bodies, of the first body."""
+        bodies = [contact for contact in contacts if isinstance(contact, BuiltBody)]
+        return [BodyChecks(self.context, self.law, bodies)] if bodies[0] is self else []
 
     def complete(self, step: Stage) -> None:
         """Note whether other parts move points that the body may touch."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 import warp as wp
 
-from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History, Solid
+from ..interfaces import BuiltLaw, BuiltPart, History
 from ..interfaces.context import Context
+from ..interfaces.frame import Body
 from .body_shapes import BodyShape
 
 # Smallest diameter in spacings, below which a body passes between points.
@@ -22,10 +24,32 @@ PLACES, MOST_PLACES = 8, 1000
 BISECTIONS = 40
 
 
-def body_checks(context: Context, law: BuiltLaw, contacts: Sequence[BuiltContact]) -> list[BodyChecks]:
-    """The checks of a scene with rigid bodies; empty for other scenes."""
-    bodies = [contact.solid for contact in contacts if contact.solid is not None]
-    return [BodyChecks(context, law, bodies)] if bodies else []
+class Solid(Protocol):
+    """A rigid body that is compared with the others and with the sheet at every frame.
+
+    Attributes:
+        label: Its name in messages.
+        meets_others: Whether it feels other bodies of which this is true.
+        between_points: Whether it could pass between points, because contact acts only at points.
+        thickness: Smallest extent [m]; None if it is unbounded.
+    """
+
+    label: str
+    meets_others: bool
+    between_points: bool
+    thickness: float | None
+
+    def outline(self) -> Body:
+        """As `BuiltContact.outline`."""
+        ...
+
+    def pose(self) -> np.ndarray:
+        """As `BuiltContact.pose`."""
+        ...
+
+    def distance_from(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances [m], shape (N,), of points, shape (N, 3), from it at a frame."""
+        ...
 
 
 class BodyChecks(BuiltPart):

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
         Load,
         Part,
         Rupture,
-        Solid,
         Turn,
     )
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError
@@ -50,7 +49,6 @@ __all__ = [
     "Load",
     "Part",
     "Rupture",
-    "Solid",
     "Solve",
     "Solver",
     "SparseTangent",

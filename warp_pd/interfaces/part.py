@@ -242,42 +242,12 @@ class Load(Part, Protocol):
         raise NotImplementedError(f"{type(self).__name__}.build: expected an implementation")
 
 
-class Solid(Protocol):
-    """A rigid body that is compared with the others and with the sheet at every frame.
-
-    Attributes:
-        label: Its name in messages.
-        meets_others: Whether it feels other bodies of which this is true.
-        between_points: Whether it could pass between points, because contact acts only at points.
-        thickness: Smallest extent [m]; None if it is unbounded.
-    """
-
-    label: str
-    meets_others: bool
-    between_points: bool
-    thickness: float | None
-
-    def outline(self) -> Body:
-        """As `BuiltContact.outline`."""
-        ...
-
-    def pose(self) -> np.ndarray:
-        """As `BuiltContact.pose`."""
-        ...
-
-    def distance_from(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances [m], shape (N,), of points, shape (N, 3), from it at a frame."""
-        ...
-
-
 class BuiltContact(BuiltPart, Protocol):
-    """Contact on a device.
+    """Contact on a device."""
 
-    Attributes:
-        solid: The body that it is with, if it is checked at frames.
-    """
-
-    solid: Solid | None = None
+    def checks(self, contacts: Sequence[BuiltContact]) -> Sequence[BuiltPart]:
+        """Parts that check at frames what all contacts of its kind do not prevent; of the first of the kind alone."""
+        return ()
 
     def outline(self) -> Body | None:
         """The surface of the body that it is with, for drawing, or None."""

@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 
-from ..contact.body_checks import body_checks
 from ..contact.rigid_inclusions import RigidInclusions
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
@@ -115,8 +114,8 @@ def compose(
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types)
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
-    bodies = body_checks(context, law, contacts)
-    acting = (law, solver, moved, Ticking(context), *built, external, *bodies, checks := FrameChecks(context))
+    beside = [check for contact in contacts for check in contact.checks(contacts)]
+    acting = (law, solver, moved, Ticking(context), *built, external, *beside, checks := FrameChecks(context))
     energy.count(acting)
     made = Built(
         context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),
