@@ -198,20 +198,22 @@ def write_table(path: Path, rows: Sequence[Row]) -> bool:
     """
     head, cells = table(rows)
     kept = {tuple(row.values.values()) for row in rows if row.status != REFUSED}
-    if len(kept) < len(rows) and (not kept or not _results_in(path, list(rows[0].values)) <= kept):
+    if len(kept) < len(rows) and not (kept and _has_no_others(path, list(rows[0].values), kept)):
         return False
     write_csv(path, head, cells)
     return True
 
 
-def _results_in(path: Path, names: Sequence[str]) -> set[tuple[str | None, ...]]:
-    """Values of the named arguments in the rows of an earlier table, without refused runs."""
+def _has_no_others(path: Path, names: Sequence[str], kept: set[tuple[str, ...]]) -> bool:
+    """Whether an earlier table has no results for other values of the named arguments; False if it cannot be read."""
     if not path.is_file():
-        return set()
-    with path.open(newline="", encoding="utf-8") as stream:
-        return {
-            tuple(row.get(name) for name in names) for row in csv.DictReader(stream) if row.get("status") != REFUSED
-        }
+        return True
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except (ValueError, csv.Error):
+        return False
+    return {tuple(row.get(name) for name in names) for row in rows if row.get("status") != REFUSED} <= kept
 
 
 def printed_table(rows: Sequence[Row]) -> str:

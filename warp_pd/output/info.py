@@ -11,14 +11,15 @@ from ..device.checks import InputError
 from ..interfaces.frame import format_time
 
 NUMBER = int | float
-# Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, and
-# those of a measure.
+# Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, there and
+# in the identity, and those of a measure.
 ENTRIES = {"scene": str, "status": str, "settings": dict, "measures": dict}
 MORE = {
     "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER,
     "weights": str, "wall_s": NUMBER,
     "units": dict, "pictures": list, "notes": list, "identity": dict,
 }  # fmt: skip
+OF_AN_IDENTITY = {"parts": dict, "sources": dict, "code": str}
 OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}
 
 
@@ -86,10 +87,13 @@ def _vtkhdf(path: Path) -> str:
 def read_summary(path: Path) -> dict[str, Any] | None:
     """The contents of a summary.json; None if it cannot be read, or lacks an entry that the package needs."""
     try:
-        found = json.loads(path.read_text("utf-8"))
+        # An integer that is no float can be neither printed nor drawn.
+        found = json.loads(path.read_text("utf-8"), parse_int=lambda text: int(text) if len(text) < 300 else float(text))
     except (OSError, ValueError, RecursionError):
         return None
-    if not _has(found, ENTRIES) or not _has(found, {name: kind for name, kind in MORE.items() if name in found}):
+    if not _has(found, ENTRIES) or not _has_some(found, MORE) or not _has_some(found.get("identity", {}), OF_AN_IDENTITY):
+        return None
+    if not all(isinstance(unit, str) for unit in found.get("units", {}).values()):
         return None
     return found if all(_has(measure, OF_A_MEASURE) for measure in found["measures"].values()) else None
 
@@ -99,6 +103,11 @@ def _has(found: Any, entries: Mapping[str, Any]) -> bool:
     return isinstance(found, dict) and all(
         name in found and isinstance(found[name], kind) for name, kind in entries.items()
     )
+
+
+def _has_some(found: Any, entries: Mapping[str, Any]) -> bool:
+    """Whether those of these entries that the dict `found` has are of these types."""
+    return _has(found, {name: kind for name, kind in entries.items() if name in found})
 
 
 def _summary(path: Path) -> str:
