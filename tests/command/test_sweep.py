@@ -169,6 +169,40 @@ def test_a_damaged_summary_is_one_line(scene):
 
 
 @pytest.mark.parametrize(
+    ("names", "value"),
+    [
+        (("identity", "parts"), None),
+        (("identity", "sources"), [1]),
+        (("identity", "code"), 1),
+        (("units", "strain"), float("nan")),
+        (("wall_s",), 10**400),
+        (("measures", "stretched", "value"), 10**400),
+    ],
+)
+def test_a_wrong_entry_inside_a_summary_is_one_line(scene, names, value):
+    assert sweep("--points", "7").exit_code == 0
+    folder = scene / "runs" / "mine-sweep" / "points=7"
+    summary = json.loads((folder / "summary.json").read_text("utf-8"))
+    inside = summary
+    for name in names[:-1]:
+        inside = inside[name]
+    inside[names[-1]] = value
+    (folder / "summary.json").write_text(json.dumps(summary), "utf-8")
+    for done in (sweep("--points", "7"), cli("info", folder), cli("view", folder)):
+        assert isinstance(done.exception, SystemExit | None), done.exception
+
+
+@pytest.mark.parametrize("damage", [b"\xff\xfe", b'"' + b"x" * 200_000])
+def test_a_damaged_table_is_not_replaced_by_one_with_refused_runs(scene, damage):
+    assert sweep("--points", "7").exit_code == 0
+    table = scene / "runs" / "mine-sweep" / "sweep.csv"
+    table.write_bytes(table.read_bytes() + damage)
+    refused = sweep("--points", "2,7")
+    assert refused.exit_code == 2 and "sweep.csv: not replaced" in refused.output
+    assert table.read_bytes().endswith(damage)
+
+
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("0.01 * load", "0.03 * load", "other settings (loads.2.x = [0.0, 0.01], here [0.0, 0.03])"),

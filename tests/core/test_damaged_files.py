@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from damage import TRIALS, damaged, require_one_line
 from helpers import NEO, square
 from small_runs import cli
 
@@ -18,32 +19,6 @@ from warp_pd.papers.neural import networks
 from warp_pd.run import restart
 from warp_pd.run.folder import read_history, run_summary
 from warp_pd.shapes.svg import read_outline
-
-TRIALS = int(os.environ.get("WARP_PD_FUZZ", "60"))
-
-
-def damaged(whole, rng):
-    """Bytes of a file after a flip, a cut, an overwritten or a repeated piece."""
-    data = bytearray(whole)
-    place, length = int(rng.integers(len(data))), int(rng.integers(1, 64))
-    kind = rng.integers(5)
-    if kind == 0:
-        del data[place:]
-    elif kind == 1:
-        data[place : place + length] = bytes(length)
-    elif kind == 2:
-        data[place:place] = data[place : place + length]
-    else:
-        for at in rng.integers(len(data), size=int(rng.integers(1, 8))):
-            data[at] ^= 1 << int(rng.integers(8))
-    return bytes(data)
-
-
-def require_one_line(read):
-    try:
-        read()
-    except InputError as error:
-        assert "\n" not in str(error) and len(str(error)) < 720
 
 
 def scene():
@@ -118,7 +93,7 @@ FRAMES = """
 import sys
 import numpy as np
 sys.path[:0] = {path!r}
-from test_damaged_files import damaged, require_one_line
+from damage import damaged, require_one_line
 from warp_pd.output.vtkhdf import read_frames, read_outlines, read_series
 from warp_pd.viewer.folder_page import page
 rng = np.random.default_rng(int(sys.argv[2]))

@@ -22,6 +22,26 @@ FORMATS = {
     "mesh": "medit", "vol": "netgen", "tec": "tecplot", "xdmf": "xdmf", "xml": "dolfin-xml", "usda": "",
 }  # fmt: skip
 
+GMSH = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$Nodes
+1 3 1 3
+2 1 0 3
+1
+2
+3
+0 0 0
+1 0 0
+0 1 0
+$EndNodes
+$Elements
+1 1 1 1
+2 1 2 1
+1 1 2 3
+$EndElements
+"""
+
 
 def write(path, name):
     if name == "usda":
@@ -57,6 +77,7 @@ def test_changed_bytes_and_numbers_of_a_mesh(tmp_path, name):
     [
         ("a.msh", "(10 (0 1 5 0))\n(12 (0 1 4 0))\n(10 (1 1 ffffff 1 3)(\n0. 0. 0.\n", "the file ends too early"),
         ("a.tec", 'VARIABLES="X","Y"\nZONE N=3, E=1, F=FEPOINT, ET=TRIANGLE\n0 0\n', "the file ends too early"),
+        ("b.msh", GMSH.replace("1\n2\n", "1\n9999999999\n"), "node number 9999999999: expected at most"),
         ("a.node", "3 2 0 0\n0 0 0\n1 1 0\n2 0 1\n", "expected .msh"),
         ("a.wkt", "TIN(((0 0 0,1 0 0,0 1 0,0 0 0)))", "expected .msh"),
         ("a.inp", "*NSET, NSET=A, GENERATE\n1, 99999999999\n", "set 'A' from 1 to 99999999999: expected at most"),

@@ -11,8 +11,8 @@ from ..device.checks import InputError
 from ..interfaces.frame import format_time
 
 NUMBER = int | float
-# Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, there and
-# in the identity, and those of a measure.
+# Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, also in
+# its identity, and those of a measure.
 ENTRIES = {"scene": str, "status": str, "settings": dict, "measures": dict}
 MORE = {
     "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER,
@@ -87,15 +87,22 @@ def _vtkhdf(path: Path) -> str:
 def read_summary(path: Path) -> dict[str, Any] | None:
     """The contents of a summary.json; None if it cannot be read, or lacks an entry that the package needs."""
     try:
-        # An integer that is no float can be neither printed nor drawn.
-        found = json.loads(path.read_text("utf-8"), parse_int=lambda text: int(text) if len(text) < 300 else float(text))
+        found = json.loads(path.read_text("utf-8"), parse_int=_whole)
     except (OSError, ValueError, RecursionError):
         return None
-    if not _has(found, ENTRIES) or not _has_some(found, MORE) or not _has_some(found.get("identity", {}), OF_AN_IDENTITY):
+    if not _has(found, ENTRIES) or not _has_some(found, MORE):
         return None
-    if not all(isinstance(unit, str) for unit in found.get("units", {}).values()):
-        return None
-    return found if all(_has(measure, OF_A_MEASURE) for measure in found["measures"].values()) else None
+    known = (
+        _has_some(found.get("identity", {}), OF_AN_IDENTITY)
+        and all(isinstance(unit, str) for unit in found.get("units", {}).values())
+        and all(_has(measure, OF_A_MEASURE) for measure in found["measures"].values())
+    )
+    return found if known else None
+
+
+def _whole(text: str) -> int | float:
+    """A whole number; one that is larger than any float can be neither printed nor drawn, and becomes infinite."""
+    return int(text) if len(text) < 300 else float(text)
 
 
 def _has(found: Any, entries: Mapping[str, Any]) -> bool:

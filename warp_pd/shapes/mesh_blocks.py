@@ -22,6 +22,8 @@ CORNERS = {"triangle": 3, "quad": 4}
 KINDS = ("point", "line", "surface")
 # Arrays of group numbers, by the reader of meshio that makes them.
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "su2:tag", "netgen:index")
+# Largest number of a node.
+MOST_NUMBER = 100_000_000
 # Formats of meshio that are refused: tetrahedra alone, and texts that take its reader for ever if a number is wrong.
 NOT_READ = ("tetgen", "wkt")
 # Meshes in one file, of which the reader of meshio keeps one.
@@ -149,6 +151,9 @@ def _read_gmsh41(path: Path) -> Any:
                 groups = parts._read_entities(file, ascii_file, size)[0]
             elif section == "Nodes":
                 nodes = parts._read_nodes(file, ascii_file, size)
+                # The reader of elements makes an array of that size.
+                if (largest := 1 + np.max(nodes[1], initial=0)) > MOST_NUMBER:
+                    raise InputError(f"path = {str(path)!r}: node number {largest}: expected at most {MOST_NUMBER}")
             elif section == "Elements":
                 elements = parts._read_elements(file, nodes[1], None, None, ascii_file, size, {})
             else:
