@@ -26,9 +26,9 @@ def virial(built):
 
 
 def flight(law, rates, duration, steps=800, frames=20, start=None, precision=64, damage=None, points=7):
-    """A sheet so heavy that it flies on: stretches 1 + rate t along x and y, exactly uniform."""
-    sheet = square(points, density=HEAVY)
-    velocity = np.column_stack([sheet.points * rates, np.zeros(sheet.size)])
+    """A sheet so heavy that it flies on: F = I + rates t, exactly uniform; two rates are those along x and y."""
+    sheet, rates = square(points, density=HEAVY), np.diag(rates) if np.ndim(rates) == 1 else np.asarray(rates)
+    velocity = np.column_stack([sheet.points @ rates.T, np.zeros(sheet.size)])
     initial = None if start is None else uniform(sheet, np.vstack([np.diag(start), np.zeros((1, 2))]))
     result = Simulation(
         sheet,

@@ -315,3 +315,34 @@ def test_a_sheet_stands_on_another_one_glued_by_its_edge():
     loads = [Fixed(sheet.edges("sheet 1")), *moves, joint]
     result = run(sheet, Explicit(1.0, frames=2), initial_displacement=start, loads=loads)
     assert result.history[-1]["joint_released"] == pytest.approx(PEEL * 0.5 * 0.01 * 0.06, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "energy"), [("strength", PEEL), ("shear_strength", SHEAR)])
+def test_glue_opens_elastically_before_its_energy_is_spent(name, energy):
+    """It has strength^2 / (2 stiffness) when it reaches its strength: less than its energy, or it is refused."""
+    sheet, start = two()
+    for share in (0.99, 1.01):
+        changes = {
+            "strength": 1e2,
+            "shear_strength": 1e2,
+            name: STRENGTH,
+            "stiffness": STRENGTH**2 / (2.0 * energy) * share,
+        }
+        scene = {"initial_displacement": start, "loads": [glue(sheet, **changes)]}
+        if share > 1.0:
+            build(sheet, **scene)
+            continue
+        with refused(match=rf"Joint.{name} = 4000 Pa: expected less than sqrt"):
+            build(sheet, **scene)
+
+
+def test_joint_damage_is_the_mean_over_the_joined_area():
+    strong = np.where(np.isin(np.arange(81 + 36), 81 + square(6, 0.05).edges("all")), 4.0 * PEEL, PEEL)
+    scene = held_apart((0.0, 0.0, 1.0), 3e-3, energy=strong, shear_energy=4.0 * PEEL)
+    result = run(**scene, fields=())
+    damage = result.frame.point_data["joint_damage"]
+    joined = np.isfinite(damage)
+    areas = scene["sheet"].areas[joined]
+    mean = (damage[joined] * areas).sum() / areas.sum()
+    assert 0.1 < mean < 0.9 and abs(mean - damage[joined].mean()) > 0.03
+    assert result.history[-1]["joint_damage"] == pytest.approx(mean, rel=1e-6)

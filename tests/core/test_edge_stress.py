@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
-from helpers import build, refused, square
+from helpers import array, build, refused, square, uniform
 from small_runs import run
 
 from warp_pd import (
+    BondAssociated,
     Circle,
     Explicit,
     Fixed,
     MooneyRivlin,
     Motion,
+    NeoHookean,
     Newton,
     Prony,
     Sheet,
@@ -111,3 +113,18 @@ def test_what_has_no_stress_at_a_place_is_refused():
     viscous = Visco(Yeoh(c10=5e2, c20=0.0), horizon=2.015, prony=(Prony(1e2, 0.1),))
     with refused("expected a law without viscosity"):
         stress_at(Simulation(square(9), viscous, Explicit(1.0)).build("cpu"), (0.05, 0.05))
+
+
+def test_the_stress_of_a_compressible_sheet_is_that_over_its_area_now():
+    """Force over the deformed area, as the field `cauchy` has it."""
+    sheet = square(13)
+    scene = Simulation(
+        sheet, BondAssociated(NeoHookean(mu=1e3, bulk=2e3)), Explicit(1.0), fields=("cauchy",),
+        initial_displacement=uniform(sheet, np.array([[1.4, 0.1], [0.0, 1.2], [0.0, 0.0]])),
+    )  # fmt: skip
+    built = scene.build("cpu", 64)
+    built.context.run("start")
+    built.context.run("frame")
+    middle = sheet.nearest(0.05, 0.05)
+    found = [array(built, name).numpy()[middle] for name in ("cauchy_1", "cauchy_2")]
+    assert stress_at(built, (0.05, 0.05)) == pytest.approx(found, rel=1e-8)

@@ -189,3 +189,15 @@ def test_mass_damping_follows_the_exact_decay():
     row = result.history[-1]
     lost = result.history[0]["kinetic"] - row["kinetic"]
     assert row["damping"] == pytest.approx(lost, rel=1e-2)
+
+
+def test_half_step_energy_is_that_of_the_velocities_half_a_step_before_and_after():
+    """A sheet that falls against damping: m (v - d) (v + d) / 2, with d = dt (g - c v) / 2."""
+    sheet, gravity, damping = square(5), -9.81, 40.0
+    result = run(
+        sheet, loads=[BodyForce((0.0, 0.0, 1000.0 * gravity))], solver=Explicit(0.05, frames=1, damping=damping)
+    )
+    row, speed = result.history[-1], float(result.frame.velocity[:, 2].mean())
+    mass = 1000.0 * 1e-3 * sheet.areas.sum()
+    change = 0.5 * row["step"] * (gravity - damping * speed)
+    assert row["kinetic"] - row["half_step_kinetic"] == pytest.approx(0.5 * mass * change**2, rel=1e-4)

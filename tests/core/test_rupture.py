@@ -118,3 +118,16 @@ def test_what_is_left_of_an_intersection_is_used_while_it_is_a_sample(layout):
     assert used[0] == len(order) and used[-1] == 0
     assert all((w > 0.0) == (n > 0) for w, n in zip(weight, used, strict=True))
     assert (np.diff(weight) <= 1e-12).all()
+
+
+@pytest.mark.parametrize("layout", [square, jittered])
+def test_bonds_break_at_the_critical_stretch(layout):
+    sheet = layout(7)
+    for stretch, broken in ((1.1999, 0.0), (1.2001, 1.0)):
+        start = uniform(sheet, stretch * np.eye(3)[:, :2])
+        built = build(sheet, initial_displacement=start, damage=CriticalStretch(1.2))
+        built.context.run("setup")
+        built.state.step.assign(np.array([1e-9]))
+        built.context.run("step")
+        built.context.run("frame")
+        assert (built.rupture.damage.numpy() == broken).all()

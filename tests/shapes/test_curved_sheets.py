@@ -293,3 +293,20 @@ def test_a_torn_balloon_keeps_its_energy_balance():
     result = simulation.run(device="cpu")
     assert result.history[-1]["largest_damage"] > 0.3
     assert abs(result.history[-1]["balance_error"]) < 0.01
+
+
+@pytest.mark.parametrize("kind", ["saddle", "bumpy"])
+def test_corrected_weights_balance_tension_along_an_uneven_surface(kind):
+    """Grown to 1.2 times its size, it is pulled along its normals alone, but at its edges."""
+    sheet = SHEETS["saddle"]()
+    if kind == "bumpy":
+        bumps = 0.05 * np.column_stack(
+            [0.0 * sheet.points[:, :2], np.cos(9.0 * sheet.points[:, 0] * sheet.points[:, 1] + 1.0)]
+        )
+        sheet = Sheet.from_surface(sheet.points + bumps, sheet.triangles, thickness=THICKNESS, density=1000.0)
+    built = build(sheet, horizon=2.2, material=RUBBER, weights="corrected")
+    assert built.law.correction["points_left_unbalanced"] == 0
+    force = internal_force(built, 0.2 * sheet.points)
+    along = force - (force * sheet.normals).sum(axis=1)[:, None] * sheet.normals
+    inside = np.setdiff1d(np.arange(sheet.size), sheet.parts["rim"])
+    assert np.abs(along[inside]).max() < 1e-9 * np.abs(along).max()

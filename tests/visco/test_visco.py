@@ -12,6 +12,7 @@ from warp_pd import (
     Fixed,
     Maxwell,
     Newton,
+    Prony,
     Relaxation,
     Simulation,
     TensionField,
@@ -107,3 +108,8 @@ def test_what_a_step_retains_is_right_near_no_step():
 
     wp.launch(evaluate, dim=400, inputs=[wp.array(x, dtype=wp.float64, device="cpu")], outputs=[out], device="cpu")
     np.testing.assert_allclose(out.numpy(), -np.expm1(-x) / x, rtol=1e-10)
+
+
+def test_a_fixed_rate_gives_the_relaxation_time_of_that_rate():
+    """Four times the rate halves the time with an exponent of a half."""
+    assert Prony(1e5, time=2.0, exponent=0.5, rate=4.0).constants == (1e5, 0.0, 1.0, 0.0)

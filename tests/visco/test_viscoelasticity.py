@@ -180,3 +180,12 @@ def test_the_published_force_of_a_bond_is_that_of_the_paper():
         t += 2.0 / m * w * (2.0 * length * term.c10 + 4.0 * length * term.c20 * J) * gamma
     expected = (t / image)[:, None] * Y * volume**2
     np.testing.assert_allclose(built.law.bond_force().numpy()[:, i], expected, rtol=1e-10, atol=1e-15)
+
+
+def test_rate_dependence_is_the_same_in_every_direction_of_the_sheet():
+    """Stretched along a diagonal, where the rate is a shear of the axes of the sheet."""
+    law = Visco(POLYUREA, horizon=2.015, prony=(Prony(0.1e6, 0.01e6, time=0.5, exponent=0.6),))
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    straight = virial(flight(law, np.diag([1.5, -0.3]), 0.5, steps=200).built)
+    turned = virial(flight(law, turn @ np.diag([1.5, -0.3]) @ turn.T, 0.5, steps=200).built)
+    np.testing.assert_allclose(turn.T @ turned @ turn, straight, atol=1e-9 * np.abs(straight).max())

@@ -204,7 +204,7 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
 
 
 def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
-    """Delaunay triangulation without triangles whose circumcircle is wider than 2.5 spacings."""
+    """Delaunay triangulation without triangles whose circumcircle has a radius of 2.5 spacings or more."""
     triangles = triangles_of(points)
     signed = np.abs(signed_areas(points, triangles))
     sides = np.linalg.norm(points[triangles] - points[np.roll(triangles, -1, axis=1)], axis=2)

@@ -127,6 +127,10 @@ class Yeoh(Incompressible):
         return yeoh
 
 
+# Terms of the initial shear modulus over mu, by even powers of 1 / lock.
+SERIES = (1.0, 3.0 / 5.0, 99.0 / 175.0, 513.0 / 875.0, 42039.0 / 67375.0)
+
+
 @dataclass(frozen=True)
 class ArrudaBoyce(Incompressible):
     """Incompressible Arruda-Boyce sheet, five terms of the eight-chain model.
@@ -154,8 +158,8 @@ class ArrudaBoyce(Incompressible):
 
     @property
     def shear_modulus(self) -> float:
-        """The modulus mu, which the locking stretch raises by a few percent [Pa]."""
-        return self.mu
+        """The initial shear modulus [Pa]."""
+        return self.mu * sum(c / self.lock ** (2 * power) for power, c in enumerate(SERIES))
 
     @property
     def constants(self) -> tuple[float, ...]:

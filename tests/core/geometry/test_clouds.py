@@ -54,3 +54,13 @@ def test_wrong_holes():
         Sheet.from_points(RING.points, holes=[Circle((-0.03, 0.0), 0.0002)], **SOLID)
     with refused(match=r"points\[\d+\] at .* has no triangle inside the outline or outside holes"):
         Sheet.from_points(RING.points, holes=[Circle((-0.03, 0.0), 0.01)], **SOLID)
+
+
+@pytest.mark.parametrize(("radius", "covered"), [(2.3, True), (2.7, False)])
+def test_holes_are_covered_up_to_two_and_a_half_spacings_of_radius(radius, covered):
+    grid = Sheet.rectangle(0.2, 0.2, points=21, **SOLID).points - 0.1
+    ring = 0.01 * radius * np.column_stack([np.cos(t := np.arange(16) * np.pi / 8.0), np.sin(t)])
+    outside = grid[np.hypot(*grid.T) > 0.01 * (radius + 0.5)]
+    sheet = Sheet.from_points(np.concatenate([outside, ring]), spacing=0.01, **SOLID)
+    hole = 8.0 * np.sin(np.pi / 8.0) * (0.01 * radius) ** 2
+    assert sheet.areas.sum() == pytest.approx(0.04 - (0.0 if covered else hole), rel=1e-9)

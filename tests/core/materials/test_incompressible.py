@@ -10,7 +10,7 @@ import pytest
 from helpers import GENT, NEO, refused
 
 from warp_pd import ArrudaBoyce, BondAssociated, ByRegion, MooneyRivlin, Ogden, TensionField, Yeoh
-from warp_pd.materials import stability_notes, stable_to
+from warp_pd.materials import capabilities, energy_density, stability_notes, stable_to
 
 
 @pytest.mark.parametrize(
@@ -93,3 +93,14 @@ def test_the_docs_show_the_material_of_the_tests():
 def test_ogden_takes_pairs_of_negative_numbers():
     """As Ogden (1972) does: what counts is the sum of the products."""
     assert Ogden((600.0, -10.0), (1.3, -2.0)).mu == (600.0, -10.0)
+
+
+@pytest.mark.parametrize(
+    "material",
+    [MooneyRivlin(2e5, 5e4), Yeoh(2e5, 1e4), Ogden((6e5, -1e4), (1.3, -2.0)), ArrudaBoyce(3e5, 4.0)],
+    ids=lambda material: type(material).__name__,
+)
+def test_shear_modulus_is_that_of_the_energy_in_small_pure_shear(material):
+    strain = 1e-3
+    energy = float(energy_density(material, 1.0 + strain, 1.0 / (1.0 + strain)))
+    assert capabilities(material).shear_modulus == pytest.approx(energy / (2.0 * np.log1p(strain) ** 2), rel=1e-3)
