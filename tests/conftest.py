@@ -12,6 +12,21 @@ from small_runs import BALL, cli
 from warp_pd.device import launches
 from warp_pd.interfaces.context import find_device
 
+FOLDER = Path(__file__).parent
+# The files that take longest, longest first: begun last, one of them would run alone at the end.
+LONGEST = (
+    "scenes/test_scenes.py", "core/kernels/test_effects.py", "core/laws/test_force_paths.py",
+    "distributed/test_processes.py", "tools/test_commands_of_docs.py", "contact/test_surface_contact.py",
+    "contact/test_bodies.py", "tools/test_faults.py", "tools/test_notebooks.py", "statics/test_newton.py",
+    "gpu/test_bits.py", "contact/test_ball_at_rest.py", "shapes/test_curved_sheets.py",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items):
+    """Put the longest files first; the others keep their order."""
+    places = {FOLDER / name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path, len(places)))
+
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
 def device(request):
@@ -53,7 +68,7 @@ def stages_apart(request, monkeypatch):
     tests/core/device looks at how they are joined, tests/gpu/test_bits.py and tests/scenes/test_scenes.py hold them to
     the bits of the stages one by one, and the commands of the documents run them.
     """
-    where = request.path.relative_to(Path(__file__).parent).parts
+    where = request.path.relative_to(FOLDER).parts
     as_users = where[-1] == "test_commands_of_docs.py" or "cuda" in request.node.name
     looked_at = as_users or where[:2] == ("core", "device") or "joined_stages" in request.fixturenames
     if not looked_at:

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Sets up an environment in .venv on the first call, then runs. Warp brings what it needs for a GPU and for a CPU.
 #   tools/start.sh test               lint, layers, types, tests; these take torch too, for the neural law
+#   tools/start.sh test SUBJECT ...   the same with the tests of the core and of subjects alone, such as tearing
 #   tools/start.sh docs               docs/ and the API as a site, in site/
 #   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
 set -euo pipefail
@@ -27,8 +28,16 @@ if [ "${1:-}" = test ]; then
   # Beside the tests: it takes one core half a minute.
   bash tools/check_structure.sh & structure=$!
   status=0
-  # Tests of a file share kernels: one process compiles them once. In order: the short files of tests/core come last.
-  .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile --no-loadscope-reorder "$@" || status=$?
+  # Names of subjects come first; pytest takes the rest.
+  chosen=()
+  while [ "${1:-}" ] && [[ "$1" =~ ^[a-z]+$ ]] && [ -d "tests/$1" ]; do
+    chosen+=("tests/$1")
+    shift
+  done
+  if [ "${#chosen[@]}" -gt 0 ]; then chosen=(tests/core "${chosen[@]}"); fi
+  # Tests of a file share kernels: one process compiles them once. tests/conftest.py orders the files.
+  .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile --no-loadscope-reorder ${chosen[@]+"${chosen[@]}"} "$@" ||
+    status=$?
   wait "$structure" || { echo "LAYERS OR TYPES: see the messages of tools/check_structure.sh above"; status=1; }
   exit "$status"
 fi
