@@ -22,6 +22,8 @@ from warp_pd.run.built import compose
 from warp_pd.tearing import tearing_energy
 from warp_pd.tearing.damage_ghosts import DamageGhosts
 
+pytestmark = pytest.mark.usefixtures("joined_stages")
+
 STEPS, DT, END = 12, 2e-4, 4e-2
 
 
