@@ -180,3 +180,20 @@ def test_virial_stress_is_the_nominal_stress_of_a_uniform_stretch():
     internal_force(built, uniform(sheet, gradient))
     found = virial_stress(built, sheet.size // 2)
     assert found == pytest.approx(exact_stress(NEO, gradient)[:2], rel=5e-4)
+
+
+def test_long_and_large_faces_of_cracks_count_by_their_size():
+    """A crack of 0.4 m along large triangles and one of 0.16 m, turned by 22.5 degrees, along small ones."""
+    coarse = Sheet.rectangle(0.4, 0.4, thickness=1e-3, density=1000.0, points=(9, 9))
+    fine = Sheet.rectangle(0.16, 0.12, thickness=1e-3, density=1000.0, points=(17, 13))
+    turn = np.exp(1j * np.pi / 8.0) * (fine.points @ [1.0, 1j])
+    points = np.concatenate([coarse.points, np.column_stack([turn.real, turn.imag + 10.0])])
+    triangles = np.concatenate([coarse.triangles, fine.triangles + coarse.size])
+    sheet = Sheet.from_points(points, triangles=triangles, thickness=1e-3, density=1000.0, graded=True)
+    middle = [each.points[each.triangles].mean(axis=1)[:, 1] for each in (coarse, fine)]
+    torn = np.concatenate([np.abs(middle[0] - 0.175) < 0.025, np.abs(middle[1] - 0.065) < 0.005])
+    line = TearLine(sheet)
+    assert line.alignment(~torn) == pytest.approx((0.4 - 0.16) / (0.4 + 0.16), rel=1e-6)
+    band = 0.4 * 0.05, 0.16 * 0.01
+    away = line.deviation(~torn, (0.0, 0.0), (1.0, 0.0))
+    assert away == pytest.approx(10.0 * np.sqrt(band[1] / sum(band)), rel=0.03)

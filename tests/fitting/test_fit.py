@@ -7,7 +7,16 @@ from helpers import refused
 from scipy.optimize import brentq
 
 from warp_pd import Explicit, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
+from warp_pd.fitting import (
+    Curve,
+    FieldData,
+    PointField,
+    SceneTests,
+    TearingFit,
+    UniformTests,
+    fit,
+    nominal_stress,
+)
 from warp_pd.fitting.equilibrium import Equilibrium
 
 TRUTH = {"mu": 0.4e6, "lock": 20.0}
@@ -312,3 +321,7 @@ def test_a_constant_that_nothing_depends_on_stays_and_is_named():
     found = fit(tests, ["c10", "spare"], start={"c10": 2.0, "spare": 7.0})
     np.testing.assert_allclose(found.values, (1e5, 7.0), rtol=1e-7)
     assert found.judgement.words == ["the data do not determine spare"] and np.isinf(found.judgement.errors[1])
+
+
+def test_a_scene_that_tears_late_has_a_positive_error():
+    assert TearingFit(energy=1e3, load=10.0, check=11.0, released=9e2, runs=2).error == pytest.approx(0.1)
