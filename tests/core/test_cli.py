@@ -17,6 +17,7 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
     for text, said in (
         ("def build(:\n", "line 1"),
         ("build = 3\n", "no function build"),
+        ("\x00\n", "mine.py': source code string cannot contain null bytes"),
         ("def build(): return 3\n", "build returned int"),
         ("from warp_pd import *\ndef build(): return Simulation(1, 2, 3)\n", "sheet = 1: expected a Sheet"),
         ("import numpyy\n", "line 1: ModuleNotFoundError"),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from helpers import square
+from small_runs import simulate
 
-from warp_pd import BondAssociated, Fixed, MooneyRivlin, Newton, Pressure, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, Measure, MooneyRivlin, Newton, Pressure, Sheet, Simulation
 
 C10, RADIUS, LENGTH, THICKNESS = 1e5, 0.02, 0.03, 5e-4
 
@@ -47,3 +48,20 @@ def test_dome_is_no_short_wave(points):
     ).run(device="cpu")
     assert np.abs(result.frame.displacement[:, 2]).max() > 0.01
     assert not result.summary["notes"]
+
+
+def test_an_interrupted_run_does_not_look_for_waves(monkeypatch):
+    """The look at a large sheet takes longer than an interrupted run has."""
+
+    def look(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("warp_pd.run.shape_notes._waves", look)
+
+    def stop(built, frame):
+        if frame.index == 1:
+            raise KeyboardInterrupt
+        return 0.0
+
+    scene = simulate(square(7), Explicit(1e-3, frames=2), measures=[Measure("stop", "1", stop)])
+    assert scene.run(device="cpu").status == "interrupted"

@@ -68,6 +68,13 @@ def test_wrong_options_are_refused_in_a_line(bulge_csv, options, said):
     assert len(done.output.strip().splitlines()) <= 2
 
 
+def test_a_file_with_one_column_is_told_which_other(tmp_path):
+    (tmp_path / "one.csv").write_text("pressure [Pa]\n1\n2\n")
+    done = run("pressure", tmp_path / "one.csv", "--vary", "horizon", "--points", 9, "--device", "cpu")
+    assert done.exit_code == 2
+    assert "one.csv: expected a column beside 'pressure', of one of center_deflection" in done.output
+
+
 def strip(stiffness, onset):
     """A scene like pure_shear_tear, in closed form: load k s, release rate k s^2; it tears at `onset` Gc."""
 

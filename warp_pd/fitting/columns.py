@@ -85,6 +85,8 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
     known = [m.name for m in scene.measures]
     if not known and measure is None:
         raise InputError(f"{table.path.name}: the scene has no measures: expected one to compare with, or --measure")
+    if not others:
+        raise InputError(f"{table.path.name}: expected a column beside {control!r}, of one of {', '.join(known)}")
     column = measure if measure in others else None
     if column is None:
         named = [c for c in others if c in known]

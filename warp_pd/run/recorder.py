@@ -256,9 +256,9 @@ class Recorder:
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
-    def shape_notes(self) -> list[str]:
-        """Notes on the shape of the sheet."""
-        return self._watch.notes(self.points.surface, self.last, self.shape)
+    def shape_notes(self, interrupted: bool) -> list[str]:
+        """Notes on the shape of the sheet; those on its end take seconds of a large sheet, and only a finished run."""
+        return self._watch.notes(self.points.surface, None if interrupted else self.last, self.shape)
 
     def accept(self, frame: Frame) -> None:
         """Store a frame that has passed the checks as the last good one."""

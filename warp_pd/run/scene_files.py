@@ -77,7 +77,8 @@ def _load_file(path: Path) -> Any:
             sys.modules[module.__name__] = module
             spec.loader.exec_module(module)
         except SyntaxError as error:
-            raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
+            line = "" if error.lineno is None else f"line {error.lineno}: "
+            raise InputError(f"scene = {str(path)!r}: {line}{error.msg}") from None
     if not callable(getattr(module, "build", None)):
         raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
     return module

@@ -15,6 +15,7 @@ from ..device import kernel_cache
 from ..device.checks import InputError, said
 from ..device.version import __version__
 from ..interfaces import History
+from ..interfaces.solver import STOPPED
 from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Outcome, Reported
@@ -35,7 +36,7 @@ class Seconds:
     wall: float
 
 
-def notes_of(recorder: Recorder) -> list[str]:
+def notes_of(recorder: Recorder, interrupted: bool = False) -> list[str]:
     """Notes for the user on this run, one line each."""
     built = recorder.built
     notes = [*kernel_cache.notes(), *built.simulation.notes, *built.simulation.sheet.notes, *recorder.notes]
@@ -55,7 +56,7 @@ def notes_of(recorder: Recorder) -> list[str]:
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
-    return notes + recorder.shape_notes() + _energy_notes(recorder)
+    return notes + recorder.shape_notes(interrupted) + _energy_notes(recorder)
 
 
 def _energy_notes(recorder: Recorder) -> list[str]:
@@ -125,7 +126,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
 
     A varying thickness or density is given by its minimum and maximum.
     """
-    built, notes = recorder.built, notes_of(recorder)
+    built, notes = recorder.built, notes_of(recorder, status == STOPPED)
     measures = _measures(recorder, notes)
     scene, context, law = built.simulation, built.context, built.law
     row = recorder.history[-1] if recorder.history else {}
