@@ -11,6 +11,7 @@ import pytest
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, NeoHookean, Sheet, Simulation
+from warp_pd.run.scene_files import _meant
 
 
 def test_broken_scene_files_end_with_one_line(tmp_path):
@@ -40,6 +41,13 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
         (tmp_path / "mine.py").write_text(text)
         done = cli("run", tmp_path / "mine.py")
         assert done.exit_code == 2 and said in done.output and "Traceback" not in done.output
+
+
+def test_what_was_meant_is_said_once():
+    """Python says it itself from version 3.13 on."""
+    text = "Pressure.__init__() got an unexpected keyword argument 'valu'"
+    assert _meant(TypeError(text)) == " (did you mean 'value'?)"
+    assert _meant(TypeError(f"{text}. Did you mean 'value'?")) == ""
 
 
 WRONG_LINES = [

@@ -83,8 +83,12 @@ def test_modes_that_cannot_be_found_are_refused():
         ({"loads": [clamp, Pressure(1.0)]}, "depends on the displacement"),
         ({"loads": [clamp, BodyForce((0.0, 0.0, 1.0))], "number": 99}, "number = 99"),
         ({"loads": [clamp], "components": "xw"}, "components = 'xw'"),
+        ({"loads": [clamp], "components": 3}, "components = 3"),
+        ({"loads": [clamp], "number": "many"}, "number = 'many'"),
         ({"loads": [clamp], "weights": "published"}, "weights"),
     ):
         asked = {name: parts.pop(name) for name in ("number", "components") if name in parts}
         with refused(match=text):
             natural_modes(build(sheet, **parts), **asked)
+    with refused(match="built = 3: expected a Built"):
+        natural_modes(3)

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, count
+from ..device.checks import InputError, count, of_kind, said
 from ..interfaces import Tangent
 
 if TYPE_CHECKING:
@@ -53,16 +53,20 @@ def natural_modes(built: Built, number: int = 6, components: str = "xyz") -> Mod
     from scipy import sparse
     from scipy.sparse.linalg import eigsh
 
+    from ..run.built import Built
+
+    of_kind("built", built, Built)
+    count("number", number, 1)
+    if not isinstance(components, str) or not components or set(components) - set("xyz"):
+        raise InputError(f"components = {said(components)}: expected distinct letters from 'xyz'")
     if built.external.following:
         raise InputError(
             f"natural_modes: {built.external.following[0].label} depends on the displacement; expected only loads that "
             "do not"
         )
-    if not components or set(components) - set("xyz"):
-        raise InputError(f"components = {components!r}: expected distinct letters from 'xyz'")
     matrix, free = _stiffness(built)
     moves = np.flatnonzero(np.isin(free % 3, ["xyz".index(c) for c in components]))
-    if not 0 < count("number", number, 1) < len(moves):
+    if number >= len(moves):
         raise InputError(f"number = {number!r}: expected 1 to {len(moves) - 1}, fewer than components that move")
     kept = free[moves]
     root = np.sqrt(np.repeat(built.to_numpy(built.state.mass), 3)[kept])
