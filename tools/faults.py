@@ -234,6 +234,8 @@ def main() -> None:
     parser.add_argument("--files", nargs="*", default=[], help="that are cut; by default all")
     parser.add_argument("--sizes", type=int, default=50, help="of a full disk")
     parser.add_argument("--scenes", nargs="*", default=list(SCENES), choices=list(SCENES))
+    kinds = ("kills", "truncations", "changes", "full_disks", "lost_terminals", "two_at_once")
+    parser.add_argument("--faults", nargs="*", default=kinds, choices=kinds)
     options = parser.parse_args()
     trials: list[Trial] = []
     with tempfile.TemporaryDirectory(prefix="warp_pd_faults_") as folder:
@@ -247,15 +249,16 @@ def main() -> None:
             seconds = time.perf_counter() - begin
             if done.returncode != 0:
                 raise RuntimeError(f"{scene}: {done.stderr}")
-            for found in (
-                kills(scene, whole, seconds, options.kills, work),
-                truncations(scene, whole, options.places, options.files, work),
-                changes(scene, whole, options.changes, options.files, work),
-                full_disks(scene, whole, options.sizes, work),
-                lost_terminals(scene, whole, seconds, work),
-                two_at_once(scene, whole, work),
-            ):
-                for trial in found:
+            tried = {
+                "kills": kills(scene, whole, seconds, options.kills, work),
+                "truncations": truncations(scene, whole, options.places, options.files, work),
+                "changes": changes(scene, whole, options.changes, options.files, work),
+                "full_disks": full_disks(scene, whole, options.sizes, work),
+                "lost_terminals": lost_terminals(scene, whole, seconds, work),
+                "two_at_once": two_at_once(scene, whole, work),
+            }
+            for kind in options.faults:
+                for trial in tried[kind]:
                     trials.append(trial)
                     if trial.wrong:
                         print(f"{trial.fault}, {trial.scene}: {trial.wrong}", flush=True)

@@ -1,6 +1,7 @@
 """The cache of kernels: not writable, read-only, damaged, full."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -48,11 +49,19 @@ def test_a_cache_that_cannot_be_written_is_a_note(tmp_path):
     assert not os.path.exists(where), "the temporary folder ends with the process"
 
 
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A cache with one module."""
+    folder = tmp_path_factory.mktemp("filled")
+    run(folder, folder / "cache")
+    return folder / "cache"
+
+
 @pytest.mark.parametrize("left", [b"", b"\\0" * 300, None])
-def test_a_damaged_module_is_compiled_once_more(tmp_path, left):
+def test_a_damaged_module_is_compiled_once_more(filled, tmp_path, left):
     """Cut, overwritten, and without its description."""
     cache = tmp_path / "cache"
-    run(tmp_path, cache)
+    shutil.copytree(filled, cache)
     objects, descriptions = list(cache.rglob("*.o")), list(cache.rglob("*.meta"))
     assert len(objects) == len(descriptions) == 1
     for file in objects if left is not None else descriptions:
