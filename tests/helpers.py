@@ -12,6 +12,7 @@ from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Shee
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.geometry.triangulation import crosses
+from warp_pd.interfaces import context
 from warp_pd.laws import force_paths
 from warp_pd.statics import bond_associated_tangent
 
@@ -222,8 +223,11 @@ def tune_paths(patch, **changes):
 def play_gpu(patch):
     """Let a CPU take the force paths of a GPU, and store no tangent; no public option does, as they are slow there.
 
-    It runs blocks of threads one after the other, and launches whole: their threads share memory.
+    It runs blocks of threads one after the other, and launches whole: their threads share memory. Kernels are compiled
+    as they are launched, with that number of threads: what a CPU compiles before has blocks of one thread.
     """
+    patch.setattr(graph, "load_kernel", lambda kernel, device: None)
+    patch.setattr(context, "compile_launches", lambda launches, device: None)
     patch.setattr(force_paths, "has_shared_memory", lambda device: True)
     patch.setattr(bond_associated_tangent, "stored_on", lambda device: False)
     patch.setattr(graph, "SPLIT_FROM", float("inf"))

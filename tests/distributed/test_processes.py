@@ -20,14 +20,11 @@ from warp_pd import Frames
 from warp_pd.distributed.launch import launch
 
 pytest.importorskip("torch.distributed")
-# Other processes join them: they find what this one has compiled, which runs each scene first.
-pytestmark = pytest.mark.usefixtures("joined_stages")
 
 FILE = Path(shared_scenes.__file__)
 # More kinds are in `shared_scenes`.
 COMPARED = (
-    "torn", "cloud", "field hole", "loads", "relaxed", "scattered", "energy", "field", "field cloud", "field relaxed",
-    "taut",
+    "torn", "cloud", "field hole", "loads", "scattered", "energy", "field", "field cloud", "field relaxed", "taut",
 )  # fmt: skip
 
 
@@ -104,8 +101,8 @@ def workers(launcher):
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the processes in /proc")
-def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_path):
-    """In the middle of a tear; what two processes began and three ended is what one gives."""
+def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_path, joined_stages):
+    """In the middle of a tear; what two processes began and three ended is what one gives, with joined stages."""
     killed, complete = tmp_path / "killed", tmp_path / "complete"
     shared_scenes.build("field", frames=10).run(device="cpu", out=complete, usd=False, pictures=False)
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
