@@ -25,7 +25,7 @@ from .data import (
     require_stretches,
     si_unit,
 )
-from .model import require_arguments
+from .experiment import require_arguments
 
 CONTROLS = ("time", "load_factor")
 

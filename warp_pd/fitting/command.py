@@ -66,9 +66,8 @@ def _require_constants(
     """Check the names of the fitted constants, and of those with bounds, against the parameters of the scene."""
     if not names:
         raise InputError("vary = '': expected arguments of the scene, such as mu,lock")
-    for name in names if parameters is not None else ():
-        if name not in (parameters or ()):
-            raise InputError(f"vary = {name!r}: expected an argument of the scene: {', '.join(parameters or ())}")
+    if parameters is not None and (unknown := [name for name in names if name not in parameters]):
+        raise InputError(f"vary = {unknown[0]!r}: expected an argument of the scene: {', '.join(parameters)}")
     for name in limits:
         one_of("--bounds", name, names)
 

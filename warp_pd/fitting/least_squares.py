@@ -12,7 +12,7 @@ from ..device.checks import InputError, finite, one_of
 from ..materials import stability_notes
 from .data import LOSSES, Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
-from .model import Experiment, Model
+from .experiment import Experiment, Model
 from .report import SINGULAR, Fit, Judgement
 from .uniform import LOADINGS
 

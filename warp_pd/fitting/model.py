@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -14,73 +14,15 @@ from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
 from .derivatives import Build, Derivatives, Value, value_of
 from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
+from .experiment import Model, require_arguments
 from .probes import PointField
+from .runs import RunsModel
 
 # Candidates for the value of a control at zero load: of a force or displacement, and of a stretch.
 AT_REST = (0.0, 1.0)
 TRIAL_FACTOR, TRIAL_SIZE, SAME = 0.37, 1e-3, 1e-9
 # Relative residual of the states of a fit in float64, unless the scene has its own tolerance: data have more noise.
 TOLERANCE = 1e-6
-
-
-class Model(Protocol):
-    """Simulated results of tests as a function of the constants (interface).
-
-    Attributes:
-        sizes: Sizes of the constants, shape (P,), for the steps of differences where a constant is smaller.
-    """
-
-    sizes: np.ndarray
-
-    def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
-        """Simulated results, one array per test, shaped like its data.
-
-        Raises:
-            NoEquilibriumError: if the solver finds no equilibrium.
-            InputError: if the scene refuses the values.
-        """
-        ...
-
-    def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
-        """Derivatives by the constants, one array per test, with the constants on the last axis."""
-        ...
-
-    def take_sizes(self, sizes: np.ndarray) -> None:
-        """Replace the sizes; derivatives that were found with others are found again."""
-        self.sizes = sizes
-
-
-class Experiment(Protocol):
-    """Tests and their simulation (interface)."""
-
-    @property
-    def tests(self) -> Sequence[Test]:
-        """The tests."""
-        ...
-
-    def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
-        """Create the model of the tests."""
-        ...
-
-    def start(self, name: str) -> float | None:
-        """Initial value of a constant, or None if it has none."""
-        ...
-
-    def made_of(self, constants: Mapping[str, float]) -> Any:
-        """The material with these constants, of which the experiment may take some."""
-        ...
-
-
-def require_arguments(made_by: Callable[..., Any], given: Collection[str]) -> None:
-    """Check that a scene or material gets all arguments without a default."""
-    for name, parameter in inspect.signature(made_by).parameters.items():
-        optional = parameter.default is not parameter.empty or parameter.kind in (
-            parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD,
-        )  # fmt: skip
-        if not optional and name not in given:
-            raise InputError(
-                f"{name} has no default: expected a value in settings (--set {name}=VALUE) or its name in vary"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +66,6 @@ class SceneTests:
         scene = self.build(**settings)
         if has_equilibrium(scene):
             return EquilibriumModel(self, vary, settings, scene, start, device, precision)
-        from .runs import RunsModel
-
         return RunsModel(self.build, self.tests, vary, settings, start, device, precision)
 
 
@@ -307,4 +247,4 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.abs(a - b).max() <= SAME * max(np.abs(a).max(), np.abs(b).max()))
 
 
-__all__ = ["EquilibriumModel", "Experiment", "FieldData", "Model", "NoEquilibriumError", "SceneTests"]
+__all__ = ["EquilibriumModel", "FieldData", "NoEquilibriumError", "SceneTests"]

@@ -15,7 +15,8 @@ from ..device.checks import InputError
 from ..run.folder import FIT
 from ..run.simulation import Simulation
 from .data import Curve, Test
-from .model import Experiment, SceneTests
+from .experiment import Experiment
+from .model import SceneTests
 
 # The data do not determine a combination of constants if its singular value is below this fraction of the largest, or
 # its relative uncertainty above this; a single constant is determined poorly above the third number.

@@ -16,7 +16,7 @@ from ..device.checks import InputError
 from ..interfaces.solver import FINISHED, STOPPED
 from .data import Curve, Test
 from .derivatives import Build
-from .model import Model
+from .experiment import Model
 
 STEP = 1e-2
 

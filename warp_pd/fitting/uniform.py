@@ -11,7 +11,7 @@ import numpy as np
 from ..device.checks import InputError, one_of
 from ..materials import Material, energy_density
 from .data import Curve, Test, require_stretches
-from .model import Model, require_arguments
+from .experiment import Model, require_arguments
 
 LOADINGS = ("uniaxial", "equibiaxial", "planar")
 # Steps of differences: of the stretch, for the stress, and of a constant.

@@ -13,6 +13,8 @@ from ..geometry.sheet import Sheet
 # Force over what the sheet carries, length over its width, speed over that of its waves, and stretch of its area, above
 # which a unit cannot be meant.
 MOST_FORCE, LONGEST, FASTEST, MOST_AREA = 1e3, 20.0, 30.0, 100.0
+# Density [kg/m^3] below which its own unit cannot be meant.
+LIGHTEST = 20.0
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,13 @@ from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
-from ..interfaces.scales import Scales, largest_factor
+from ..interfaces.scales import LIGHTEST, Scales, largest_factor
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import dead_load
 
 Ramp = Sequence[tuple[float, float]] | None
-# Of the Earth [m/s^2], and density [kg/m^3] below which a body force of that size may be a weight.
-GRAVITY, LIGHTEST = 9.81, 20.0
+# Of the Earth [m/s^2].
+GRAVITY = 9.81
 
 
 @dataclass(frozen=True)

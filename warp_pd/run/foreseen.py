@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..device.schedules import Schedule
-from ..interfaces.scales import Scales
+from ..interfaces.scales import LIGHTEST, Scales
 from ..materials import shear_modulus, stability_notes
 from .built import Built
 from .scene import Scene
 from .scene_context import held_by_loads
 
-# Sizes that rubber sheets do not have: widths [m], thickness over width, density [kg/m^3], shear modulus [Pa].
-WIDEST, THICKEST, LIGHTEST, SOFTEST, STIFFEST = 50.0, 0.5, 20.0, 10.0, 1e11
+# Sizes that rubber sheets do not have: widths [m], thickness over width, shear modulus [Pa].
+WIDEST, THICKEST, SOFTEST, STIFFEST = 50.0, 0.5, 10.0, 1e11
 # Step over the time in which a wave passes a spacing, below which a note tells the cause.
 TINY_STEP = 1e-3
 

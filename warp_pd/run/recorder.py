@@ -150,6 +150,11 @@ class Recorder:
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance, round_of)
 
+    @property
+    def alone(self) -> bool:
+        """Whether no other process shares the sheet."""
+        return self.built.context.communicator.size == 1
+
     def ask_to_stop(self) -> None:
         """Make the run end at the next frame, or during a long one."""
         self.stop_asked, self._asked_at = True, perf_counter()

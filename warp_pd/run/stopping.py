@@ -10,10 +10,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .recorder import Recorder
+from typing import Any, Protocol
 
 # Seconds after the signal: when a frame is left unfinished; when the process ends, in whatever it is.
 PATIENCE, LAST = 0.8, 1.6
@@ -89,8 +86,31 @@ class Deadline:
 deadline = Deadline()
 
 
+class Stoppable(Protocol):
+    """A run that can be asked to stop.
+
+    Attributes:
+        stop_asked: Whether it was.
+        finishing: Whether its last frame is being recorded.
+        reporter: What reports its progress, or None.
+    """
+
+    stop_asked: bool
+    finishing: bool
+    reporter: Any
+
+    @property
+    def alone(self) -> bool:
+        """Whether no other process shares the sheet."""
+        ...
+
+    def ask_to_stop(self) -> None:
+        """Let it end at its next frame, or soon."""
+        ...
+
+
 @contextlib.contextmanager
-def stopping_at_frames(recorder: Recorder, last_words: Callable[[], None]) -> Iterator[None]:
+def stopping_at_frames(run: Stoppable, last_words: Callable[[], None]) -> Iterator[None]:
     """Context in which Ctrl-C or SIGTERM ends the run at the next frame, or soon; a second one ends it immediately.
 
     `last_words` writes the summary of a run that is still in a call that Python cannot interrupt.
@@ -98,23 +118,23 @@ def stopping_at_frames(recorder: Recorder, last_words: Callable[[], None]) -> It
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    alone = recorder.built.context.communicator.size == 1
+    alone = run.alone
     timer = threading.Timer(PATIENCE, _thread.interrupt_main, (signal.SIGTERM,))
     timer.daemon = True
 
     def ask(number: int, stack: Any) -> None:
         # Several processes get one signal twice, from the terminal and from torchrun, and stop together.
-        if recorder.stop_asked and alone:
+        if run.stop_asked and alone:
             # A frame that is being recorded is the last one, and is not left unfinished.
-            if recorder.finishing:
+            if run.finishing:
                 return
             raise KeyboardInterrupt
-        if not recorder.stop_asked and alone:
+        if not run.stop_asked and alone:
             timer.start()
-        recorder.ask_to_stop()
+        run.ask_to_stop()
         deadline.number = number
         # By SIGTERM torchrun ends those that are left when one is killed; the launcher says why.
-        if recorder.reporter is not None and number == signal.SIGINT:
+        if run.reporter is not None and number == signal.SIGINT:
             with contextlib.suppress(OSError, ValueError, AttributeError):
                 os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
 
