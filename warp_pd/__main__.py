@@ -157,6 +157,18 @@ def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, 
     return settings | _assigned(assignments, settings)
 
 
+def _scene_settings(scene: str, assignments: tuple[str, ...], named: dict[str, Any], printed: bool) -> dict[str, Any]:
+    """Arguments of a scene, checked against its file; with `printed` those of its paper come first."""
+    settings = _settings(assignments, named)
+    if printed:
+        from .papers.as_published import as_published
+
+        require_scene(scene)
+        settings = as_published(scene, settings)
+    require_settings(scene, settings)
+    return settings
+
+
 def _assigned(assignments: tuple[str, ...], given: dict[str, Any]) -> dict[str, str]:
     """Parse the --set NAME=VALUE assignments; none may repeat an argument in `given`."""
     found: dict[str, str] = {}
@@ -206,6 +218,13 @@ def _scene_options(command: Any) -> Any:
             metavar="NAME=VALUE",
             help="An argument of the scene; may be repeated.",
             shell_complete=complete_setting,
+        ),
+        click.option(
+            "--as-published",
+            "printed",
+            is_flag=True,
+            help="Law, weights, criterion, horizon, sizes and rates as the scene's paper prints them; other options "
+            "replace these.",
         ),
         DEVICE,
         PRECISION,
@@ -265,7 +284,7 @@ def _print_json(values: Any) -> None:
     help="Divide the sheet among this number of processes; with --device cpu they share the cores.",
 )
 def run(
-    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
+    scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, out: str | None,
     resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
     no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool, gpus: int, processes: int,
     stride: int, no_restart: bool, as_json: bool, **named: Any,
@@ -281,8 +300,7 @@ def run(
     count("stride", stride, 1)
     picture_formats(pictures)
     quiet = quiet or not is_first()
-    settings = _settings(assignments, named)
-    require_settings(scene, settings)
+    settings = _scene_settings(scene, assignments, named, printed)
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.
@@ -381,11 +399,11 @@ def sweep_values(
 @_scene_options
 @JSON
 def plan(
-    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, as_json: bool, **named: Any
+    scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, as_json: bool,
+    **named: Any,
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, each with the part that owns it."""
-    settings = _settings(assignments, named)
-    require_settings(scene, settings)
+    settings = _scene_settings(scene, assignments, named, printed)
     simulation = build_scene(scene, settings)
     if as_json:
         from .run.description import plan_values
