@@ -29,7 +29,7 @@ from warp_pd.interfaces.context import find_device
 from warp_pd.run.folder import write_atomically
 from warp_pd.run.scene_files import build_scene
 
-__all__ = ["build_scene"]
+__all__ = ["DivergedError", "InputError", "build_scene"]
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS = ROOT / "docs", ROOT / "runs"
 # Finite-element solutions.

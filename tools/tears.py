@@ -1,6 +1,6 @@
 """Do sheets tear at their tearing energy, whatever the grid and the spacing?
 
-    python tools/tears.py strips --device cuda:0 --jobs 12 --out docs/tear-strips.json      all 225, on an H200
+    python tools/tears.py strips --missing --device cuda:0 --jobs 14 --out docs/tear-strips.json    all 336
     python tools/tears.py strips --rows 20 --energies 1 4 --grids 0 45 --horizons 2.015     a few, on a CPU
     python tools/tears.py scenes --device cuda:0 --jobs 3 --out runs/tears.json
     python tools/tears.py scenes --only puncture --device cuda:0
@@ -8,24 +8,26 @@
     python tools/tears.py flaws --device cuda:0
     python tools/tears.py perforated --device cuda:0 --jobs 6
 
-`strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
-by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
-spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. `perforated` are lines of slits across a
-sheet (tools/perforated.py), whose bridges take Gc times what is not cut. A file keeps the rows of earlier
-calls; a row of the same settings is replaced.
+`strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact: of all SERIES, or, where one of --rows,
+--horizons, --energies, --grids or --materials is given, of all their combinations. A row holds G / Gc when the tip has
+moved by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at
+four spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. `perforated` are lines of slits
+across a sheet (tools/perforated.py), whose bridges take Gc times what is not cut. The file is written after each run
+and keeps the rows of earlier calls; a row of the same settings is replaced, or, with --missing, not run again.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
-import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from study import (
+    DivergedError,
+    InputError,
     Row,
     at_least_one,
     build_scene,
@@ -39,10 +41,21 @@ from study import (
     table,
 )
 
+from warp_pd.scenes import pure_shear_tear
+
 GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.25}
 }  # fmt: skip
 ADVANCES = (1, 3, 6, 10)
+# Rows, horizons in spacings, tearing energies [J/m^2] (40 is mu H) and grids of the strips of every material.
+SERIES: tuple[tuple[Sequence[int], Sequence[float], Sequence[float], Sequence[str]], ...] = (
+    ((48, 80, 96, 160), (2.015,), (4.0, 20.0, 40.0), ("0",)),
+    ((48, 96), (2.015,), (20.0,), ("15", "30", "45")),
+    ((48, 96), (1.5, 4.15), (4.0, 20.0), ("0",)),
+    ((48, 96), (2.015, 3.15), (4.0, 20.0), ("0", "jittered")),
+    ((96,), (1.5, 4.15), (20.0,), ("jittered",)),
+    ((24,), (2.015, 3.15), (4.0, 20.0), ("0", "jittered")),
+)
 
 
 @dataclass(frozen=True)
@@ -106,14 +119,27 @@ PERFORATED = "tools/perforated.py"
 
 
 def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Runs of the strips: the scene and its settings. The largest come first, since they take longest."""
-    chosen = [*itertools.product(options.rows, options.horizons, options.energies, options.grids, options.materials)]
-    if options.sample is not None:
-        chosen = random.Random(options.seed).sample(chosen, min(options.sample, len(chosen)))
-    for rows, m, energy, grid, material in sorted(chosen, key=lambda settings: -settings[0] * settings[1]):
-        named = {} if material == "neo_hookean" else {"material": material}
-        settings = {"points": rows, "horizon": m, "tearing_energy": energy, **named, **GRIDS[grid]}
-        yield "pure_shear_tear", {**settings, **further(options)}
+    """Runs of the strips: the scene and its settings.
+
+    In each series the first strip of each kind of kernels comes first, so that processes compile different ones; then
+    the largest, since they take longest.
+    """
+    given = (options.rows, options.horizons, options.energies, options.grids)
+    series = SERIES
+    if any(some is not None for some in (*given, options.materials)):
+        series = (tuple(some or default for some, default in zip(given, SERIES[0], strict=True)),)  # type: ignore[assignment]
+    seen, compiled = [], set()
+    for rows, horizons, energies, grids in series:
+        chosen = itertools.product(rows, horizons, energies, grids, options.materials or pure_shear_tear.MATERIALS)
+        first, later = [], []
+        for n, m, energy, grid, material in sorted(chosen, key=lambda settings: -settings[0] * settings[1]):
+            named = {} if material == "neo_hookean" else {"material": material}
+            settings = {"points": n, "horizon": m, "tearing_energy": energy, **named, **GRIDS[grid], **further(options)}
+            if settings not in seen:
+                (later if (material, m, grid == "0") in compiled else first).append(settings)
+                seen.append(settings)
+                compiled.add((material, m, grid == "0"))
+        yield from (("pure_shear_tear", settings) for settings in first + later)
 
 
 def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -146,9 +172,12 @@ def further(options: Any) -> dict[str, str]:
 
 
 def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
-    """One run: its status, the values of its measures, and the onset of a strip."""
+    """One run: its status, the values of its measures, and the onset of a strip. Others go on if one fails."""
     simulation = build_scene(scene, settings)
-    result = simulation.run(device=device, usd=False, pictures=False)
+    try:
+        result = simulation.run(device=device, usd=False, pictures=False)
+    except (InputError, DivergedError) as error:
+        return {"scene": scene, "settings": settings, "status": "failed", "notes": [str(error)]}
     measures = {name: found["value"] for name, found in result.summary["measures"].items()}
     onset = {
         f"onset_{n}": next(
@@ -178,10 +207,10 @@ def strips_table(rows: Sequence[Row]) -> list[str]:
         some = [row for row in rows if kind(row) == (material, horizon, points)]
         cells = []
         for number in ("onset_3", "onset_10", "released_ratio"):
-            values = [row[number] for row in some if row[number] is not None]
+            values = [row[number] for row in some if row.get(number) is not None]
             known = (min(values), sum(values) / len(values), max(values)) if values else ()
             cells.append(", ".join(f"{value:.3f}" for value in known))
-        worst = max((row["worst_energy_balance"] or 0.0 for row in some), default=0.0)
+        worst = max((row.get("worst_energy_balance") or 0.0 for row in some), default=0.0)
         ended = sum(row["status"] == "finished" for row in some)
         lines.append(
             [material, f"{horizon:g}", f"{points}", f"{len(some)}", f"{ended}", *cells, f"{100.0 * worst:.2f} %"]
@@ -252,15 +281,13 @@ KINDS = {
 
 def main() -> None:
     """Run, keep the rows, print the table."""
-    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False)
+    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, missing=False)
     parser.add_argument("kind", choices=tuple(KINDS))
-    parser.add_argument("--rows", type=at_least_one, nargs="+", default=[20, 40, 80], help="of points in a strip")
-    parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
-    parser.add_argument("--energies", type=float, nargs="+", default=[0.5, 1.0, 2.0, 4.0, 8.0], help="Gc [J/m^2]")
-    parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
-    parser.add_argument("--materials", nargs="+", default=["neo_hookean"], help="names of pure_shear_tear")
-    parser.add_argument("--sample", type=at_least_one, help="run so many of all combinations, chosen at random")
-    parser.add_argument("--seed", type=int, default=0, help="of this choice")
+    parser.add_argument("--rows", type=at_least_one, nargs="+", help="of points in a strip")
+    parser.add_argument("--horizons", type=float, nargs="+")
+    parser.add_argument("--energies", type=float, nargs="+", help="Gc [J/m^2]")
+    parser.add_argument("--grids", nargs="+", choices=list(GRIDS))
+    parser.add_argument("--materials", nargs="+", choices=list(pure_shear_tear.MATERIALS))
     names = [tear.scene for tear in TEARS]
     parser.add_argument("--only", nargs="+", default=names, choices=names, help="scenes to run")
     parser.add_argument("--coarsest", type=at_least_one, help="run each scene at so many spacings alone")
@@ -269,7 +296,7 @@ def main() -> None:
     path: Path | None = options.out
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
-        chosen = [*KINDS[options.kind][0](options)]
+        chosen = [c for c in KINDS[options.kind][0](options) if not (options.missing and found(rows, *c))]
         made = provenance(device_title(options.device))
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]

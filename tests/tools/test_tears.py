@@ -2,12 +2,12 @@
 
 from tears import TEARS, flaws, flaws_table, found, run, scenes_table, strips, strips_table
 
-from warp_pd.scenes import flaw_sensitivity
+from warp_pd.scenes import flaw_sensitivity, pure_shear_tear
 
 
 class Options:
-    rows, horizons, energies, grids, set = [8], [2.015], [2.0], ["45"], ["duration=0.2"]
-    materials, sample, seed = ["neo_hookean"], None, 0
+    rows, horizons, energies, grids, materials = [8], [2.015], [2.0], ["45"], ("neo_hookean",)
+    set = ("duration=0.2",)
 
 
 def test_a_strip_has_an_onset_and_a_balance():
@@ -19,6 +19,24 @@ def test_a_strip_has_an_onset_and_a_balance():
     assert found([row], "pure_shear_tear", row["settings"]) is row
     assert {f"onset_{n}" for n in (1, 3, 6, 10)} < set(row)
     assert strips_table([row])[-1].startswith("| neo_hookean | 2.015 | 8 | 1 | 1 |")
+
+
+def test_all_strips_are_those_of_every_material_and_none_comes_twice():
+    class All:
+        rows = horizons = energies = grids = materials = None
+        set = ()
+
+    chosen = [settings for _, settings in strips(All)]
+    assert len(chosen) == 336 and all(chosen.count(settings) == 1 for settings in chosen)
+    assert {settings.get("material", "neo_hookean") for settings in chosen} == set(pure_shear_tear.MATERIALS)
+
+
+def test_a_strip_that_fails_is_a_row_that_says_why():
+    row = run("pure_shear_tear", {"points": 8, "duration": 0.2, "frames": 10, "damage_length": 1e-3}, "cpu")
+    assert row["status"] == "failed" and "TearingEnergy.length" in row["notes"][0]
+    assert strips_table([{**row, "settings": {"points": 8, "horizon": 2.015}}])[-1].startswith(
+        "| neo_hookean | 2.015 | 8 | 1 | 0 |"
+    )
 
 
 def test_the_spread_over_grids_and_the_last_change_are_told_where_there_are_runs():
