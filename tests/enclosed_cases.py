@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from warp_pd import Sheet
 from warp_pd.device.clock import Clock
 from warp_pd.device.fields import FieldRegister
 from warp_pd.geometry.shape import Shape
-from warp_pd.geometry.sheet import Sheet
 from warp_pd.interfaces.context import Context, Features, find_device
 from warp_pd.kernels.numeric import numeric
 

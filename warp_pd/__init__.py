@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .contact.self_contact import SelfContact
     from .device.checks import InputError
     from .gas.enclosed import EnclosedGas, EnclosedVolume
-    from .geometry.sheet import Sheet
     from .interfaces.frame import Frame, Surface
     from .laws.bond_associated import BondAssociated
     from .materials import (
@@ -60,6 +59,7 @@ if TYPE_CHECKING:
     from .shapes.curves import Circle, Polygon, Spline
     from .shapes.files import read_mesh
     from .shapes.pieces import Place
+    from .shapes.sheet import Sheet
     from .shapes.svg import read_outline
     from .shapes.together import glued, placed, together
     from .solvers.explicit import Explicit

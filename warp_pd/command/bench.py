@@ -19,7 +19,6 @@ import warp as wp
 from ..bending.plate import Plate
 from ..contact.rigid_ball import RigidBall
 from ..device.checks import InputError, finite, one_of
-from ..geometry.sheet import Sheet
 from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
 from ..laws.bond_associated import BondAssociated
@@ -31,6 +30,7 @@ from ..parts.rupture import CriticalStretch
 from ..parts.supports import Fixed
 from ..run.built import Built
 from ..run.simulation import Simulation
+from ..shapes.sheet import Sheet
 from ..solvers.explicit import Explicit
 from ..tearing.tearing_energy import TearingEnergy
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.checks import InputError, count, counts, finite, one_of, positive, vector
-from .clouds import cloud
+from ..device.checks import InputError, count, counts, one_of, positive, vector
 from .shape import Shape
-from .triangulation import Lattice, lattice_triangles, turned_grid
+from .triangulation import Lattice, lattice_triangles
 
 # Points are counted in 32 bits.
 MAX_POINTS = 2**31 - 1
@@ -73,40 +72,3 @@ def line(length: float, points: int) -> Shape:
         spacing=spacing,
         lattice=Lattice(points, 1, spacing, spacing),
     )
-
-
-def filled(
-    width: float,
-    height: float,
-    points: int | tuple[int, int],
-    origin: tuple[float, float],
-    layers: tuple[int, int],
-    *,
-    turn: float,
-    jitter: float,
-    seed: int,
-) -> Shape:
-    """A rectangle with a turned or jittered grid inside; arguments as for `Sheet.filled`."""
-    count("seed", seed, 0)
-    square = rectangle(width, height, points, origin, layers, False)
-    if not 0.0 <= finite("jitter", jitter) < 0.5:
-        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
-    if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
-        return square
-    assert square.lattice is not None
-    dx, dy = square.lattice.dx, square.lattice.dy
-    low, high = square.points.min(axis=0), square.points.max(axis=0)
-    # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
-    half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
-    inside = turned_grid((dx, dy), half, float(np.hypot(*(high - low))), turn)
-    inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
-    inside += 0.5 * (low + high)
-    # Points lie on the outer edges, and on those of the rectangle where layers continue it: what is held beyond them
-    # would otherwise end up to half a spacing away.
-    beyond = np.array(layers) * (dx, dy)
-    on_line = np.zeros(square.size, bool)
-    for line in (low, high, low + beyond, high - beyond):
-        on_line |= (np.abs(square.points - line) < 1e-6 * square.spacing).any(axis=1)
-        inside = inside[(np.abs(inside - line) > 0.55 * np.array([dx, dy])).all(axis=1)]
-    inside = inside[((inside > low) & (inside < high)).all(axis=1)]
-    return cloud(np.vstack([square.points[on_line], inside]), None, None, square.spacing)

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, of_kind, point_indices, said
-from ..geometry.clouds import cloud
-from ..geometry.sheet import Sheet
 from ..geometry.topology import crowded_edges, neighbours
 from ..geometry.triangulation import doubled_normals
+from .clouds import cloud
 from .pieces import Place, side_by_side
+from .sheet import Sheet
 from .surfaces import surface
 
 # Largest distance of two points that become one, in spacings, and least cosine of the angle at which sheets may meet: a

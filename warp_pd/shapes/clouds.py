@@ -1,4 +1,4 @@
-"""Shapes from point clouds."""
+"""Shapes from point clouds, and rectangles filled with turned or jittered grids."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..device import checks
-from ..device.checks import InputError, corners, one_of, positions, positive
-from ..shapes.lines import Named, named, polygon, region, ring
-from ..shapes.seams import require_distinct, seam_notes
-from .shape import Shape
-from .topology import boundary_edges, boundary_rings, directed_edges, ring_names
-from .triangulation import (
+from ..device.checks import InputError, corners, count, finite, one_of, positions, positive
+from ..geometry.rectangles import rectangle
+from ..geometry.shape import Shape
+from ..geometry.topology import boundary_edges, boundary_rings, directed_edges, ring_names
+from ..geometry.triangulation import (
     counter_clockwise,
     delaunay,
     local_spacings,
@@ -21,7 +20,10 @@ from .triangulation import (
     refuse_coincident,
     signed_areas,
     triangles_of,
+    turned_grid,
 )
+from .lines import Named, named, polygon, region, ring
+from .seams import require_distinct, seam_notes
 
 # Places on a curve, and how far a triangle may reach beyond it, both over the spacing.
 STEP, BEYOND = 0.05, 0.1
@@ -74,6 +76,43 @@ def cloud(
         ),
         spacings=spacings,
     )
+
+
+def filled(
+    width: float,
+    height: float,
+    points: int | tuple[int, int],
+    origin: tuple[float, float],
+    layers: tuple[int, int],
+    *,
+    turn: float,
+    jitter: float,
+    seed: int,
+) -> Shape:
+    """A rectangle with a turned or jittered grid inside; arguments as for `Sheet.filled`."""
+    count("seed", seed, 0)
+    square = rectangle(width, height, points, origin, layers, False)
+    if not 0.0 <= finite("jitter", jitter) < 0.5:
+        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
+    if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
+        return square
+    assert square.lattice is not None
+    dx, dy = square.lattice.dx, square.lattice.dy
+    low, high = square.points.min(axis=0), square.points.max(axis=0)
+    # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
+    half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
+    inside = turned_grid((dx, dy), half, float(np.hypot(*(high - low))), turn)
+    inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
+    inside += 0.5 * (low + high)
+    # Points lie on the outer edges, and on those of the rectangle where layers continue it: what is held beyond them
+    # would otherwise end up to half a spacing away.
+    beyond = np.array(layers) * (dx, dy)
+    on_line = np.zeros(square.size, bool)
+    for line in (low, high, low + beyond, high - beyond):
+        on_line |= (np.abs(square.points - line) < 1e-6 * square.spacing).any(axis=1)
+        inside = inside[(np.abs(inside - line) > 0.55 * np.array([dx, dy])).all(axis=1)]
+    inside = inside[((inside > low) & (inside < high)).all(axis=1)]
+    return cloud(np.vstack([square.points[on_line], inside]), None, None, square.spacing)
 
 
 def _is_convex(points: np.ndarray, triangles: np.ndarray) -> bool:
