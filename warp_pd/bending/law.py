@@ -13,11 +13,12 @@ from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
-from ..interfaces import SLOPE, BuiltLaw, Solve, SparseTangent, Tangent
+from ..interfaces import SLOPE, BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.sparse import factorised
+from ..statics.tangent import Solve, SparseTangent, Tangent, tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 
@@ -306,14 +307,6 @@ class BendingForce(BuiltLaw):
         left = (1.0 - damage.numpy()[self.context.sheet.triangles].max(axis=1)) ** 2
         self.plate.left.assign(left)
 
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """The tangent of the law and of bending, for Newton's method.
-
-        Raises:
-            InputError: if the law has none.
-        """
-        return BendingTangent(self, self.law.tangent(context, geometric))
-
     @property
     def strain_energy(self) -> Array | None:
         """Energy of each family at the last frame, without bending [J]."""
@@ -323,6 +316,11 @@ class BendingForce(BuiltLaw):
     def force_path(self) -> str:
         """Name of the force path of the law."""
         return self.law.force_path
+
+
+@tangent_of.register
+def _(law: BendingForce, context: Context, geometric: bool) -> Tangent:
+    return BendingTangent(law, tangent_of(law.law, context, geometric))
 
 
 class BendingTangent(Tangent):

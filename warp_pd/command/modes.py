@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, count, of_kind, said
-from ..interfaces import Tangent
+from ..statics.tangent import Tangent, tangent_of
 
 if TYPE_CHECKING:
     from ..run.built import Built
@@ -85,7 +85,7 @@ def _stiffness(built: Built) -> tuple[Any, np.ndarray]:
     """Sparse stiffness matrix of the free components at the current state [N/m], and their indices among all 3 N."""
     context = built.context
     if built not in _tangents:
-        tangent = built.law.tangent(context, True)
+        tangent = tangent_of(built.law, context, True)
         stage = context.stage(OWNER, "whenever natural modes are asked for")
         tension = context.array("no_tension", OWNER, context.types.real, shape=1, per="once")
         tangent.add_linearise(stage, context.state.displacement, tension)

@@ -13,7 +13,7 @@ from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .built_part import BuiltPart, History, StepLimit
-    from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
+    from .law import BuiltLaw, Law
     from .output import FrameReport, Writer
     from .part import (
         SLOPE,
@@ -49,12 +49,9 @@ __all__ = [
     "Load",
     "Part",
     "Rupture",
-    "Solve",
     "Solver",
-    "SparseTangent",
     "StepLimit",
     "System",
-    "Tangent",
     "Turn",
     "UnbalancedError",
     "Writer",

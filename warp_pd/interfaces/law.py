@@ -1,4 +1,4 @@
-"""Interfaces of force laws and their tangents."""
+"""Interfaces of force laws."""
 
 from __future__ import annotations
 
@@ -13,83 +13,6 @@ from ..device.launches import Stage
 from ..families import Families
 from .built_part import BuiltPart
 from .context import Context
-
-
-class Solve(Protocol):
-    """Solves K x = b."""
-
-    def __call__(self, b: np.ndarray) -> np.ndarray:
-        """Return x for b, both of shape (N, 3)."""
-        ...
-
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues of K; None if unknown."""
-        ...
-
-
-class SparseTangent(Protocol):
-    """A tangent as a sparse matrix on the host, for a direct factorisation.
-
-    Attributes:
-        free: Mask of free components, shape (3 N,).
-    """
-
-    free: np.ndarray
-
-    def matrix(self) -> Any:
-        """K of the free components [N/m], a SciPy sparse matrix."""
-        ...
-
-    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
-        """Solver of K x = b on (N, 3) arrays; None if K is singular. `added`, (N, 3, 3): to its diagonal [N/m]."""
-        ...
-
-
-class Tangent(Protocol):
-    """The derivative of the internal force by the displacement, for Newton's method.
-
-    Attributes:
-        inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
-        direct_points: Number of points up to which a factorisation on the host is faster than iterations on a GPU.
-    """
-
-    inverse_blocks: Array
-    direct_points: int
-
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
-        ...
-
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
-        ...
-
-    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
-        """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
-
-        Return None, without a launch or an array, if families may turn inside out.
-        """
-        ...
-
-    def is_slack(self) -> bool:
-        """Whether the state of the last linearisation has no stiffness in some direction."""
-        ...
-
-    def modulus(self) -> float:
-        """Modulus of the sheet [Pa] at the last linearisation."""
-        ...
-
-    def mean_tension(self) -> float:
-        """Mean tension of the sheet at the last linearisation [Pa], of laws that can be built on coarser sheets."""
-        ...
-
-    def min_tension(self, relative: float) -> float:
-        """Minimum isotropic tension [Pa] that the tangent needs at a relative residual."""
-        ...
-
-    def sparse(self) -> SparseTangent:
-        """The tangent as a sparse matrix."""
-        ...
 
 
 class BuiltLaw(BuiltPart, Protocol):
@@ -205,14 +128,6 @@ class BuiltLaw(BuiltPart, Protocol):
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill and return an array (N,) with a fictitious mass; None if the law has none."""
-        ...
-
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method; `geometric`: with the stiffness from the tension of the sheet.
-
-        Raises:
-            InputError: if the law has none.
-        """
         ...
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:

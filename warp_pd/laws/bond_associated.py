@@ -11,14 +11,13 @@ from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
 from ..kernels.statics.relaxation import row_sums
 from ..kernels.visco.memory import remembered
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
-from ..statics.bond_associated_tangent import BondAssociatedTangent
 from ..step import Phase
 from .family_law import require_one_material
 from .force_paths import PATHS, force_path
@@ -256,21 +255,6 @@ class BondAssociatedForce(BondAssociatedLaw):
             self.slack_frequency = TAUT_FREQUENCY
             self.slack_force = 1e3 * least * SLACK_STRAIN * context.whole.spacing
         return add_density("fictitious_mass", context.state.displacement, taut)
-
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method.
-
-        Raises:
-            InputError: for weights without an energy, a material without `response`, or `geometric` = False.
-        """
-        if self.weights == "published":
-            raise InputError(
-                "weights = 'published': expected 'plain' or 'corrected', which have an energy, with the solver Newton; "
-                "or use the solver Relaxation"
-            )
-        if not geometric:
-            raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
-        return BondAssociatedTangent(self, context)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
         """Build the law with plain weights on a coarser lattice."""

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, notes_on_folds, pack
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, History, Law, Tangent
+from ..interfaces import BuiltLaw, History, Law
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
@@ -303,14 +303,6 @@ class FamilyLaw(BuiltLaw):
             least=least, density=density, **more,
         )  # fmt: skip
         return density
-
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method. Raises InputError if the law has none."""
-        others = "Explicit" if self.depends_on_time else "Explicit or Relaxation"
-        raise InputError(
-            f"force = {self.owner}: expected BondAssociated or BondBased, which have a tangent, with the solver "
-            f"Newton; or use the solver {others}"
-        )
 
     def fingerprint(self) -> str:
         """A hash of some values of the influence function."""

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.papers.bond_based import bond_based, pull_of_bond
@@ -24,6 +24,7 @@ from ..kernels.rupture import NEARLY
 from ..laws.family_law import FamilyLaw, whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
+from ..statics.tangent import Tangent, tangent_of
 from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
 from .inner_directions import inner_directions
@@ -199,10 +200,6 @@ class BondBasedForce(FamilyLaw):
         least = 1e-3 * (max(self.law.material.constants) * self.thickness)
         return self.add_row_sums(stage, self.kernels.row_sums, least)
 
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Create the tangent for Newton's method."""
-        return BondBasedTangent(self, self.law.material, context, geometric)
-
     def request_fields(self, names: Sequence[str]) -> None:
         """Add point fields to the frames.
 
@@ -252,3 +249,8 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
         offsets=families.steps, reverse=families.reverses, dx=lattice.dx, dy=lattice.dy,
         stiffness=STIFFNESS["plane stress"],
     )  # fmt: skip
+
+
+@tangent_of.register
+def _(law: BondBasedForce, context: Context, geometric: bool) -> Tangent:
+    return BondBasedTangent(law, law.law.material, context, geometric)

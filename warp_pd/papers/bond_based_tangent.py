@@ -9,12 +9,12 @@ import numpy as np
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import unpack
-from ..interfaces import Solve
 from ..interfaces.context import Context
 from ..kernels.papers.bond_based import bond_based_tangent
 from ..laws.family_law import FamilyLaw
 from ..materials import PairwiseMaterial, capabilities
 from ..statics.sparse import factorised
+from ..statics.tangent import Solve
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix

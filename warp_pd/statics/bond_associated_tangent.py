@@ -12,13 +12,13 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
-from ..interfaces import Solve
 from ..interfaces.context import Context
 from ..kernels.statics.bond_associated_tangent import bond_associated_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.variational import BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
 from .sparse import factorised
+from .tangent import Solve
 
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix, csc_matrix

@@ -11,11 +11,12 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import Array, assign, on_cpu
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltLoad, Tangent
+from ..interfaces import BuiltLaw, BuiltLoad
 from ..interfaces.context import Context
 from ..interfaces.part import StaticContact
 from ..kernels.statics.equilibrium import equilibrium
 from .load_scale import LoadScale
+from .tangent import Tangent
 
 OWNER = "Newton"
 # By precision: unbalanced force over what moves a stressed sheet, in equilibrium; and over loads and reactions, below

@@ -15,11 +15,11 @@ import warp as wp
 
 from ..device.fields import Array, assign
 from ..device.graph import launch_now
-from ..interfaces import Solve
 from .aggregates import Aggregates
 from .krylov import conjugate_gradients, gmres
 from .level import OWNER, Level
 from .multigrid import Hierarchy
+from .tangent import Solve
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
 MAX_ITERATIONS = {"multigrid": 60, "algebraic": 60, "direct": 60, "jacobi": 4000}

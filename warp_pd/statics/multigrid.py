@@ -14,12 +14,13 @@ import warp as wp
 from ..device.fields import Array, assign
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
-from ..interfaces import BuiltLaw, Solve, System
+from ..interfaces import BuiltLaw, System
 from ..interfaces.context import Context, Features, State
 from ..kernels.loads import begin_loads
 from ..kernels.statics.equilibrium import lattice_transfer
 from .level import OWNER, Level
 from .smoother import SWEEPS, Smoother
+from .tangent import Solve, tangent_of
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300
@@ -61,7 +62,7 @@ class Hierarchy:
         context = coarse_context(finest.context, depth, lattice, self.lattices[0])
         law = coarse_law(finest.law, context, lattice)
         following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
-        level = Level(context, law, law.tangent(context, True), following)
+        level = Level(context, law, tangent_of(law, context, True), following)
         stage, state = context.stage("evaluate", "every residual of Newton"), context.state
         dead: Array | None = None
         with stage.one_launch():

@@ -13,7 +13,7 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.fields import assign
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System, Tangent
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..interfaces.context import Context
 from ..solvers.retries import Snapshot
 from ..step import NOT_IN_EQUILIBRIUM
@@ -24,6 +24,7 @@ from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import Report, StaticSolver
 from .static_rounds import StaticRounds
+from .tangent import Tangent, tangent_of
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -56,7 +57,7 @@ class StaticSystem(BuiltSolver):
     def __init__(self, settings: StaticSolver, context: Context, law: BuiltLaw) -> None:
         self.label = f"solver = {self.name}"
         self.settings, self.context = settings, context
-        self.tangent: Tangent = law.tangent(context, settings.stiffness == "tangent")
+        self.tangent: Tangent = tangent_of(law, context, settings.stiffness == "tangent")
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
         self.sizes, self._begin = Sizes(), 0.0
 

@@ -12,7 +12,7 @@ import warp as wp
 from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
@@ -91,10 +91,6 @@ class ElasticVisco(BondAssociatedForce):
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3."""
         return self.pairs
-
-    def tangent(self, context: Context, geometric: bool) -> Tangent:
-        """Raise InputError: the law has no tangent."""
-        return FamilyLaw.tangent(self, context, geometric)
 
 
 class ViscousForce(ElasticVisco):

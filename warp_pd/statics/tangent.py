@@ -1,0 +1,132 @@
+"""Tangents of force laws, for Newton's method."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..device.checks import InputError
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw
+from ..interfaces.context import Context
+from ..laws.bond_associated import BondAssociatedForce
+
+
+class Solve(Protocol):
+    """Solves K x = b."""
+
+    def __call__(self, b: np.ndarray) -> np.ndarray:
+        """Return x for b, both of shape (N, 3)."""
+        ...
+
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of K; None if unknown."""
+        ...
+
+
+class SparseTangent(Protocol):
+    """A tangent as a sparse matrix on the host, for a direct factorisation.
+
+    Attributes:
+        free: Mask of free components, shape (3 N,).
+    """
+
+    free: np.ndarray
+
+    def matrix(self) -> Any:
+        """K of the free components [N/m], a SciPy sparse matrix."""
+        ...
+
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on (N, 3) arrays; None if K is singular. `added`, (N, 3, 3): to its diagonal [N/m]."""
+        ...
+
+
+class Tangent(Protocol):
+    """The derivative of the internal force by the displacement, for Newton's method.
+
+    Attributes:
+        inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
+        direct_points: Number of points up to which a factorisation on the host is faster than iterations on a GPU.
+    """
+
+    inverse_blocks: Array
+    direct_points: int
+
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
+        ...
+
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
+        ...
+
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
+        """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
+
+        Return None, without a launch or an array, if families may turn inside out.
+        """
+        ...
+
+    def is_slack(self) -> bool:
+        """Whether the state of the last linearisation has no stiffness in some direction."""
+        ...
+
+    def modulus(self) -> float:
+        """Modulus of the sheet [Pa] at the last linearisation."""
+        ...
+
+    def mean_tension(self) -> float:
+        """Mean tension of the sheet at the last linearisation [Pa], of laws that can be built on coarser sheets."""
+        ...
+
+    def min_tension(self, relative: float) -> float:
+        """Minimum isotropic tension [Pa] that the tangent needs at a relative residual."""
+        ...
+
+    def sparse(self) -> SparseTangent:
+        """The tangent as a sparse matrix."""
+        ...
+
+
+@functools.singledispatch
+def tangent_of(law: BuiltLaw, context: Context, geometric: bool) -> Tangent:
+    """Create the tangent of a force law; laws that have one register how it is made.
+
+    Args:
+        law: The built law.
+        context: Where its arrays are declared.
+        geometric: Whether the stiffness from the tension of the sheet is part of it.
+
+    Raises:
+        InputError: for a law without a tangent.
+    """
+    raise _refusal(law)
+
+
+@tangent_of.register
+def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
+    """Refuses weights without an energy, a material without `response`, or `geometric` = False."""
+    from .bond_associated_tangent import BondAssociatedTangent
+
+    if not law.law.has_tangent:
+        raise _refusal(law)
+    if law.weights == "published":
+        raise InputError(
+            "weights = 'published': expected 'plain' or 'corrected', which have an energy, with the solver Newton; "
+            "or use the solver Relaxation"
+        )
+    if not geometric:
+        raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
+    return BondAssociatedTangent(law, context)
+
+
+def _refusal(law: BuiltLaw) -> InputError:
+    others = "Explicit" if getattr(law, "depends_on_time", False) else "Explicit or Relaxation"
+    return InputError(
+        f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated or BondBased, which have a "
+        f"tangent, with the solver Newton; or use the solver {others}"
+    )
