@@ -11,6 +11,7 @@ import warp as wp
 from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Sheet, Simulation
 from warp_pd.device import graph
 from warp_pd.families import pack
+from warp_pd.fast import force_paths as fast_paths
 from warp_pd.geometry.triangulation import crosses
 from warp_pd.interfaces import context
 from warp_pd.laws import force_paths
@@ -217,7 +218,7 @@ def force_across(built, horizontal):
 
 def tune_paths(patch, **changes):
     """Change what decides force paths, so that a small sheet takes that of a large one."""
-    patch.setattr(force_paths, "TUNING", replace(force_paths.TUNING, **changes))
+    patch.setattr(fast_paths, "TUNING", replace(fast_paths.TUNING, **changes))
 
 
 def play_gpu(patch):

@@ -17,7 +17,9 @@ def lazy(package: str) -> Callable[[str], Any]:
     """
     module = sys.modules[package]
     text = Path(str(module.__file__)).read_text("utf-8")
-    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level]
+    imports = [
+        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level and node.module
+    ]
     places = {alias.name: "." * node.level + str(node.module) for node in imports for alias in node.names}
 
     def find(name: str) -> Any:

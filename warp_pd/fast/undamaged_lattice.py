@@ -1,4 +1,4 @@
-"""Data of a lattice for the path of undamaged families (laws/force_paths.py)."""
+"""Data of a lattice for the path of undamaged families (fast/force_paths.py)."""
 
 from __future__ import annotations
 

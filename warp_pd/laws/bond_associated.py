@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -20,7 +21,7 @@ from ..kernels.visco.memory import remembered
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
 from ..step import Phase
 from .family_law import require_one_material
-from .force_paths import PATHS, force_path
+from .force_paths import Reference, force_path, paths_on
 from .point_fields import ShownFields, factors
 from .region_tables import region_tables
 from .variational import BondAssociatedLaw
@@ -106,7 +107,6 @@ class BondAssociatedForce(BondAssociatedLaw):
     takes_tension_field = True
     takes_regions = True
     divides = True
-    paths = PATHS
     response: FunctionFactory | None = None
     terms: Array | None = None
     state: Array | None = None
@@ -161,6 +161,10 @@ class BondAssociatedForce(BondAssociatedLaw):
         else:
             self.point_values = context.array("point_values", self.owner, real, each, restart=True)
             self.struct.point_values = self.point_values
+
+    def paths(self) -> Sequence[type[Reference]]:
+        """The force paths that may be taken, in the order in which they are tried."""
+        return paths_on(self.context.device)
 
     @property
     def force_path(self) -> str:

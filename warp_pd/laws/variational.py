@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from ..kernels.factories import PairFactory
 from ..kernels.families import Layout
@@ -24,7 +24,6 @@ class BondAssociatedLaw(FamilyLaw):
         material: The material.
         fast: Whether to use a faster path than the reference where one applies.
         lattice_columns: Columns of the lattice, 0 on other sheets.
-        paths: Types of its force paths, in the order in which they are tried; the reference last.
     """
 
     layout: Layout
@@ -32,4 +31,7 @@ class BondAssociatedLaw(FamilyLaw):
     material: Material
     fast: bool
     lattice_columns: int
-    paths: ClassVar[Sequence[Any]]
+
+    def paths(self) -> Sequence[Any]:
+        """Types of the force paths that may be taken, in the order in which they are tried; the reference last."""
+        raise NotImplementedError

@@ -86,7 +86,9 @@ class Visco(BondAssociated):
 class ElasticVisco(BondAssociatedForce):
     """Visco without Prony terms, with only those force paths that store the force of every pair in `pairs`."""
 
-    paths: ClassVar[Sequence[type[Reference]]] = (RowSums, Reference)
+    def paths(self) -> Sequence[type[Reference]]:
+        """The force paths that fill `pairs`."""
+        return RowSums, Reference
 
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3."""

@@ -9,8 +9,8 @@ from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever
 from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
 from warp_pd.device.checks import InputError
 from warp_pd.families import pack
+from warp_pd.fast.force_paths import ALIGNED, TUNING, strips_of
 from warp_pd.laws import family_struct
-from warp_pd.laws.force_paths import ALIGNED, TUNING, strips_of
 from warp_pd.run.description import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
