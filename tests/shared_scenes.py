@@ -39,7 +39,7 @@ from warp_pd import (
 from warp_pd.device import launches
 from warp_pd.device.fields import to_host
 from warp_pd.device.launches import Call, Touched
-from warp_pd.interfaces.communicator import Communicator
+from warp_pd.distributed.divided import DividedSheet
 from warp_pd.run.built import compose
 from warp_pd.run.scene_context import partition_of
 
@@ -162,7 +162,7 @@ def build(name="torn", points=33, frames=2, duration=DURATION):
     return scene(name, points, frames, duration)
 
 
-class OneOfMany(Communicator):
+class OneOfMany(DividedSheet):
     """One of several processes, whose calls to the others do nothing."""
 
     def __init__(self, made, rank, size):

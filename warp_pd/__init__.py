@@ -8,6 +8,8 @@ See README.md and the examples in `scenes/`, which are meant to be read and modi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import contact as contact
+from . import distributed as distributed
 from . import fast as fast
 from .device.lazy import lazy
 from .device.version import __version__ as __version__

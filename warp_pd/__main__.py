@@ -291,7 +291,7 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
-    from .distributed.launch import communicator_here, is_first, launch, processes_here
+    from .distributed.launch import is_first, launch, processes_here
     from .viewer.picture_files import picture_formats
 
     require_scene(scene)
@@ -301,6 +301,8 @@ def run(
     picture_formats(pictures)
     quiet = quiet or not is_first()
     settings = _scene_settings(scene, assignments, named, printed)
+    from .run.scene_context import communicator_here
+
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     # After the scene, so that a refused one need not wait for these.

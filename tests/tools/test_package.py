@@ -103,7 +103,11 @@ def test_no_name_of_a_lazy_package_is_that_of_a_module_in_it():
     for path in (ROOT / "warp_pd").rglob("__init__.py"):
         text = path.read_text("utf-8")
         if "lazy(__name__)" in text:
-            imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.level]
+            imports = [
+                node
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.ImportFrom) and node.level and node.module
+            ]
             names = {alias.name for node in imports for alias in node.names}
             modules = {module.name for module in pkgutil.iter_modules([str(path.parent)])}
             found[str(path.relative_to(ROOT))] = names & modules

@@ -10,7 +10,7 @@ import contextlib
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
@@ -438,3 +438,27 @@ def _joined(first: Item, second: Item) -> Launch | None:
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
         touched=first.touched | second.touched, late=late, pieces=(*(first.pieces or (first,)), second),
     )  # fmt: skip
+
+
+def complete_later(items: Sequence[Item]) -> list[Item]:
+    """Move launches that may complete a list behind the launch that fills it, which then need not wait for them."""
+    found = list(items)
+    for item in items:
+        if not isinstance(item, Launch) or item.completing is None:
+            continue
+        begin, added = found.index(item), item.completing.touched.writes - item.touched.writes
+        end = next((k for k in range(begin, len(found)) if found[k].touched.writes & added), None)
+        if end is None:
+            continue
+        filling = found[end].touched
+        moved: list[Item] = [item]
+        others: list[Item] = []
+        for other in found[begin + 1 : end]:
+            follows = any(other.touched.must_wait_for(earlier.touched) for earlier in moved)
+            (moved if follows else others).append(other)
+        # The launch that fills the list may read what it completes the list for, at its own points.
+        mine, seen = item.touched, filling.reads & item.touched.writes
+        rest = Touched(filling.reads - seen, filling.gathers, filling.writes)
+        if not any(rest.must_wait_for(touched) for touched in (mine, *(other.touched for other in moved[1:]))):
+            found[begin : end + 1] = [*others, found[end], item.completing, *moved[1:]]
+    return found

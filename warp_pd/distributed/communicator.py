@@ -24,9 +24,10 @@ from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
 from ..families.partition import Partition
 from ..geometry.triangulation import CoarseLattice
-from ..interfaces.communicator import Communicator, LostError
+from ..interfaces.communicator import LostError
 from ..kernels.block_sums import BLOCK
 from ..papers.neural.torch_step import capture, release_graphs
+from .divided import DividedSheet
 from .messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
 
 T = TypeVar("T")
@@ -42,7 +43,7 @@ def _leave() -> None:
         dist.destroy_process_group()
 
 
-class TorchCommunicator(Communicator):
+class TorchCommunicator(DividedSheet):
     """The group of processes started by torchrun.
 
     Attributes:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 from ..device.checks import InputError
 from ..device.fields import Stored
-from ..device.launches import Call, Item, Launch
+from ..device.launches import Call, Item, Launch, complete_later
 from ..interfaces.context import Context
 from ..kernels.pointwise import Pointwise
-from .overlap import complete_later, has_streams, overlap_exchanges
+from .overlap import has_streams, overlap_exchanges
 from .partition import HALO
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
@@ -185,10 +185,7 @@ def _depth_of(stored: Stored) -> int:
 def add_exchanges(context: Context) -> None:
     """Insert halo exchanges into all stages; launches that may complete a list go behind the one that fills it."""
     partition = context.partition
-    if partition is None:
-        for stage in context.stages.values():
-            stage.items = complete_later(stage.items)
-        return
+    assert partition is not None
     exchanges, owned = Exchanges(context), partition.owned
     exchanges.leave_ghosts_out(owned)
     found = exchanges.find()

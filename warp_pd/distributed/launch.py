@@ -1,16 +1,12 @@
-"""Processes of the command line: starting one or several (torchrun), connecting them, and ending them."""
+"""Processes of the command line: starting one or several (torchrun), and ending them."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
-
-if TYPE_CHECKING:
-    from ..interfaces.communicator import Communicator
 
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
@@ -24,18 +20,6 @@ def processes_here() -> int:
 def is_first() -> bool:
     """Whether this is the first process, the only one that prints."""
     return processes_here() == 1 or os.environ.get("RANK", "0") == "0"
-
-
-def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
-    """The communicator of this process, and its device; "cuda" and None mean one GPU per process."""
-    if processes_here() == 1:
-        from ..interfaces.communicator import Communicator
-
-        return Communicator(), device
-    from .communicator import TorchCommunicator, own_device
-
-    mine = own_device(device)
-    return TorchCommunicator(cuda=mine is not None and mine.startswith("cuda")), mine
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:

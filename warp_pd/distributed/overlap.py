@@ -70,30 +70,6 @@ def overlap_exchanges(
     return found
 
 
-def complete_later(items: Sequence[Item]) -> list[Item]:
-    """Move launches that may complete a list behind the launch that fills it, which then need not wait for them."""
-    found = list(items)
-    for item in items:
-        if not isinstance(item, Launch) or item.completing is None:
-            continue
-        begin, added = found.index(item), item.completing.touched.writes - item.touched.writes
-        end = next((k for k in range(begin, len(found)) if found[k].touched.writes & added), None)
-        if end is None:
-            continue
-        filling = found[end].touched
-        moved: list[Item] = [item]
-        others: list[Item] = []
-        for other in found[begin + 1 : end]:
-            follows = any(other.touched.must_wait_for(earlier.touched) for earlier in moved)
-            (moved if follows else others).append(other)
-        # The launch that fills the list may read what it completes the list for, at its own points.
-        mine, seen = item.touched, filling.reads & item.touched.writes
-        rest = Touched(filling.reads - seen, filling.gathers, filling.writes)
-        if not any(rest.must_wait_for(touched) for touched in (mine, *(other.touched for other in moved[1:]))):
-            found[begin : end + 1] = [*others, found[end], item.completing, *moved[1:]]
-    return found
-
-
 def _chain(left: Sequence[Item], sent: Set[int], partition: Partition, numbered: Callable[[Launch], bool]) -> int:
     """Number of items after an exchange that may run on the side stream, beside inner points of the launch after them.
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from ..device.fields import Array, Stored
-from ..device.launches import Call
+from ..device.launches import Call, complete_later
 from ..families.partition import Partition
+from ..geometry.sheet import Sheet
 from ..geometry.triangulation import CoarseLattice
+
+if TYPE_CHECKING:
+    from .context import Context
 
 T = TypeVar("T")
 
@@ -73,6 +77,29 @@ class Communicator:
     def set_partition(self, partition: Partition) -> None:
         """Set the partition of this process and announce it to the others."""
         self.partition = partition
+
+    def partition_sheet(self, sheet: Sheet, horizon: float, layers: int) -> Partition:
+        """The partition of a whole sheet for this process.
+
+        Args:
+            sheet: The whole sheet.
+            horizon: In its spacings.
+            layers: Layers of further points (neighbours in triangles) around the halo.
+        """
+        raise NotImplementedError("a single process has the whole sheet")
+
+    def sheet_here(self, sheet: Sheet, partition: Partition) -> Sheet:
+        """The points of a partition of a whole sheet, as a sheet."""
+        raise NotImplementedError("a single process has the whole sheet")
+
+    def tables_here(self, sheet: Sheet, partition: Partition, settings: tuple[float, Any, str]) -> Any:
+        """Families and weights of the points of a partition; settings and result as for `laws.weight_tables`."""
+        raise NotImplementedError("a single process has the whole sheet")
+
+    def add_exchanges(self, context: Context) -> None:
+        """Let the stages of a simulation exchange what they need, once all are composed."""
+        for stage in context.stages.values():
+            stage.items = complete_later(stage.items)
 
     def register_fields(self, fields: list[Stored]) -> None:
         """Register the fields that the root may request."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..device.checks import InputError
-from ..distributed.local_families import builds_alone, local_cloud_families, local_rows
 from ..families import (
     Families,
     InfluenceFunction,
@@ -44,21 +43,14 @@ Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
 
 
 def law_tables(context: Context, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
-    """Families of the local points and their tables; arguments and results as for `weight_tables`.
-
-    With plain weights on a cloud, a process builds only the families of its own points.
-    """
-    partition = context.partition
-    if partition is not None and weights == "plain" and builds_alone(context.whole, partition):
-        families = local_cloud_families(context.whole, partition, horizon, influence, context.communicator.gather)
-        inverse, size = families.inverse_shapes()
-        return families, inverse, families.scaled(plain_weights(families, size)), None
-    families, inverse, found, correction = weight_tables(context.whole, horizon, influence, weights)
-    found = families.scaled(found)
+    """Families of the local points and their tables; arguments and results as for `weight_tables`."""
+    settings, partition = (horizon, influence, weights), context.partition
     if partition is None:
-        return families, inverse, found, correction
-    here = local_rows(families, partition)
-    return here.families, here.table(inverse), here.table(found), correction
+        tables = weight_tables(context.whole, *settings)
+    else:
+        tables = context.communicator.tables_here(context.whole, partition, settings)
+    families, inverse, found, correction = tables
+    return families, inverse, families.scaled(found), correction
 
 
 def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:

@@ -1,1 +1,19 @@
-"""Running a scene: recorder, energy balance, restart, summary."""
+"""Running a scene: recorder, energy balance, restart, summary.
+
+Subjects add to the lists below when they are imported, which the package does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..interfaces import Part
+    from ..interfaces.communicator import Communicator
+    from .scene import Scene
+
+# Parts of a scene that its arguments do not name, such as the rigid inclusions of its sheet.
+PARTS: list[Callable[[Scene], Sequence[Part]]] = []
+# The communicator of this process and its device, if it is one of several; None otherwise.
+COMMUNICATORS: list[Callable[[str | None], tuple[Communicator, str | None] | None]] = []

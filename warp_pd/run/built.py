@@ -9,10 +9,8 @@ from typing import cast
 
 import numpy as np
 
-from ..contact.rigid_inclusions import RigidInclusions
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
-from ..distributed.exchange import add_exchanges
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
 from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, Varying, find_device
@@ -21,6 +19,7 @@ from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
 from ..parts.supports import MovedPoints
 from ..step import Phase, begin
+from . import PARTS
 from .scene import Outcome, Scene
 from .scene_context import constraints_here, is_load, parts_here, scene_context, shared_state
 
@@ -124,7 +123,7 @@ def compose(
     _check_columns(scene, made)
     _require_divisible(made)
     _add_stages(made)
-    add_exchanges(context)
+    context.communicator.add_exchanges(context)
     return made
 
 
@@ -134,11 +133,9 @@ def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> Bu
 
 
 def parts_of(scene: Scene) -> list[Part]:
-    """All parts of a scene in the order in which they act: rigid inclusions, supports and loads, contact, rupture."""
-    inclusions: list[Part] = []
-    if scene.sheet.inclusions:
-        inclusions = [RigidInclusions(scene.sheet.inclusions, scene.initial("initial_velocity"))]
-    parts = [part for part in (*inclusions, *scene.loads, *scene.contacts, scene.damage) if part is not None]
+    """All parts of a scene in the order in which they act: those of its sheet, supports and loads, contact, rupture."""
+    unnamed = [part for of in PARTS for part in of(scene)]
+    parts = [part for part in (*unnamed, *scene.loads, *scene.contacts, scene.damage) if part is not None]
     for index, part in enumerate(parts):
         part.check([*parts[:index], *parts[index + 1 :]])
     return parts

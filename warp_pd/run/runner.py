@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, count, kind_and_text, point_indices, user_code
-from ..distributed.launch import communicator_here
 from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
@@ -47,7 +46,7 @@ from .frame_points import FramePoints
 from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
-from .scene_context import held_by_loads, partition_of
+from .scene_context import communicator_here, held_by_loads, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
 

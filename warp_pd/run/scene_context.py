@@ -10,7 +10,6 @@ import warp as wp
 
 from ..device.clock import Clock
 from ..device.fields import FieldRegister
-from ..distributed.partition import partition_sheet, sheet_on_partition
 from ..families.partition import Partition
 from ..interfaces import Constraint, Part
 from ..interfaces.communicator import Communicator
@@ -18,6 +17,7 @@ from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, S
 from ..kernels.numeric import numeric
 from ..parts.frame_checks import EnergyBalance
 from ..parts.supports import held_components
+from . import COMMUNICATORS
 from .scene import Scene
 
 OWNER = "Simulation"
@@ -64,11 +64,17 @@ def is_load(part: Part, scene: Scene) -> bool:
     return part.adds_force or (part.loads_at_rest and not scene.solver.dynamic)
 
 
+def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
+    """The communicator of this process, and its device; "cuda" and None mean one GPU per process."""
+    found = next((found for join in COMMUNICATORS if (found := join(device)) is not None), None)
+    return (Communicator(), device) if found is None else found
+
+
 def partition_of(scene: Scene, communicator: Communicator) -> Partition:
     """The part of the sheet that one of several processes owns."""
     scene.check()
     layers = 0 if scene.damage is None else scene.damage.layers
-    return partition_sheet(scene.sheet.unstretched(), scene.force.horizon, communicator.rank, communicator.size, layers)
+    return communicator.partition_sheet(scene.sheet.unstretched(), scene.force.horizon, layers)
 
 
 def _context_here(whole: Context, partition: Partition) -> Context:
@@ -76,7 +82,7 @@ def _context_here(whole: Context, partition: Partition) -> Context:
     whole.communicator.register_fields(whole.fields.stored)
     placement = whole.placement
     return replace(
-        whole, sheet=sheet_on_partition(whole.sheet, partition), undivided=whole.sheet, partition=partition,
+        whole, sheet=whole.communicator.sheet_here(whole.sheet, partition), undivided=whole.sheet, partition=partition,
         held=partition.rows(whole.held), initial_displacement=partition.rows(whole.initial_displacement),
         placement=None if placement is None else partition.rows(placement),
     )  # fmt: skip
