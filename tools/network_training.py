@@ -11,10 +11,10 @@ import warp as wp
 
 from warp_pd import InputError
 from warp_pd.kernels.effects import unstaged
-from warp_pd.kernels.factories import PairFactory
+from warp_pd.kernels.factories import FunctionFactory, PairFactory, constants_of
 from warp_pd.kernels.numeric import numeric
 from warp_pd.materials import Material, capabilities, padded_constants
-from warp_pd.papers.neural.networks import INPUTS, OUTPUTS, Network, inputs
+from warp_pd.papers.neural.networks import INPUTS, OUTPUTS, Network, inputs, ratios_of, unit_of_stress
 from warp_pd.papers.neural.torch_network import bond_network
 
 # Errors are relative to the force on the bond, or to this fraction of mu where that is smaller: the force passes zero.
@@ -70,22 +70,24 @@ class Training:
 
 
 @functools.cache
-def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
+def training_samples(material: PairFactory, volume: FunctionFactory) -> wp.Kernel:
     """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
 
     Args:
         material: Factory of (stress, energy).
-        membrane: Factory of (volume_change, shear).
+        volume: Factory of (G, constants) -> J^2 - 1.
     """
     types = numeric(64)
     real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
     stress, _ = material(64)
-    volume_change, _ = membrane(64)
+    volume_change = volume(64)
+    Constants = constants_of(stress)
 
     @unstaged
     def samples(
         states: wp.array(dtype=vec3),
-        constants: vec4,
+        constants: Constants,
+        unit: real,
         first: int,
         features: wp.array(dtype=vec4),
         pairs: wp.array(dtype=vec2),
@@ -98,7 +100,7 @@ def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
         zero = real(0.0)
         G = mat22(s[0] * s[0] - real(1.0), zero, zero, s[1] * s[1] - real(1.0))
         S = stress(G, constants)
-        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / constants[0]
+        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / unit
         det = s[0] * s[1]
         c33 = (real(1.0) + volume_change(G, constants)) / (det * det)
         stretch = wp.length(y)
@@ -113,17 +115,19 @@ def training_data(material: Material, states: np.ndarray) -> TrainingData:
     """Training data for uniform states, from the material's stress.
 
     Args:
-        material: A material with `membrane` and `ratios`.
+        material: A material with `volume`.
         states: Principal stretches and angle of the bond to the first of them, shape (B, 3).
     """
-    types, n, membrane = numeric(64), len(states), capabilities(material).membrane
-    assert membrane is not None
-    kernel = training_samples(material.functions, membrane)
+    types, n, volume = numeric(64), len(states), capabilities(material).volume
+    assert volume is not None
+    kernel = training_samples(material.functions, volume)
     features = wp.zeros(n, dtype=types.parameters, device="cpu")
     forces = wp.zeros(n, dtype=types.vec2, device="cpu")
     given: Any = wp.array(np.ascontiguousarray(states), dtype=types.vec3, device="cpu")
-    constants = types.parameters(*padded_constants(material))
-    wp.launch(kernel, dim=n, inputs=[given, constants, 0], outputs=[features, forces], device="cpu")
+    numbers = padded_constants(material)
+    constants = types.constants(len(numbers))(*numbers)
+    unit = unit_of_stress(material)
+    wp.launch(kernel, dim=n, inputs=[given, constants, unit, 0], outputs=[features, forces], device="cpu")
     return TrainingData(states, features.numpy(), forces.numpy())
 
 
@@ -169,7 +173,7 @@ def train(
     """Train a network for a material.
 
     Args:
-        material: A material with `membrane` and `ratios`.
+        material: A material with `volume`.
         training: Training parameters.
         progress: Callback (step, maximum number of steps, validation error).
 
@@ -307,7 +311,7 @@ def _empty(material: Material, training: Training, data: TrainingData) -> Networ
         input_scale=scale,
         output_scale=np.array([data.forces[:, 0].std(), ratio.std()]),
         material=type(material).__name__,
-        ratios=dict(capabilities(material).ratios or {}),
+        ratios=ratios_of(material),
         stretches=training.stretches,
     )
 

@@ -1,7 +1,7 @@
 """Train the network of the neural force law for a material, and report its errors.
 
-    python tools/train_neural_law.py --out my_law.npz --bulk 50e3
-    python tools/train_neural_law.py --out gent.npz --material gent --lock 160 --stretches 0.6 5
+    python tools/train_neural_law.py --out my_law.npz --material "NeoHookean(1e3, 50e3)"
+    python tools/train_neural_law.py --out yeoh.npz --material "Yeoh(500, 20)" --stretches 0.6 5
     python tools/train_neural_law.py --out warp_pd/papers/neural/neo_hookean_100.npz --steps 300  # the default network
 
 Writes the model file, and beside it my_law.md: the errors on the held-out 15 % and on a dense sample that training
@@ -12,6 +12,8 @@ needs torch.
 
 from __future__ import annotations
 
+import argparse
+import ast
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +32,9 @@ from network_training import (
 from study import provenance, run_tool, study_parser, table, write_page
 from tqdm import tqdm
 
-from warp_pd import Gent, NeoHookean
+import warp_pd
+from warp_pd import InputError
+from warp_pd.materials import check_material
 from warp_pd.papers.neural.networks import Network
 
 # States of the dense sample.
@@ -86,23 +90,37 @@ def worst_cases(network: Network, dense: TrainingData, errors: np.ndarray) -> li
     return table(head, rows)
 
 
+def material_named(text: str) -> Any:
+    """Type of the option --material: the call of a class of the package with numbers."""
+    try:
+        call = ast.parse(text, mode="eval").body
+        assert isinstance(call, ast.Call) and isinstance(call.func, ast.Name)
+        given = [ast.literal_eval(value) for value in call.args]
+        named = {word.arg: ast.literal_eval(word.value) for word in call.keywords}
+        found = getattr(warp_pd, call.func.id)(*given, **named)
+        check_material(found, "functions", "--material")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    except (SyntaxError, AssertionError, AttributeError, TypeError, ValueError):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a material such as 'Yeoh(500, 20)'") from None
+    return found
+
+
 def main() -> None:
     """Train, report, write."""
     parser = study_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="model file to write, ending in .npz")
-    parser.add_argument("--material", choices=["neo_hookean", "gent"], default="neo_hookean")
-    parser.add_argument("--mu", type=float, default=1e3, help="shear modulus [Pa]; only bulk / mu matters")
-    parser.add_argument("--bulk", type=float, default=100e3, help="bulk modulus [Pa]")
-    parser.add_argument("--lock", type=float, default=160.0, help="Jm of the Gent material")
+    parser.add_argument(
+        "--material", type=material_named, default="NeoHookean(1e3, 100e3)", help="a material of the package, such as "
+        "'Gent(1e3, 100e3, 160)'; forces of the network are in units of its shear modulus"
+    )  # fmt: skip
     parser.add_argument("--stretches", type=float, nargs=2, default=[0.8, 4.0], help="least and largest")
     parser.add_argument("--samples", type=int, default=10_000)
     parser.add_argument("--hidden", type=int, nargs="+", default=[16, 16], help="width of each hidden layer")
     parser.add_argument("--steps", type=int, default=150, help="at most; training stops when it no longer improves")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    material: Any = NeoHookean(options.mu, options.bulk)
-    if options.material == "gent":
-        material = Gent(options.mu, options.bulk, options.lock)
+    material = options.material
     training = Training(
         stretches=(options.stretches[0], options.stretches[1]), samples=options.samples, seed=options.seed,
         hidden=tuple(options.hidden), steps=options.steps,

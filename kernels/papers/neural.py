@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import PairFactory
+from ..factories import FunctionFactory, PairFactory, constants_of
 from ..families import Layout, family_functions
 from ..kinematics import kinematics
 from ..numeric import numeric
@@ -65,8 +65,8 @@ class NeuralKernels:
 
 
 @functools.cache
-def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function, wp.Function]:
-    """Warp functions `family_frame` and `bond_motion`; `membrane` as in kernels/materials.py.
+def bond_kinematics(layout: Layout, functions: PairFactory, volume: FunctionFactory) -> tuple[wp.Function, wp.Function]:
+    """Warp functions `family_frame` and `bond_motion`; `functions` and `volume` as in kernels/materials.py.
 
     family_frame: (family, displacement, constants, i) -> deformation of the family of i: displacement gradient H,
         rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact bonds determine no gradient.
@@ -74,19 +74,18 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         direction in the tangent plane, vec2; x and u as of `bond_vectors`.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, mat22, mat32, parameters = (
-        types.real, types.vec2, types.vec3, types.mat22, types.mat32, types.parameters,
-    )  # fmt: skip
+    real, vec2, vec3, mat22, mat32 = types.real, types.vec2, types.vec3, types.mat22, types.mat32
     f = family_functions(layout)
     Family = f.struct
     gradient, green = point_gradient(layout), kinematics(bits).green
-    volume_change, _ = membrane(bits)
+    volume_change = volume(bits)
+    Constants = constants_of(functions(bits)[0])
 
     @wp.func
     def family_frame(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         i: int,
     ):
         G1, G2, inverse, _size = gradient(family, displacement, displacement, real(0.0), i)
@@ -150,33 +149,83 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
 
 
 @functools.cache
-def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
-    """Warp function (excess stretch, sine, 1 - cosine, det F - 1, z, constants) -> T mu along and across the bond."""
+def own_stretch(bits: int) -> wp.Function:
+    """Warp function (excess stretch, sine, 1 - cosine, det F - 1) -> U - I of the bond, in its own frame."""
     types = numeric(bits)
-    real, vec2, parameters = types.real, types.vec2, types.parameters
-    _, shear = membrane(bits)
+    real, mat22 = types.real, types.mat22
     least = MIN_COSINE
 
     @wp.func
-    def bond_law(excess: real, sine: real, versine: real, area: real, z: real, constants: parameters):
+    def stretch_tensor(excess: real, sine: real, versine: real, area: real):
         stretch = real(1.0) + excess
-        cosine = real(1.0) - versine
-        det = real(1.0) + area
         b = stretch * sine
         alpha = excess - stretch * versine
         # Also for a bond of zero length.
         alpha = wp.max(alpha, real(least) * wp.max(stretch, real(least)) - real(1.0))
-        a = real(1.0) + alpha
-        # C33 det^2 = 1 + z
-        thinning = (z - area * (real(2.0) + area)) / (det * det)
-        sheared = b * b / det
-        # tr U - 2, for g: the other diagonal entry of U in the frame of the bond is (det + b^2) / a.
-        other = (area - alpha + b * b) / a
-        trace = alpha * (real(2.0) + alpha) + other * (real(2.0) + other) + real(2.0) * b * b
-        g = shear(trace, thinning, z, constants)
-        along = g * (alpha * (real(2.0) + alpha) - thinning * (real(1.0) + sheared) - sheared) / a
-        across = g * b * (real(1.0) + (real(1.0) + thinning) / det)
-        return vec2(along * cosine + across * sine, across * cosine - along * sine)
+        # U22 = (det + b^2) / U11
+        return mat22(alpha, b, b, (area - alpha + b * b) / (real(1.0) + alpha))
+
+    return stretch_tensor
+
+
+@functools.cache
+def closed_form(membrane: PairFactory) -> FunctionFactory:
+    """Factory of the law of a bond with the C33 of its family; `membrane` as in kernels/materials.py.
+
+    Its Warp functions take (excess stretch, sine, 1 - cosine, det F - 1, z, constants) and return T mu along and
+    across the bond.
+    """
+
+    @functools.cache
+    def bond_law(bits: int) -> wp.Function:
+        types = numeric(bits)
+        real, vec2, parameters = types.real, types.vec2, types.parameters
+        _, shear = membrane(bits)
+        stretch_tensor = own_stretch(bits)
+
+        @wp.func
+        def force(excess: real, sine: real, versine: real, area: real, z: real, constants: parameters):
+            D = stretch_tensor(excess, sine, versine, area)
+            alpha, b, other = D[0, 0], D[0, 1], D[1, 1]
+            cosine = real(1.0) - versine
+            det = real(1.0) + area
+            a = real(1.0) + alpha
+            # C33 det^2 = 1 + z
+            thinning = (z - area * (real(2.0) + area)) / (det * det)
+            sheared = b * b / det
+            trace = alpha * (real(2.0) + alpha) + other * (real(2.0) + other) + real(2.0) * b * b
+            g = shear(trace, thinning, z, constants)
+            along = g * (alpha * (real(2.0) + alpha) - thinning * (real(1.0) + sheared) - sheared) / a
+            across = g * b * (real(1.0) + (real(1.0) + thinning) / det)
+            return vec2(along * cosine + across * sine, across * cosine - along * sine)
+
+        return force
+
+    return bond_law
+
+
+@functools.cache
+def closed_form_of_stress(functions: PairFactory) -> FunctionFactory:
+    """The same for any material: its stress S at the U of the bond gives T mu = U S x. C33 is that of the bond too."""
+
+    @functools.cache
+    def bond_law(bits: int) -> wp.Function:
+        types = numeric(bits)
+        real, vec2 = types.real, types.vec2
+        stress, _ = functions(bits)
+        stretch_tensor = own_stretch(bits)
+        Constants = constants_of(stress)
+
+        @wp.func
+        def force(excess: real, sine: real, versine: real, area: real, z: real, constants: Constants):
+            D = stretch_tensor(excess, sine, versine, area)
+            S = stress(real(2.0) * D + D * D, constants)
+            cosine = real(1.0) - versine
+            along = (real(1.0) + D[0, 0]) * S[0, 0] + D[0, 1] * S[1, 0]
+            across = D[0, 1] * S[0, 0] + (real(1.0) + D[1, 1]) * S[1, 0]
+            return vec2(along * cosine + across * sine, across * cosine - along * sine)
+
+        return force
 
     return bond_law
 
@@ -184,7 +233,9 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
 @functools.cache
 def neural(
     layout: Layout,
-    membrane: PairFactory,
+    functions: PairFactory,
+    volume: FunctionFactory,
+    law: FunctionFactory,
     corrected: bool,
     torch: bool,
     layers: Layers | None,
@@ -194,7 +245,9 @@ def neural(
 
     Args:
         layout: Layout of the families.
-        membrane: Factory of (volume_change, shear), see kernels/materials.py.
+        functions: Factory of stress and energy of the material, see kernels/materials.py.
+        volume: Factory of its volume change.
+        law: Factory of the closed form, which is used where no network is: see `closed_form`.
         corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
         torch: Whether Torch evaluates the network.
         layers: Weights and biases of the network that the kernel evaluates, see `network_function`; None for Torch and
@@ -206,9 +259,10 @@ def neural(
     mat22, mat32 = types.mat22, types.mat32
     f = family_functions(layout)
     Family = f.struct
-    family_frame, bond_motion = bond_kinematics(layout, membrane)
+    family_frame, bond_motion = bond_kinematics(layout, functions, volume)
+    Constants = constants_of(functions(bits)[0])
     no_length = NO_LENGTH
-    exact, fused = closed_form(bits, membrane), layers is not None
+    exact, fused = law(bits), layers is not None
     network = network_function(bits, layers) if layers is not None else None
 
     @wp.func
@@ -265,7 +319,7 @@ def neural(
     def closed_form_force(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         unit_force: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
@@ -291,7 +345,7 @@ def neural(
     def features(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         points: int,
         first: int,
         features: wp.array(dtype=parameters),
@@ -337,7 +391,7 @@ def neural(
     def outside(
         family: Family,
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         least: real,
         most: real,
         first: int,

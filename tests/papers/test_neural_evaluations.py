@@ -20,7 +20,8 @@ from helpers import (
 )
 from point_laws import build, exact_module, tiny
 
-from warp_pd import CriticalStretch, Neural, Nodal
+from warp_pd import ArrudaBoyce, CriticalStretch, MooneyRivlin, Neural, Nodal, Ogden, Yeoh
+from warp_pd.papers.neural import networks
 
 CLOSED = [Nodal(NEO), Neural(NEO, evaluation="closed_form"), Neural(GENT, evaluation="closed_form")]
 
@@ -37,6 +38,41 @@ def test_the_closed_form_is_the_law_of_the_training_data(law):
         scale = np.abs(stress).max()
         assert np.abs(force_across(built, horizontal=False) - stress[:, 0]).max() < 1e-11 * scale
         assert np.abs(force_across(built, horizontal=True) - stress[:, 1]).max() < 1e-11 * scale
+
+
+def mooney_rivlin_stress(gradient):
+    """First Piola stress 3x2 over c10 of an incompressible sheet, c01 = c10 / 4, from its energy."""
+    F = np.asarray(gradient)
+    C = F.T @ F
+    C33 = 1.0 / np.linalg.det(C)
+    inverse = np.linalg.inv(C)
+    # I1 = tr C + C33, I2 = det C + C33 tr C, and C33 follows C.
+    first = np.eye(2) - C33 * inverse
+    second = inverse / C33 + C33 * (np.eye(2) - np.trace(C) * inverse)
+    return F @ (2.0 * first + 0.5 * second)
+
+
+OTHERS = [MooneyRivlin(1e3, 250.0), Yeoh(500.0, 20.0), Ogden((1e3, -20.0), (2.0, -2.0)), ArrudaBoyce(1e3, 4.0)]
+
+
+def test_the_closed_form_takes_the_stress_of_any_material():
+    """NN: "any constitutive law". Without C33 as a function of its own, the bond's stretch tensor gives it."""
+    sheet, F = square(17), random_gradient(0)
+    stress = mooney_rivlin_stress(F) * OTHERS[0].c10 * sheet.thickness
+    built = build(sheet, Neural(OTHERS[0], 2.015, evaluation="closed_form"))
+    internal_force(built, uniform(sheet, F))
+    assert np.abs(force_across(built, horizontal=False) - stress[:, 0]).max() < 1e-11 * np.abs(stress).max()
+    assert np.abs(force_across(built, horizontal=True) - stress[:, 1]).max() < 1e-11 * np.abs(stress).max()
+
+
+@pytest.mark.parametrize("material", OTHERS, ids=lambda material: type(material).__name__)
+def test_a_users_module_runs_whatever_the_material(material):
+    """Forces of a network are in units of the shear modulus, where a material has no mu."""
+    sheet = square(9)
+    module = lambda features: 0.5 * features[:, :2] - features.new_tensor([[0.5, 0.0]])  # noqa: E731
+    forces = [internal_force(build(sheet, Neural(m, 2.015, network=module)), rough(sheet)) for m in (NEO, material)]
+    ratio = networks.unit_of_stress(material) / NEO.mu
+    assert np.abs(forces[1] - ratio * forces[0]).max() < 1e-12 * np.abs(forces[1]).max()
 
 
 @pytest.mark.parametrize(("sheet", "precision"), [(square(11), 64), (jittered(11), 32)], ids=["lattice", "cloud"])

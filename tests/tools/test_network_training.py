@@ -1,12 +1,15 @@
 """Training of the network of the neural law, and the network that comes with the package."""
 
+import argparse
+
 import numpy as np
 import pytest
 from helpers import GENT, NEO, exact_stress
 from network_training import Training, determination, relative_errors, sampled_states, train, training_data
 from point_laws import RANGE
+from train_neural_law import material_named
 
-from warp_pd import Neural
+from warp_pd import InputError, Neural, Yeoh
 from warp_pd.papers.neural import networks
 
 
@@ -51,3 +54,19 @@ def test_training_finds_the_law_and_repeats_itself(tmp_path):
     assert (loaded.evaluate(features) == network.evaluate(features)).all()
     assert (loaded.stretches, loaded.ratios) == ((0.9, 2.0), {"bulk/mu": 100.0})
     assert Neural(NEO, network=tmp_path / "mine.npz").loaded is not None
+
+
+def test_a_network_of_another_material_serves_it_alone(tmp_path):
+    material = material_named("Yeoh(500, c20=20)")
+    network, _ = train(material, Training(samples=400, hidden=(6,), steps=25, seed=3, stretches=(0.9, 2.0)))
+    assert network.report["largest_relative_error"] < 0.1
+    network.save(tmp_path / "yeoh.npz")
+    assert Neural(Yeoh(5e5, 2e4), network=tmp_path / "yeoh.npz").loaded is not None
+    with pytest.raises(InputError, match="expected Yeoh"):
+        Neural(Yeoh(500.0, 30.0), network=tmp_path / "yeoh.npz")
+
+
+@pytest.mark.parametrize("text", ["yeoh", "Yeoh()", "Sheet(1)", "Yeoh(1", "Yeoh(-1)", "Bimodular(1e3)"])
+def test_materials_that_are_none_are_refused_in_one_line(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="expected"):
+        material_named(text)

@@ -17,7 +17,7 @@ from ...families import InfluenceFunction, influence_function
 from ...interfaces import BuiltLaw, History
 from ...interfaces.context import Context
 from ...interfaces.frame import format_time
-from ...kernels.papers.neural import neural
+from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
 from ...step import Phase
@@ -40,17 +40,19 @@ class Neural:
     strain energy nor an energy balance.
 
     Attributes:
-        material: A hyperelastic material with `membrane` and `ratios`, such as NeoHookean or Gent.
+        material: A hyperelastic material. NeoHookean and Gent take C33 from the family, as the paper does; of others
+            the closed form takes it from the bond's own stretch tensor, which is the same in uniform states.
         horizon: Horizon in spacings of the sheet [-].
         evaluation: How the map from bond to force is evaluated:
             "torch": by `network` in Torch, as one batch of all bonds.
             "fused": by the same network inside one Warp kernel, with its weights as compile-time constants.
             "closed_form": exactly (kernels/papers/neural.py), without a network.
-        network: A Network, a network file, or None for the network of the package. For "torch" also any callable, such
-            as a torch.nn.Module, that maps a tensor (bonds, 4) of (lambda, theta, C33, det F) to a tensor (bonds, 2) of
-            the force along and across the bond divided by mu. A module is copied and cast to the precision and device
-            of the run; other callables get tensors of that precision and device. It runs without gradients. On CUDA it
-            is captured in a graph, so it must not read values on the host.
+        network: A Network, a network file, or None for the network of the package (neo-Hookean, K / mu = 100). For
+            "torch" also any callable, such as a torch.nn.Module, that maps a tensor (bonds, 4) of (lambda, theta, C33,
+            det F) to a tensor (bonds, 2) of the force along and across the bond divided by mu (by the shear modulus, of
+            materials without mu). A module is copied and cast to the precision and device of the run; other callables
+            get tensors of that precision and device. It runs without gradients. On CUDA it is captured in a graph, so
+            it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
         weights: "published", 2 / tr K of each family (NN eq. 36), which treats families at edges as round; "corrected",
             one weight per bond, such that a uniform stress is in equilibrium up to the edges
@@ -78,10 +80,9 @@ class Neural:
         check_material(self.material, "functions")
         one_of("evaluation", self.evaluation, EVALUATIONS)
         one_of("weights", self.weights, WEIGHTS)
-        if capabilities(self.material).membrane is None:
+        if capabilities(self.material).volume is None:
             raise InputError(
-                f"material = {type(self.material).__name__}: expected a material with `membrane` and `ratios`, such as "
-                f"NeoHookean or Gent, with the law Neural"
+                f"material = {type(self.material).__name__}: expected a material with a `volume`, with the law Neural"
             )
         if self.evaluation == "closed_form":
             if self.network is not None:
@@ -138,16 +139,21 @@ class NeuralForce(PointLaw):
         super().__init__(law, law.influence, context, law.resolved_weights(context.features.breakable))
         self.law = law
         known = capabilities(law.material)
-        assert known.membrane is not None and known.mu is not None
+        assert known.volume is not None
         # A network gives forces divided by mu.
-        self._scale = 1.0 if law.evaluation == "closed_form" else known.mu
+        self._scale = 1.0 if law.evaluation == "closed_form" else networks.unit_of_stress(law.material)
+        exact = (
+            closed_form_of_stress(law.material.functions)
+            if known.membrane is None
+            else closed_form(known.membrane)
+        )  # fmt: skip
         layers = None
         if law.evaluation == "fused":
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
         self.kernels = neural(
-            context.layout, known.membrane, self.weights == "corrected", law.evaluation == "torch", layers,
-            law.loaded is not None,
+            context.layout, law.material.functions, known.volume, exact, self.weights == "corrected",
+            law.evaluation == "torch", layers, law.loaded is not None,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None

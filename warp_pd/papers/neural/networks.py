@@ -14,7 +14,7 @@ import numpy as np
 
 from ...device.checks import InputError, user_code
 from ...device.npz import read_arrays
-from ...materials import Material, capabilities
+from ...materials import Material, capabilities, shear_modulus
 
 VERSION = 1
 # Size of a network, at most.
@@ -90,9 +90,9 @@ class Network:
 
     def require_material(self, material: Material, name: str) -> None:
         """Check that the network was trained for the material of a simulation."""
-        ratios = capabilities(material).ratios or {}
+        ratios = ratios_of(material)
         same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
-        if not same or any(abs(ratios[k] / self.ratios[k] - 1.0) > SAME for k in ratios):
+        if not same or any(abs(ratios[k] - self.ratios[k]) > SAME * abs(self.ratios[k]) for k in ratios):
             raise InputError(
                 f"material = {_material(type(material).__name__, ratios)}: expected "
                 f"{_material(self.material, self.ratios)}, for which network {name!r} was trained; "
@@ -116,6 +116,22 @@ class Network:
         with aside.open("wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
         os.replace(aside, path)
+
+
+def unit_of_stress(material: Material) -> float:
+    """What forces of a network are divided by [Pa]: mu of a material with `ratios`, else its shear modulus at rest."""
+    known = capabilities(material)
+    return known.mu if known.ratios is not None and known.mu is not None else shear_modulus(material)
+
+
+def ratios_of(material: Material) -> dict[str, float]:
+    """The ratios of constants that determine the stress over its unit."""
+    known = capabilities(material).ratios
+    if known is not None:
+        return dict(known)
+    unit = unit_of_stress(material)
+    # Exponents are no stresses; a network is for the same numbers anyway.
+    return {f"constant {i + 1} / unit": c / unit for i, c in enumerate(material.constants)}
 
 
 def inputs(features: np.ndarray) -> np.ndarray:
