@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from . import contact as contact
 from . import distributed as distributed
 from . import fast as fast
+from . import viewer as viewer
 from .device.lazy import lazy
 from .device.version import __version__ as __version__
 

@@ -292,7 +292,7 @@ def run(
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
     from .distributed.launch import is_first, launch, processes_here
-    from .viewer.picture_files import picture_formats
+    from .run.folder import picture_formats
 
     require_scene(scene)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
@@ -376,7 +376,7 @@ def sweep_values(
     is that of the worst run.
     """
     from .run.arguments import split_values
-    from .viewer.picture_files import picture_formats
+    from .run.folder import picture_formats
 
     require_scene(scene)
     if pictures:
@@ -448,8 +448,7 @@ def draw(
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
-    from .run.folder import run_summary
-    from .viewer.picture_files import picture_formats
+    from .run.folder import picture_formats, run_summary
 
     formats, summary = picture_formats(pictures), run_summary(folder)
     if summary is None:
@@ -462,7 +461,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
             "word is not enough to run a file: expected --scene FILE.py"
         )
     simulation = build_scene(scene or summary["scene"], summary["settings"])
-    from .run.runner import redraw
+    from .viewer.after_run import redraw
 
     redraw(simulation, folder, summary, formats)
     for name in summary["pictures"]:

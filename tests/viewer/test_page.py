@@ -13,7 +13,7 @@ from torn_frames import FRAMES, make_frame, write_all
 
 from warp_pd.output.quantities import choices, column_unit, curves, known_units
 from warp_pd.output.vtkhdf import VtkHdfSeries
-from warp_pd.run import runner
+from warp_pd.viewer import after_run
 from warp_pd.viewer.folder_page import page, write_page
 from warp_pd.viewer.view import Limits, files
 
@@ -46,7 +46,7 @@ def test_a_run_can_leave_it_out(tmp_path):
 
 def test_a_large_sheet_gets_a_note_in_place_of_its_page(tmp_path, monkeypatch):
     # A sheet that is large takes minutes.
-    monkeypatch.setattr(runner, "LARGE", 48)
+    monkeypatch.setattr(after_run, "LARGE", 48)
     result = simulate(square(7)).run(device="cpu", out=tmp_path, usd=False)
     assert not (tmp_path / "view.html").exists()
     assert (

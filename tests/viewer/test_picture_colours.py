@@ -13,9 +13,9 @@ from matplotlib.text import Text
 
 from warp_pd import Sheet, Sphere
 from warp_pd.output.quantities import column_label, column_unit, field_label
+from warp_pd.run.folder import picture_formats, pictures_in
 from warp_pd.viewer import picture_files, plots
 from warp_pd.viewer.colour_scale import scale_of
-from warp_pd.viewer.picture_files import picture_formats
 from warp_pd.viewer.picture_frames import Shown
 from warp_pd.viewer.projection import View, material_lines, places_of
 
@@ -196,7 +196,7 @@ def test_formats_of_pictures(suffixes, tmp_path):
         plots.surfaces(tmp_path / "a.png", [sheet_shown(9)], "damage")
     names = {f"a.{suffix}" for suffix in suffixes.split(",")}
     assert {path.name for path in tmp_path.iterdir()} == names
-    assert picture_files.pictures_in(tmp_path) == sorted(tmp_path / name for name in names)
+    assert pictures_in(tmp_path) == sorted(tmp_path / name for name in names)
     starts = {".pdf": b"%PDF", ".svg": b"<?xml", ".png": b"\x89PNG"}
     assert all(path.read_bytes().startswith(starts[path.suffix]) for path in tmp_path.iterdir())
 

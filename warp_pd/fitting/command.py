@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError, one_of
 from ..run.arguments import converted
-from ..run.folder import claimed_folder, remove_if_empty, results_in, sole_use, writable_folder
+from ..run.folder import claimed_folder, pictures_in, remove_if_empty, results_in, sole_use, writable_folder
 from ..run.scene_files import load_scene, require_settings, written_parameters
-from ..viewer.picture_files import Drawing, drawing, pictures_in
+from ..viewer.picture_files import Drawing, drawing
 from .data import LOSSES, read_table
 
 if TYPE_CHECKING:

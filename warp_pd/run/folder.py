@@ -14,11 +14,10 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, one_of, said
 from ..output.background import as_output_error
 from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
-from ..viewer.picture_files import pictures_in
 
 if TYPE_CHECKING:
     from ..interfaces import History
@@ -38,6 +37,23 @@ _claimed: ContextVar[Path | None] = ContextVar("_claimed", default=None)
 
 class BusyError(InputError):
     """Another run writes into the folder."""
+
+
+# Formats of pictures.
+FORMATS = ("png", "pdf", "svg")
+
+
+def picture_formats(pictures: bool | str) -> tuple[str, ...]:
+    """Parse the formats of the pictures; empty for none."""
+    if isinstance(pictures, bool):
+        return ("png",) if pictures else ()
+    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
+    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Pictures in a folder, in all formats."""
+    return sorted(path for path in folder.iterdir() if path.suffix[1:] in FORMATS and not path.name.startswith("."))
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:

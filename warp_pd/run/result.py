@@ -15,6 +15,7 @@ from ..output.notebook import Page, data_frame, html_table
 from .built import Built
 from .description import result_rows, units_of
 from .summary import WHOLE_RUN
+from .views import viewer
 
 if TYPE_CHECKING:
     from ..output.frames import Frames
@@ -95,14 +96,12 @@ class Result:
         Raises:
             InputError: if the history lacks a column, or there is no column to plot.
         """
-        from ..viewer.curves import plot_history
-
         scene = self.built.simulation
         shown = names or tuple(measure.name for measure in scene.measures)
         if not shown:
             raise InputError(f"plot: the scene has no measures; expected columns of {', '.join(self.history[0])}")
         rows, units = self._rows(fine), units_of(self.built)
-        return plot_history(
+        return viewer().plot_history(
             rows, shown, units, against=against, path=path, title=scene.scene, load_duration=scene.load_duration
         )
 
@@ -115,9 +114,7 @@ class Result:
         Raises:
             InputError: for a run without `out`, or without frames.vtkhdf.
         """
-        from ..viewer.folder_page import page
-
-        return Page(page(self._folder("show")), count("height", height, 100))
+        return Page(viewer().page(self._folder("show")), count("height", height, 100))
 
     def _rows(self, fine: bool) -> History:
         if not fine:

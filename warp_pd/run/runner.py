@@ -5,36 +5,31 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
-from ..device.checks import InputError, count, kind_and_text, point_indices, user_code
+from ..device.checks import InputError, count
 from ..interfaces import DivergedError, History, Writer
 from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
-from ..materials import capabilities
 from ..output.background import as_output_error
-from ..output.file_writers import ANIMATION, BODIES, FRAMES, write_derived
+from ..output.file_writers import ANIMATION, BODIES, write_derived
 from ..output.progress import Progress
-from ..viewer.beside import begun, wait_for_pictures
-from ..viewer.folder_page import LARGE, write_page
-from ..viewer.picture_files import Drawing, drawing, picture_formats, pictures_in, unnumbered
 from . import restart
 from .built import Built, compose
 from .divergence import free_motions
 from .files import HISTORY_BYTES, Files, add_files, require_gatherable, restart_bytes, stored_fields
 from .folder import (
-    FINE,
     PAGE,
     RESTART,
     clear,
     clear_unfinished,
-    read_history,
+    picture_formats,
+    pictures_in,
     remove_if_empty,
     require_free,
     sole_use,
@@ -46,9 +41,10 @@ from .frame_points import FramePoints
 from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
-from .scene_context import communicator_here, held_by_loads, partition_of
+from .scene_context import communicator_here, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
+from .views import viewer
 
 # For those who use the library: its notes are warnings. Without a handler of theirs nothing is printed.
 LOG = logging.getLogger("warp_pd")
@@ -188,7 +184,7 @@ def _run(
 
     def last_words() -> None:
         if folder is not None and recorder.last is not None:
-            _write_summary(result_of(STOPPED, STOPPED_MESSAGE, recorder.last), folder)
+            write_summary(result_of(STOPPED, STOPPED_MESSAGE, recorder.last), folder)
 
     with stopping_at_frames(recorder, last_words):
         status, message = _march(recorder, saved is not None)
@@ -305,17 +301,16 @@ def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -
     Of an interrupted run only the summary, so that it ends at once.
     """
     if result.status == STOPPED:
-        _write_summary(result, folder)
+        write_summary(result, folder)
         return
     solver = result.built.simulation.solver
     equal = solver.duration / solver.frame_count if solver.equal_frames else None
-    with contextlib.ExitStack() as after:
-        if files.vtkhdf:
-            after.callback(begun(write_derived, folder, files.usd, equal))
-        _show(result, folder, files, others)
+    derived = partial(write_derived, folder, files.usd, equal) if files.vtkhdf else None
+    viewer().after_run(result, folder, files, others, derived)
 
 
-def _write_summary(result: Result, folder: Path) -> None:
+def write_summary(result: Result, folder: Path) -> None:
+    """Write summary.json; that of an interrupted run says what is missing."""
     if result.status == STOPPED:
         file = result.summary["file"]
         draw_again = f"warp-pd draw {folder}" + (f" --scene {file}" if file else "")
@@ -327,40 +322,6 @@ def _write_summary(result: Result, folder: Path) -> None:
     write_atomically(folder / "summary.json", json.dumps(result.summary, indent=2) + "\n")
 
 
-def _show(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:
-    """Write the summary, draw the pictures, write the page."""
-    from ..viewer.view import page_frames
-
-    before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
-    summary, scene = result.summary, result.built.simulation
-    large = result.built.context.whole.size > LARGE
-    if files.view and large:
-        summary["notes"].append(
-            f"view.html: not written because of the number of points; write it with `warp-pd view {folder}`"
-        )
-    frames = begun(page_frames, folder / FRAMES) if files.view and not large else None
-    # First, so that a picture that cannot be drawn does not take the numbers with it.
-    summary["pictures"] = []
-    _write_summary(result, folder)
-    if files.pictures:
-        try:
-            draw(scene, result.history, folder, summary, files.pictures, others)
-        except InputError as error:
-            if scene.chosen_fields is None:
-                raise
-            summary["notes"].append(
-                f"pictures: some were not drawn because `fields` omits a field that they show: {error}"
-            )
-    summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
-    for name in summary["pictures"]:
-        wanted = unnumbered(name)
-        if wanted in others:
-            summary["notes"].append(f"pictures: {name} instead of {wanted}, which is not of this run")
-    _write_summary(result, folder)
-    if frames is not None:
-        write_page(folder, read=frames)
-
-
 def headline(built: Built) -> str:
     """One line on the scene, its size and the device."""
     scene, processes = built.simulation, built.context.communicator.size
@@ -369,46 +330,6 @@ def headline(built: Built) -> str:
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
         f"{built.context.device.name}" + (f", {processes} processes" if processes > 1 else "")
     )
-
-
-def draw(
-    scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",),
-    others: Collection[str] = (),
-) -> None:  # fmt: skip
-    """Draw the scene's pictures, or the default pictures if the scene has no function for them.
-
-    `others` are names of pictures that are not of this run; they are not replaced.
-    """
-    with (
-        user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
-        drawing(Drawing(scene.scene, formats, scene.load_duration, frozenset(others))),
-    ):
-        try:
-            if scene.pictures is not None:
-                scene.pictures(history, folder)
-            else:
-                _draw_default(scene, history, folder, summary)
-        finally:
-            wait_for_pictures()
-
-
-def redraw(scene: Scene, folder: Path, summary: dict[str, Any], formats: tuple[str, ...]) -> None:
-    """Draw the pictures of an earlier run again, and add them to the list in its summary."""
-    ours = set(summary.get("pictures", []))
-    there = {path.name: path.stat().st_mtime_ns for path in pictures_in(folder)}
-    draw(scene, read_history(folder / "history.csv"), folder, summary, formats, there.keys() - ours)
-    drawn = (path.name for path in pictures_in(folder) if path.stat().st_mtime_ns != there.get(path.name))
-    summary["pictures"] = sorted(ours.union(drawn))
-    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-
-
-def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping[str, Any]) -> None:
-    from ..viewer import default_pictures
-
-    regions = capabilities(scene.force.material).regions
-    points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
-    fine = read_history(folder / FINE) if (folder / FINE).is_file() else ()
-    default_pictures.draw(history, folder, summary, points, np.flatnonzero(held_by_loads(scene) & 7 == 7), fine)
 
 
 def _not_converged(recorder: Recorder) -> str:

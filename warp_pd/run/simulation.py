@@ -56,9 +56,9 @@ class Simulation(Scene):
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the undeformed sheet without building the simulation; see `warp_pd.draw_sheet`."""
-        from ..viewer.sheet_plot import draw_sheet
+        from .views import viewer
 
-        return draw_sheet(self.sheet, path, title=self.scene, regions=capabilities(self.force.material).regions)
+        return viewer().draw_sheet(self.sheet, path, self.scene, capabilities(self.force.material).regions)
 
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""

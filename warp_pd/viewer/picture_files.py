@@ -16,23 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, OutputError, one_of, said
+from ..device.checks import InputError, OutputError, said
+from ..run.folder import FORMATS
 
-FORMATS = ("png", "pdf", "svg")
 # Dots per inch of a PNG, and of the parts of a vector picture that are pixels.
 RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
 # Polygons above which a vector picture holds the sheet as pixels.
 MOST_VECTORS = 20_000
 # Shorter over longer side of a flat sheet in a picture, at least; and below which it is a bar.
 THINNEST, BAR = 0.15, 1e-6
-
-
-def picture_formats(pictures: bool | str) -> tuple[str, ...]:
-    """Parse the formats of the pictures; empty for none."""
-    if isinstance(pictures, bool):
-        return ("png",) if pictures else ()
-    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
-    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
 
 
 @dataclass(frozen=True)
@@ -68,11 +60,6 @@ def drawing(common: Drawing) -> Iterator[None]:
         yield
     finally:
         _drawing.reset(token)
-
-
-def pictures_in(folder: Path) -> list[Path]:
-    """Pictures in a folder, in all formats."""
-    return sorted(path for path in folder.iterdir() if path.suffix[1:] in FORMATS and not path.name.startswith("."))
 
 
 def new_figure(width: float, height: float) -> Any:
