@@ -1,0 +1,64 @@
+"""The table of printed numbers: its rows, its file, its pages."""
+
+import json
+
+import pytest
+from papers.__main__ import HEADING, NUMBERS, PAPERS, chosen, examples, judged, main, pages
+from papers.rows import Row
+from papers.store import load
+
+from warp_pd import InputError
+from warp_pd.papers.as_published import PRINTED
+
+
+def test_every_row_has_an_example_and_the_papers_have_sixty():
+    rows = [row for paper in PAPERS.values() for row in paper.ROWS]
+    assert len(rows) >= 60
+    assert {row.example for row in rows} - {"elements"} == examples().keys()
+
+
+def test_every_scene_that_a_paper_printed_is_an_example():
+    """Its name is an argument of one of them, or is in the functions that they call."""
+    written = "".join(str(example) for example in examples().values())
+    sources = "".join(path.read_text() for path in (NUMBERS.parents[2] / "tools" / "papers").glob("*.py"))
+    assert [scene for scene in PRINTED if f"'{scene}'" not in written and f'"{scene}"' not in sources] == []
+
+
+def test_two_small_examples_are_run_kept_and_not_run_again(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "printed.json"
+    call = ["papers", "--only", "ve.equations", "im.6.1.10", "--device", "cpu", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", call)
+    main()
+    found = load(out)
+    assert found.keys() == {"ve.equations", "im.6.1.10"}
+    assert 0.0 < found["im.6.1.10"]["values"]["displacement_error"] < 0.01
+    assert "| 1.1976 | as published | +0 % | matches |" in capsys.readouterr().out
+    monkeypatch.setattr("sys.argv", [*call, "--missing"])
+    main()
+    assert load(out) == found
+
+
+def test_a_verdict_follows_from_the_numbers():
+    number = Row("x", "", "", "2", "y", value=2.0, within=0.01)
+    assert number.judged({"y": 2.01}) == ("2.01", "+0.5 %", "matches")
+    assert number.judged({"y": 2.1})[2] == "differs"
+    assert number.judged(None)[2] == "not run"
+    assert number.judged({"why": "it moves more than a horizon in one step"})[2].startswith("it moves")
+    statement = Row("x", "", "", "some", "y", low=1.0)
+    assert statement.judged({"y": 2.0})[2] == "matches" and statement.judged({"y": 0.5})[2] == "differs"
+
+
+def test_the_pages_show_the_numbers_of_the_file(tmp_path):
+    """A committed table is what the command makes from the committed file."""
+    for name in PAPERS:
+        (tmp_path / f"{name}.md").write_text((NUMBERS.parent / f"{name}.md").read_text())
+    pages(load(NUMBERS), tmp_path)
+    for name in PAPERS:
+        text = (tmp_path / f"{name}.md").read_text()
+        assert HEADING in text and text == (NUMBERS.parent / f"{name}.md").read_text()
+
+
+def test_an_unknown_example_is_refused_in_one_line():
+    with pytest.raises(InputError, match=r"--only ba\.9: expected the beginning of a key of --list"):
+        chosen(["ba.9"])
+    assert json.dumps(judged(PAPERS["he"].ROWS[0], {})).endswith('"not run"]')

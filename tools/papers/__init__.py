@@ -1,0 +1,1 @@
+"""Every number that the five papers print, beside ours."""

@@ -1,0 +1,104 @@
+"""What a row of the table is: a printed number or statement, ours, and a verdict that follows from both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from study import build_scene
+
+from warp_pd.interfaces import DivergedError
+from warp_pd.interfaces.solver import STOPPED
+from warp_pd.papers.as_published import as_published
+from warp_pd.run.result import Result
+
+Values = dict[str, Any]
+# The numbers of an example, computed on a device; None is the default one.
+Example = Callable[[str | None], Values]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number that a paper prints, or a statement that a number can decide.
+
+    Attributes:
+        example: Key of the example whose run gives our number, such as "ba.6.1".
+        where: Section and figure, equation or table of the paper.
+        quantity: What it is, with its unit.
+        printed: What the paper prints.
+        name: Our number's name among the values of the example.
+        reading: What our number rests on, where the text leaves something open.
+        value: The printed number, in the unit of `name`; None for statements.
+        within: Largest relative difference at which a number matches.
+        low: Least value of `name` for which a statement holds.
+        high: Largest such value.
+        scale: What our number is multiplied by before it is shown.
+    """
+
+    example: str
+    where: str
+    quantity: str
+    printed: str
+    name: str
+    reading: str = "as published"
+    value: float | None = None
+    within: float = 0.01
+    low: float = -math.inf
+    high: float = math.inf
+    scale: float = 1.0
+
+    def cells(self, found: Mapping[str, Any] | None) -> list[str]:
+        """The row as text: where, quantity, printed, ours, reading, difference, verdict."""
+        ours, difference, verdict = self.judged(found)
+        return [self.where, self.quantity, self.printed, ours, self.reading, difference, verdict]
+
+    def judged(self, found: Mapping[str, Any] | None) -> tuple[str, str, str]:
+        """Our number, its difference from the printed one, and the verdict; `found` holds the example's values."""
+        if found is None:
+            return "-", "", "not run"
+        value = found.get(self.name)
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            return "-", "", str(found.get("why", "no number")).partition(";")[0]
+        ours = f"{value * self.scale:.5g}"
+        if self.value is None:
+            return ours, "", "matches" if self.low <= value <= self.high else "differs"
+        off = value / self.value - 1.0
+        return ours, f"{100.0 * off:+.2g} %", "matches" if abs(off) <= self.within else "differs"
+
+
+def run_scene(scene: str, device: str | None, **settings: Any) -> tuple[Values, Result | None]:
+    """Measures and outcomes of a scene as published, with what `settings` replaces, and the result.
+
+    "NAME, error" is relative to finite elements or an exact solution. `why` says why a run did not end.
+    """
+    try:
+        result = build_scene(scene, as_published(scene, settings)).run(device=device, usd=False, pictures=False)
+    except DivergedError as error:
+        return {"why": str(error)}, None
+    if result.status == STOPPED:
+        raise KeyboardInterrupt
+    found: Values = {"steps": result.summary["steps"]}
+    for name, entry in result.summary["measures"].items():
+        found[name] = entry["value"]
+        if entry.get("error") is not None:
+            found[f"{name}, error"] = entry["error"]
+    if result.status != "finished":
+        found["why"] = result.summary["message"] or result.status
+    return found, result
+
+
+def scene_values(scene: str, device: str | None, **settings: Any) -> Values:
+    """The first part of `run_scene`."""
+    return run_scene(scene, device, **settings)[0]
+
+
+def where_passed(result: Result | None, along: str, wanted: tuple[float, ...], names: tuple[str, ...]) -> Values:
+    """Columns of a history at the rows nearest to values of another column: `names` at 1.5 and so on."""
+    found: Values = {}
+    for value in () if result is None else wanted:
+        row = min(result.history, key=lambda row: abs(row[along] - value))
+        if abs(row[along] - value) < 1e-3 * abs(value):
+            found |= {f"{name} at {value:g}": row[name] for name in names}
+    return found

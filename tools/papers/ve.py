@@ -1,0 +1,173 @@
+"""VE: Huang, Oterkus and others, 2019."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from papers.rows import Example, Row, Values, run_scene, scene_values, where_passed
+from warp_pd import Prony, Yeoh
+from warp_pd.papers.analytic_response import published_stress
+
+POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)
+TERM = Prony(c10=0.01733e6, c20=0.0015e6, time=0.9466, exponent=1.6665)
+YOUNG, POISSON, SPACINGS = 1.1976e6, 0.5, 3.015
+SHEET = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+RUNNING, VISCOUS = (0.022, 0.023, 0.024, 0.025), (0.025, 0.029, 0.030, 0.031)
+
+
+def family() -> tuple[np.ndarray, np.ndarray]:
+    """The bonds of a whole family: extent along x and length, in spacings."""
+    x, y = np.meshgrid(*[np.arange(-3.0, 4.0)] * 2)
+    length = np.hypot(x, y)
+    inside = (length > 0.0) & (length <= SPACINGS)
+    return x[inside], length[inside]
+
+
+def elastic_stress(stretch: float) -> float:
+    """Virial stress of the elastic sheet, eq. 79 [Pa]."""
+    x, length = family()
+    constant = 12.0 * YOUNG / ((1.0 + POISSON) * math.pi * SPACINGS**3)
+    return float(constant * (stretch - 1.0) * (x**2 / length).sum())
+
+
+def hyperelastic_stress(stretch: float) -> float:
+    """Virial stress of the hyperelastic sheet, eq. 74 [Pa]."""
+    return float(published_stress(POLYUREA, (), np.array([0.0, 1.0]), np.array([1.0, stretch]))[-1])
+
+
+def viscous_stress(stretch: float, duration: float) -> float:
+    """Part of the Prony term in the stress after a ramp, eq. 62 [Pa]."""
+    times, path = np.linspace(0.0, duration, 2000), np.linspace(1.0, stretch, 2000)
+    return float(published_stress(POLYUREA, (TERM,), times, path)[-1]) - hyperelastic_stress(stretch)
+
+
+def equations(_device: str | None) -> Values:
+    """What follows from the printed equations alone."""
+    found: Values = {"young": 6.0 * POLYUREA.c10}
+    # Bonds whose middle third crosses a unit of the line between two rows, from one side.
+    found["crossing"] = int(sum(abs(x) for x, _ in zip(*family(), strict=True)) / 2)
+    for s in (1.5, 4.0):
+        found[f"hyperelastic minus elastic at {s:g}"] = hyperelastic_stress(s) - elastic_stress(s)
+    for s in (1.25, 2.5):
+        found[f"ramp at {s:g}"] = -viscous_stress(s, (s - 1.0) / 0.15)
+        found[f"jump at {s:g}"] = -viscous_stress(s, 2.5e-6)
+    return found
+
+
+def failing(scene: str, times: tuple[float, ...], device: str | None, **settings: Any) -> Values:
+    """A crack that runs: damage at the paper's times."""
+    found, result = run_scene(scene, device, failure=True, **settings)
+    return found | where_passed(result, "time", times, ("mean_damage", "largest_damage"))
+
+
+def opened(stretch: float, device: str | None, **settings: Any) -> Values:
+    """A crack that does not run."""
+    return scene_values("visco_crack", device, stretch=stretch, load_steps=20, **settings)
+
+
+FREE = {"law": "stress_free"}
+MEANT = {"energy": 6.69e6}
+MICROSECONDS = (150e-6, 170e-6, 180e-6, 190e-6)
+EXAMPLES: dict[str, Example] = {
+    "ve.equations": equations,
+    **{f"ve.6.1.{s:g}": partial(scene_values, "visco_sheet", viscous=False, stretch=s, points=50) for s in SHEET},
+    **{f"ve.6.2.{s:g}": partial(scene_values, "visco_hole", stretch=s) for s in (4.0, 7.0)},
+    **{
+        f"ve.6.2.{s:g}.circle": partial(scene_values, "visco_hole", stretch=s, load_steps=24, **FREE)
+        for s in (4.0, 7.0)
+    },
+    **{f"ve.6.3.{s:g}": partial(opened, s) for s in (1.5, 4.0)},
+    **{f"ve.6.3.{s:g}.free": partial(opened, s, **FREE) for s in (1.5, 4.0)},
+    "ve.6.3.runs": partial(failing, "visco_crack", RUNNING),
+    "ve.6.3.runs.meant": partial(failing, "visco_crack", RUNNING, **MEANT),
+    "ve.6.3.runs.free": partial(failing, "visco_crack", RUNNING, **MEANT, **FREE),
+    "ve.6.4": partial(scene_values, "metamaterial"),
+    "ve.6.4.crack": partial(scene_values, "metamaterial", crack=True),
+    "ve.6.4.runs": partial(failing, "metamaterial", MICROSECONDS),
+    "ve.6.5": partial(scene_values, "visco_sheet"),
+    **{f"ve.6.6.{s:g}": partial(scene_values, "visco_hole", viscous=True, stretch=s) for s in (2.5, 3.0)},
+    **{f"ve.6.7.{s:g}": partial(opened, s, viscous=True) for s in (1.5, 2.5)},
+    "ve.6.7.runs.meant": partial(failing, "visco_crack", VISCOUS, viscous=True, **MEANT),
+    "ve.6.8": partial(scene_values, "metamaterial", viscous=True),
+    "ve.6.8.crack": partial(scene_values, "metamaterial", viscous=True, crack=True),
+    "ve.6.8.runs": partial(failing, "metamaterial", MICROSECONDS, viscous=True),
+}  # fmt: skip
+
+ROWS = [
+    Row("ve.equations", "6", "Young's modulus of polyurea, 6 c10 (MPa)", "1.1976", "young", value=1.1976e6, scale=1e-6),
+    Row("ve.equations", "4, eq. 67", "bonds across a unit of the crack, in spacings", "36", "crossing",
+        "each bond once", value=36.0),
+    *(
+        Row(f"ve.6.1.{s:g}", "6.1, figure 6", f"displacement at {s:g} off uniform stretch (%)", "as ANSYS",
+            "displacement_at_point, error", low=-1e-3, high=1e-3, scale=100.0)
+        for s in SHEET
+    ),
+    *(
+        Row("ve.equations", "6.1, figure 7", f"hyperelastic minus elastic stress at {s:g} (MPa)", text,
+            f"hyperelastic minus elastic at {s:g}", "eqs. 74, 78 and 79", value=value, scale=1e-6)
+        for s, text, value in ((1.5, "0.31", 0.31e6), (4.0, "9.12", 9.12e6))
+    ),
+    *(
+        Row(f"ve.6.2.{s:g}{run}", f"6.2, figure {figure}", f"squareness of the hole at {s:g} (%)", "circular",
+            "squareness", reading, low=-0.01, high=0.01, scale=100.0)
+        for s, figure in ((4.0, 9), (7.0, 10))
+        for run, reading in (("", "a staircase of cells"), (".circle", "stress-free law, points on the circle"))
+    ),
+    *(
+        Row(f"ve.6.3.{s:g}{run}", f"6.3, figure {figure}", f"{what} at {s:g} off elements (%)", "as ANSYS",
+            f"{name}, error", reading, low=-0.05, high=0.05, scale=100.0)
+        for s, figure in ((1.5, 12), (4.0, 13))
+        for run, reading in (("", "published law"), (".free", "stress-free law"))
+        for what, name in (("stress", "nominal_stress"), ("opening", "crack_opening"))
+    ),
+    Row("ve.6.3.runs", "6.3, figure 14", "damage begins (ms)", "at 22", "damage_begins", "Gc = 6.69 N/m as printed",
+        value=0.022, within=0.05, scale=1e3),
+    Row("ve.6.3.runs.meant", "6.3, figure 14", "damage begins (ms)", "at 22", "damage_begins",
+        "Gc = 6.69 MN/m, as moduli in MPa", value=0.022, within=0.05, scale=1e3),
+    Row("ve.6.3.runs.free", "6.3, figure 14", "damage begins (ms)", "at 22", "damage_begins",
+        "the same, stress-free law", value=0.022, within=0.05, scale=1e3),
+    *(
+        Row("ve.6.3.runs.meant", "6.3, figure 14", f"mean damage at {time * 1e3:g} ms (%)", "a picture",
+            f"mean_damage at {time:g}", "Gc = 6.69 MN/m", scale=100.0)
+        for time in RUNNING
+    ),
+    Row("ve.6.4", "6.4, figure 16", "side inclusions move (m)", "a picture", "side_inclusion_moves"),
+    Row("ve.6.4.crack", "6.4, figure 17", "side inclusions move (m)", "a picture", "side_inclusion_moves"),
+    *(
+        Row(run, f"{section}, figure {figure}", f"damage at {time * 1e6:g} microseconds (%)", "a picture",
+            f"mean_damage at {time:g}", "1 per microsecond, as printed", scale=100.0)
+        for run, section, figure in (("ve.6.4.runs", "6.4", 18), ("ve.6.8.runs", "6.8", 28))
+        for time in MICROSECONDS
+    ),
+    Row("ve.6.5", "6.5, figure 19", "stress at 2.5 off the exact convolution of eq. 62 (%)", "a curve",
+        "nominal_stress, error", "0.15 /s", low=-1e-3, high=1e-3, scale=100.0),
+    *(
+        Row("ve.equations", "6.5, figure 19", f"hyperelastic minus visco-hyperelastic stress at {s:g} (kPa)", text,
+            f"{name} at {s:g}", reading, value=value, scale=1e-3)
+        for s, text, value in ((1.25, "24", 0.24e5), (2.5, "1200", 1.2e6))
+        for name, reading in (("ramp", "a ramp at 0.15 /s"), ("jump", "stretched within 2.5 microseconds"))
+    ),
+    *(
+        Row(f"ve.6.6.{s:g}", f"6.6, figure {figure}", f"squareness of the hole at {s:g} (%)", "circular", "squareness",
+            "a staircase of cells", low=-0.01, high=0.01, scale=100.0)
+        for s, figure in ((2.5, 20), (3.0, 21))
+    ),
+    *(
+        Row(f"ve.6.7.{s:g}", f"6.7, figure {figure}", f"opening of the crack at {s:g} (m)", "as ANSYS",
+            "crack_opening", "0.15 /s")
+        for s, figure in ((1.5, 22), (2.5, 23))
+    ),
+    Row("ve.6.7.runs.meant", "6.7, figure 24", "damage begins (ms)", "at 25", "damage_begins", "Gc = 6.69 MN/m",
+        value=0.025, within=0.05, scale=1e3),
+    *(
+        Row("ve.6.7.runs.meant", "6.7, figure 24", f"mean damage at {time * 1e3:g} ms (%)", "a picture",
+            f"mean_damage at {time:g}", "Gc = 6.69 MN/m", scale=100.0)
+        for time in VISCOUS
+    ),
+    Row("ve.6.8", "6.8, figure 26", "side inclusions move (m)", "as ANSYS", "side_inclusion_moves", "0.15 /s"),
+    Row("ve.6.8.crack", "6.8, figure 27", "opening of the crack at 1.2 (m)", "as ANSYS", "crack_opening", "0.15 /s"),
+]  # fmt: skip
