@@ -20,6 +20,7 @@ from .device.launches import Stage
 class Phase(enum.Enum):
     """What a part may add to; the value says what happens there."""
 
+    FOLLOW = "rigid bodies follow their paths"
     PRESCRIBE = "velocity of points on a prescribed motion"
     RIGID_DRIFT = "half kick and drift of rigid inclusions"
     DRIFT = "half kick and drift of the points"
@@ -67,6 +68,8 @@ def begin(parts: Acting, stage: Stage) -> None:
 
 def explicit_step(parts: Acting, step: Stage) -> None:
     """Central differences in time. A step ends with the forces at its displacement and the velocity at its end."""
+    with step.leads():
+        parts.add(Phase.FOLLOW, step)
     with step.one_launch():
         parts.add(Phase.PRESCRIBE, step)
         parts.add(Phase.RIGID_DRIFT, step)
@@ -103,7 +106,8 @@ def relaxation_step(parts: Acting, step: Stage) -> None:
 def join_steps(step: Stage) -> None:
     """Let the end of a step, from the kick on, share a launch with the beginning of the next, on a GPU.
 
-    A CPU would gain nothing, and compile the kernels of both a second time.
+    Bodies on paths then move before it; the contact that ends a step takes their positions of that step. A CPU would
+    gain nothing, and compile the kernels of both a second time.
     """
     if step.device.is_cuda:
         step.fuse_wraparound()

@@ -344,7 +344,7 @@ class OnPath(BuiltMotion):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
-        phases = (Phase.RIGID_DRIFT,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        phases = (Phase.FOLLOW,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
         if phase in phases:
             context, clock = self.context, self.context.clock
             dynamic = context.features.dynamic
@@ -353,7 +353,7 @@ class OnPath(BuiltMotion):
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
                 counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
                 margin=self.extent[1], counts=self.counts, travelled=self.travelled,
-                rotation=self.rotation, motion=self.motion, early=True,
+                rotation=self.rotation, motion=self.motion,
             )  # fmt: skip
 
     def found(self) -> dict[str, Array | None]:

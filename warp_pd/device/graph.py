@@ -82,14 +82,14 @@ def wrapped(rounds: Sequence[list[Item]], joined: Launch, leading: int, beside: 
 
     The `leading` launches that run before it may go `beside` the others of the previous repetition, on the side stream.
     """
-    early, inner = [once[:leading] for once in rounds], [once[leading + 1 : -1] for once in rounds]
+    leaders, inner = [once[:leading] for once in rounds], [once[leading + 1 : -1] for once in rounds]
     others = [item for once in inner for item in once]
     beside = beside and not any(isinstance(item, Call) for item in others)
-    beside = beside and not any(_must_wait(item, first) for first in early[0] for item in others)
+    beside = beside and not any(_must_wait(item, first) for first in leaders[0] for item in others)
     items = rounds[0][: leading + 1]
     for number, own in enumerate(inner):
         last = number + 1 == len(rounds)
-        coming = [] if last else early[number + 1]
+        coming = [] if last else leaders[number + 1]
         if beside:
             items += [*(replace(cast(Launch, item), side_stream=True) for item in coming), *own]
         else:

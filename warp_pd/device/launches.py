@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -131,8 +130,7 @@ class Launch:
         grouped: Whether a GPU also skips it, together with adjacent launches with the same `only_if`.
         every: Interval of repetitions of a repeated stage in which it runs.
         since: First repetition in which it runs.
-        early: Whether it may run before the last launch of the previous repetition, and before others of its own.
-        late: The same launch after the early ones of the next repetition, if it then has other arguments.
+        late: The same launch after those that lead the next repetition, if it then has other arguments.
         completing: The same launch after the next one that fills a list, which it then completes.
         pieces: The launches of the pointwise stages that share it, if several do.
     """
@@ -154,7 +152,6 @@ class Launch:
     grouped: bool = False
     every: int = 1
     since: int = 0
-    early: bool = False
     late: Launch | None = None
     completing: Launch | None = None
     pieces: tuple[Launch, ...] = ()
@@ -241,7 +238,7 @@ class Stage:
         when: How often it runs, for `plan`.
         wraparound: For a repeated stage, a launch that replaces the last launch and the first of the next repetition,
             or None.
-        leading: Number of early launches, which then run before it.
+        leading: Number of launches at the beginning that then run before it.
     """
 
     name: str
@@ -291,6 +288,15 @@ class Stage:
         yield
         self._shares, self._before = outside
 
+    @contextlib.contextmanager
+    def leads(self) -> Iterator[None]:
+        """Context for the launches that begin a stage and may run before the last one of the previous repetition.
+
+        The last one then has its arguments `late`.
+        """
+        yield
+        self.leading = len(self.items)
+
     def __len__(self) -> int:
         return len(self.items)
 
@@ -306,7 +312,6 @@ class Stage:
         span: Span | None = None,
         only_if: Array | None = None,
         grouped: bool = False,
-        early: bool = False,
         completing: Mapping[str, Any] | None = None,
         **arguments: Any,
     ) -> None:
@@ -319,19 +324,12 @@ class Stage:
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
             block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
-            grouped=grouped, every=self._every, early=early,
+            grouped=grouped, every=self._every,
         )  # fmt: skip
         if completing is not None:
             after = {**arguments, **completing}
             made.completing = replace(made, arguments=after, touched=touched(kernel.effects, after))
-        self.items.insert(self._place_of(made), made)
-
-    def _place_of(self, made: Launch) -> int:
-        """Where a new launch goes: to the end, but an early one to the early ones that begin the stage, if it can."""
-        begun = len(list(itertools.takewhile(_is_early, self.items)))
-        if not made.early or any(made.touched.must_wait_for(item.touched) for item in self.items[begun:]):
-            return len(self.items)
-        return begun
+        self.items.append(made)
 
     def pointwise(
         self,
@@ -348,7 +346,7 @@ class Stage:
         """Add a pointwise stage; within `one_launch` it may share the launch of the one before.
 
         A stage with `only_if` does not where it can be skipped: on a CPU, and on a GPU if `grouped`. `late`: arguments
-        that differ after the early launches of the next repetition.
+        that differ after the launches that lead the next repetition.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
@@ -370,14 +368,13 @@ class Stage:
         self.items.append(replace(call, every=self._every))
 
     def fuse_wraparound(self) -> None:
-        """Join the last launch with the first one of the next repetition that is not early, if they can share one."""
-        early = list(itertools.takewhile(_is_early, self.items))
-        inner, last = self.items[len(early) :], self.items[-1]
-        if len(inner) > 1 and all(item.every == 1 for item in (*early, inner[0], last)):
-            if early and isinstance(last, Launch):
+        """Join the last launch with the first one of the next repetition after those that lead it, if they can be."""
+        leaders, inner, last = self.items[: self.leading], self.items[self.leading :], self.items[-1]
+        if len(inner) > 1 and all(item.every == 1 for item in (*leaders, inner[0], last)):
+            if leaders and isinstance(last, Launch):
                 last = last.late or last
-            if not any(last.touched.must_wait_for(item.touched) for item in early):
-                self.wraparound, self.leading = _joined(last, inner[0]), len(early)
+            if not any(last.touched.must_wait_for(item.touched) for item in leaders):
+                self.wraparound = _joined(last, inner[0])
 
     def moves_later(self, displacement: Array, owner: str = "") -> bool:
         """Whether anything but local stages and the launches of `owner` moves points after the first local stage."""
@@ -411,10 +408,6 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
     """Compare the names of arguments. Raises TypeError if one is missing or unknown."""
     if expected != given:
         raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
-
-
-def _is_early(item: Item) -> bool:
-    return isinstance(item, Launch) and item.early
 
 
 def _joined(first: Item, second: Item) -> Launch | None:

@@ -1,5 +1,6 @@
 """Launches: what they touch decides which share one, which wait, and what a stage runs."""
 
+import contextlib
 import functools
 
 import numpy as np
@@ -182,14 +183,15 @@ def test_wraparound_is_the_stage_again_and_again():
     np.testing.assert_array_equal(results[0], results[1])
 
 
-def test_early_launches_run_before_the_last_of_the_previous_repetition():
+def test_leading_launches_run_before_the_last_of_the_previous_repetition():
     """It then reads what they have left of the previous one: here the first entry of two."""
     results = []
     for late in (False, True):
         a, b, pair = array(1.0), array(0.0), array(1.0, 1.0)
         made = stage()
         # Moves the first entry on, which the second one keeps until then.
-        made.launch("one", shift_kernel(), 1, pair=pair, early=late)
+        with made.leads() if late else contextlib.nullcontext():
+            made.launch("one", shift_kernel(), 1, pair=pair)
         made.pointwise("two", twice(), 1, source=a, out=b)
         made.launch("three", add_kernel(), 1, a=pair, b=b)
         made.pointwise("four", add_first(), 1, source=pair, out=a, late={"source": pair[1:]})
@@ -201,10 +203,11 @@ def test_early_launches_run_before_the_last_of_the_previous_repetition():
 
 
 @pytest.mark.parametrize("reads", [False, True])
-def test_early_launches_run_beside_others_that_do_not_touch_their_arrays(reads):
+def test_leading_launches_run_beside_others_that_do_not_touch_their_arrays(reads):
     a, b, c, pair = array(1.0), array(0.0), array(1.0), array(1.0, 1.0)
     made = stage()
-    made.launch("one", shift_kernel(), 1, pair=pair, early=True)
+    with made.leads():
+        made.launch("one", shift_kernel(), 1, pair=pair)
     made.pointwise("two", twice(), 1, source=pair, out=b)
     made.launch("three", add_kernel(), 1, a=pair if reads else c, b=b)
     made.pointwise("four", add_first(), 1, source=pair, out=a, late={"source": pair[1:]})
