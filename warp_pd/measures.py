@@ -356,7 +356,7 @@ def _elastic_material(built: Built, asked: str) -> Material:
     varies = known.regions or known.by_point is not None or sheet.stiffness is not None
     if varies or not hasattr(law.material, "functions"):
         raise InputError(f"{title}: expected one hyperelastic material")
-    if built.law.lost_energy():
+    if built.law.columns().lost:
         raise InputError(f"{title}: expected a law without viscosity")
     return cast("Material", law.material)
 

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warp_pd.device.checks import positive
-from warp_pd.interfaces import BuiltPart, Part
+from warp_pd.interfaces import BuiltPart, Columns, Part
 from warp_pd.kernels.effects import kernel
 from warp_pd.kernels.numeric import numeric
 from warp_pd.step import Phase
@@ -72,5 +72,5 @@ class BuiltDrag(BuiltPart):
                 drag=self.drag, mass=state.mass, step=state.step, velocity=state.velocity, lost=self.lost,
             )  # fmt: skip
 
-    def lost_energy(self):
-        return {"drag": self.lost}
+    def columns(self):
+        return Columns(lost={"drag": self.lost})

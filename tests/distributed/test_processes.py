@@ -130,11 +130,14 @@ BROKEN = """
 from dataclasses import dataclass
 from shared_scenes import scene
 from warp_pd import InputError
-from warp_pd.interfaces import BuiltPart, Part
+from warp_pd.interfaces import BuiltPart, Columns, Part
 
 class BuiltFailing(BuiltPart):
     # The first process alone asks for columns of the history.
-    def columns(self, totals, elapsed):
+    def columns(self):
+        return Columns(at_frame=self.fail)
+
+    def fail(self, totals, elapsed):
         if elapsed > 0.0:
             raise InputError("failing: expected no second frame")
         return {}

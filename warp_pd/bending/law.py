@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
-from ..interfaces import SLOPE, BuiltLaw
+from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..interfaces.context import Context
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
@@ -35,7 +35,7 @@ OF_THE_LAW = (
     "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
     "partial_energy", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
     "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density", "fictitious_mass",
-    "request_fields", "field_names", "sums", "column_names", "columns", "notes", "fingerprint", "likely_cause",
+    "request_fields", "field_names", "notes", "fingerprint", "likely_cause",
 )  # fmt: skip
 # Numbers of tables that differ by less count as the same: the round-off of a lattice.
 SAME = 1e-10
@@ -291,14 +291,11 @@ class BendingForce(BuiltLaw):
             slope=slope,
         )
 
-    def stored_energy(self) -> Mapping[str, Array]:
-        """The strain energy of the law, and the energy of bending."""
-        return {**self.law.stored_energy(), "bending": self.energy}
-
-    def lost_energy(self) -> Mapping[str, Array]:
-        """What the law loses, and the energy of bending lost to damage."""
-        lost = self.law.lost_energy()
-        return lost if self.lost is None else {**lost, "bending_lost": self.lost}
+    def columns(self) -> Columns:
+        """Those of the law, the energy of bending, and what of it is lost to damage."""
+        of_law = self.law.columns()
+        lost = {} if self.lost is None else {"bending_lost": self.lost}
+        return replace(of_law, stored={**of_law.stored, "bending": self.energy}, lost={**of_law.lost, **lost})
 
     def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of the law, and of triangles by the damage of their corners, (N,)."""
@@ -393,8 +390,8 @@ class BendingTangent(Tangent):
         return BendingMatrix(self, self.law.sparse())
 
     @functools.cached_property
-    def _columns(self) -> Columns:
-        return Columns(self.force)
+    def _columns(self) -> MatrixColumns:
+        return MatrixColumns(self.force)
 
     def matrix(self) -> Any:
         """K of bending alone [N/m], sparse, shape (3 N, 3 N)."""
@@ -418,7 +415,7 @@ class BendingTangent(Tangent):
         return columns.assembled(blocks)
 
 
-class Columns:
+class MatrixColumns:
     """Points whose columns of the stiffness have no row in common are of one colour: one product fills them all.
 
     See Curtis, Powell and Reid, J. Inst. Maths Applics 13, 1974.

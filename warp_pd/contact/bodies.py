@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, BuiltPart, Contact, History, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, BuiltPart, Columns, Contact, History, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.scales import Scales
@@ -259,31 +259,34 @@ class BuiltBody(BuiltContact):
             "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **motion.found(),
         }  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
-        """Impulses given to the points; for a free body the built motion has summed them."""
+    def columns(self) -> Columns:
+        """Force, torque, position and motion, contact losses, and the energies of a free body.
+
+        Impulses given to the points are summed; for a free body the built motion has summed them.
+        """
         found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
         own = {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
-        return own | self.motion.sums()
+        return Columns(
+            names=[*self._forces, *self.motion.columns(), *self._losses()],
+            at_frame=self._row,
+            between=self._mean_forces,
+            units={column: unit for column, (_, unit) in self._forces.items()},
+            sums=own | self.motion.sums(),
+        )
 
-    def column_names(self) -> Sequence[str]:
-        """Names for force, torque, position and motion, contact losses, and the energies of a free body."""
-        return [*self._forces, *self.motion.columns(), *self._losses()]
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
-        row = self.row_columns({}, totals, elapsed) | self.motion.columns()
+        row = self._mean_forces({}, totals, elapsed) | self.motion.columns()
         return row | {name: totals[name] for name in self._losses()}
 
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _mean_forces(
+        self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float
+    ) -> dict[str, float]:
         """Mean forces and torques since the previous row."""
         return {
             column: -(totals[name] - before.get(name, 0.0)) / elapsed if elapsed > 0.0 else 0.0
             for column, (name, _) in self._forces.items()
         }
-
-    def column_units(self) -> Mapping[str, str]:
-        """Units of forces and torques."""
-        return {column: unit for column, (_, unit) in self._forces.items()}
 
     def _losses(self) -> list[str]:
         lost = ["loss", "rubbed"] if self._rubs else ["loss"]
@@ -481,6 +484,6 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
         return off
 
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Force [N] and torque about the centre [N m] on the body; its position."""
-        return super().columns(totals, 1.0)
+        return super()._row(totals, 1.0)

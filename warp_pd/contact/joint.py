@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import ByPoint
 from ..geometry.triangulation import doubled_normals, places_on_triangles
-from ..interfaces import BuiltLaw, BuiltPart, History, Part
+from ..interfaces import BuiltLaw, BuiltPart, Columns, History, Part
 from ..interfaces.context import Context
 from ..kernels.contact.joint import joint
 from ..step import Phase
@@ -270,22 +270,17 @@ class BuiltJoint(BuiltPart):
         elif phase is Phase.FRAME:
             stage.launch(OWNER, kernels.energy, number, **given, energy=self.energy)
 
-    def stored_energy(self) -> Mapping[str, Array]:
-        """Energy stored in the joint."""
-        return {"joint": self.energy}
-
-    def lost_energy(self) -> Mapping[str, Array]:
-        """Energy lost to breaking the joint."""
-        return {} if self.released is None else {"joint_released": self.released}
-
-    def column_names(self) -> Sequence[str]:
-        """The mean damage."""
-        return () if self.damage is None else ("joint_damage",)
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean damage over the joined area [-]."""
+    def columns(self) -> Columns:
+        """Energy stored in the joint, energy lost to breaking it, and its mean damage."""
+        stored = {"joint": self.energy}
+        lost = {} if self.released is None else {"joint_released": self.released}
         if self.damage is None:
-            return {}
+            return Columns(stored=stored, lost=lost)
+        return Columns(("joint_damage",), self._mean_damage, stored=stored, lost=lost)
+
+    def _mean_damage(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean damage over the joined area [-]."""
+        assert self.damage is not None
         damage = self.damage.numpy()[self.points].astype(np.float64)
         # Sums of one kind, so that the mean of ones is 1.
         return {"joint_damage": float((damage * self._areas).sum() / self._areas.sum())}

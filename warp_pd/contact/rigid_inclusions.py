@@ -13,7 +13,7 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..interfaces import BuiltLaw, BuiltPart, Columns, Constraint, Part
 from ..interfaces.context import Context
 from ..kernels.contact.rigid import rigid_inclusions
 from ..kernels.integrate import RIGID
@@ -133,15 +133,15 @@ class BuiltInclusions(BuiltPart):
         moving = ["velocity", "spin"] if self.context.features.dynamic else []
         return ["position", "rotation", *moving, "force", "torque"]
 
-    def column_names(self) -> Sequence[str]:
-        """Components of the motion and the forces of each body."""
+    def columns(self) -> Columns:
+        """Components of the motion and the forces of each body; units of the others are known by their names."""
+        units = {f"{name}_rotation_{c}": "rad" for name in self.names for c in "xyz"}
+        return Columns(self._column_names(), self._row, units=units)
+
+    def _column_names(self) -> list[str]:
         return [f"{name}_{what}_{c}" for name in self.names for what in self._quantities() for c in "xyz"]
 
-    def column_units(self) -> Mapping[str, str]:
-        """Units of the rotations; those of the others are known by their names."""
-        return {f"{name}_rotation_{c}": "rad" for name in self.names for c in "xyz"}
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Motion and forces of each body, see the class."""
         from scipy.spatial.transform import Rotation
 
@@ -153,7 +153,7 @@ class BuiltInclusions(BuiltPart):
             "force": self.push.numpy(), "torque": self.turn.numpy(),
         }  # fmt: skip
         rows = np.stack([values[what] for what in self._quantities()], axis=1)
-        return dict(zip(self.column_names(), rows.ravel().tolist(), strict=True))
+        return dict(zip(self._column_names(), rows.ravel().tolist(), strict=True))
 
 
 def _names(sheet: Sheet, groups: tuple[np.ndarray, ...]) -> list[str]:

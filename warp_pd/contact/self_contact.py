@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,7 +13,7 @@ from ..device.checks import InputError, not_negative, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, Contact
+from ..interfaces import BuiltContact, BuiltLaw, Columns, Contact
 from ..interfaces.context import Context
 from ..kernels.contact.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.contact.self_contact import repulsion
@@ -235,13 +234,10 @@ class BuiltSelfContact(BuiltContact):
             dissipated=state.dissipated, rubbed=self._rubbed, only_if=self._flag(TOUCHED),
         )  # fmt: skip
 
-    def stored_energy(self) -> Mapping[str, Array]:
-        """Contact energy."""
-        return {"contact": self.energy}
-
-    def lost_energy(self) -> Mapping[str, Array]:
-        """Energy dissipated by friction."""
-        return {} if self._rubbed is None else {"sheet_friction": self._rubbed}
+    def columns(self) -> Columns:
+        """Contact energy, and energy dissipated by friction."""
+        lost = {} if self._rubbed is None else {"sheet_friction": self._rubbed}
+        return Columns(stored={"contact": self.energy}, lost=lost)
 
     def end_frame(self) -> None:
         """Check that no list of pairs has overflowed."""

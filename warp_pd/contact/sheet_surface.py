@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..geometry.topology import directed_edges, undirected
-from ..interfaces import BuiltContact, BuiltLaw
+from ..interfaces import BuiltContact, BuiltLaw, Columns
 from ..interfaces.context import Context
 from ..kernels.contact import sheet_contact as kernels
 from ..kernels.contact.face_tree import FaceTree, merge_boxes
@@ -100,10 +99,10 @@ class SheetSurface(BuiltContact):
                 self.rubbed = context.array("surface_rubbed", OWNER, wp.float64, shape=points, restart=True)
         self._sizes = points, faces, sides, leaves
 
-    def lost_energy(self) -> Mapping[str, Array]:
+    def columns(self) -> Columns:
         """Energy lost in impacts and by friction."""
         found = {"contact": self.lost, "sheet_friction": self.rubbed}
-        return {name: array for name, array in found.items() if array is not None}
+        return Columns(lost={name: array for name, array in found.items() if array is not None})
 
     def end_frame(self) -> None:
         """Check that no triangles cross at the start or passed through each other."""

@@ -45,9 +45,9 @@ def value_of(scene: Simulation, name: str) -> Value:
             return measure.value
 
     def column(built: Any, frame: Frame) -> float:
-        for part in built.parts:
-            if name in part.column_names():
-                return float(part.columns({}, 0.0)[name])
+        for columns in built.columns:
+            if name in columns.names:
+                return float(columns.at_frame({}, 0.0)[name])
         known = ", ".join(m.name for m in scene.measures) or "none"
         raise InputError(f"measure = {name!r}: expected a measure of the scene: {known}")
 

@@ -14,7 +14,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltLoad, Load
+from ..interfaces import BuiltLaw, BuiltLoad, Columns, Load
 from ..interfaces.context import Context
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
@@ -374,11 +374,11 @@ class BuiltEnclosed(BuiltLoad):
         if phase is Phase.FRAME:
             self.add_pressure(stage, self.context.state.displacement)
 
-    def column_names(self) -> Sequence[str]:
+    def columns(self) -> Columns:
         """Pressure and volume."""
-        return ("pressure", "volume")
+        return Columns(("pressure", "volume"), self._row)
 
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Pressure above ambient [Pa] and volume [m^3], including the chamber."""
         pressure, volume, _ = self.enclosed.numpy().tolist()
         return {"pressure": pressure, "volume": volume}

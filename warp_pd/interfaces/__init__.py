@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .built_part import BuiltPart, History, StepLimit
+    from .built_part import BuiltPart, Columns, History, StepLimit
     from .law import BuiltLaw, Law
     from .output import FrameReport, Writer
     from .part import (
@@ -39,6 +39,7 @@ __all__ = [
     "BuiltPart",
     "BuiltRupture",
     "BuiltSolver",
+    "Columns",
     "Constraint",
     "Contact",
     "DivergedError",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from ..device.fields import Array
@@ -19,6 +19,41 @@ class StepLimit:
 
     seconds: float
     reason: str
+
+
+def _no_row(totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    return {}
+
+
+def _no_fine_row(before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a part adds to the history.
+
+    Attributes:
+        names: Names of its columns besides energies, which measures must not use.
+        at_frame: (totals, elapsed) -> values of these columns at a frame, by name. `totals` are the sums of all parts,
+            `elapsed` is the time since the last frame [s].
+        between: (before, totals, elapsed) -> values in a row between frames, computed only from sums: those at the
+            previous row (empty at the first row after a frame) and at this one, and the time between the two [s].
+        units: SI units of its columns, by name, as far as known.
+        sums: Point arrays (float64 or vec3) to sum at every frame, by name; a vec3 array has the sums name_x, name_y,
+            name_z.
+        stored: Energy that the part stores now [J], by column: (N,) float64 arrays, summed at every frame. The history
+            shows these columns, and the energy balance counts them.
+        lost: Energy lost to the part since the start of the run [J], likewise.
+    """
+
+    names: Sequence[str] = ()
+    at_frame: Callable[[Mapping[str, float], float], dict[str, float]] = _no_row
+    between: Callable[[Mapping[str, float], Mapping[str, float], float], dict[str, float]] = _no_fine_row
+    units: Mapping[str, str] = field(default_factory=dict)
+    sums: Mapping[str, Array] = field(default_factory=dict)
+    stored: Mapping[str, Array] = field(default_factory=dict)
+    lost: Mapping[str, Array] = field(default_factory=dict)
 
 
 class BuiltPart(Protocol):
@@ -42,47 +77,9 @@ class BuiltPart(Protocol):
         """Do host work once, at the start of a run that does not resume another."""
         return None
 
-    def sums(self) -> Mapping[str, Array]:
-        """Point arrays (float64 or vec3) to sum at every frame, by name."""
-        return {}
-
-    def stored_energy(self) -> Mapping[str, Array]:
-        """Energy that the part stores now [J], by the name of its column: (N,) float64 arrays, summed at every frame.
-
-        The history shows these columns, and the energy balance counts them.
-        """
-        return {}
-
-    def lost_energy(self) -> Mapping[str, Array]:
-        """Energy lost to the part since the start of the run [J], like `stored_energy`."""
-        return {}
-
-    def column_names(self) -> Sequence[str]:
-        """Names of its columns in the history, which measures must not use."""
-        return ()
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Values of its columns at a frame, by name; the keys are those of `column_names`.
-
-        Args:
-            totals: Sums of the arrays in `sums` of all parts; a vec3 array has the sums name_x, name_y, name_z.
-            elapsed: Time since the last frame [s].
-        """
-        return {}
-
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Values of its columns in a history row between frames, computed only from sums.
-
-        Args:
-            before: Sums at the previous row; empty at the first row after a frame.
-            totals: Sums at this row.
-            elapsed: Time between the two [s].
-        """
-        return {}
-
-    def column_units(self) -> Mapping[str, str]:
-        """SI units of its columns, by name, as far as known."""
-        return {}
+    def columns(self) -> Columns:
+        """What the part adds to the history; asked once, when all parts are built."""
+        return Columns()
 
     def end_frame(self) -> None:
         """Do host work after a frame has been recorded."""

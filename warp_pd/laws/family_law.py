@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, notes_on_folds, pack
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, History, Law
+from ..interfaces import BuiltLaw, Columns, History, Law
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
@@ -232,9 +232,9 @@ class FamilyLaw(BuiltLaw):
         shown.add_principal(stage, shown.of_family(self.shown_stress))
         shown.add_counts(stage)
 
-    def stored_energy(self) -> Mapping[str, Array]:
+    def columns(self) -> Columns:
         """The strain energy."""
-        return {} if self.strain_energy is None else {"strain": self.strain_energy}
+        return Columns(stored={} if self.strain_energy is None else {"strain": self.strain_energy})
 
     def add_launch(self, stage: Stage, kernel: Kernel, displacement: Array, **more: Any) -> None:
         """Add a launch on all points, with the arguments common to all kernels of the law."""

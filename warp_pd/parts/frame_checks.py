@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -11,7 +12,7 @@ from ..device.cores import begin_loading
 from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltPart
+from ..interfaces import BuiltLaw, BuiltPart, Columns
 from ..interfaces.context import Context
 from ..kernels.block_sums import BLOCK
 from ..kernels.checks import frame_checks
@@ -72,13 +73,10 @@ class FrameChecks(BuiltPart):
             {"not_finite": self.not_finite, "fastest": self.fastest},
         )  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
-        """The kinetic energy of the energy balance."""
-        return {} if self.half_step_kinetic is None else {"half_step_kinetic": self.half_step_kinetic}
-
-    def stored_energy(self) -> Mapping[str, Array]:
-        """The kinetic energy."""
-        return {"kinetic": self.kinetic_energy}
+    def columns(self) -> Columns:
+        """The kinetic energy, and that of the energy balance."""
+        sums = {} if self.half_step_kinetic is None else {"half_step_kinetic": self.half_step_kinetic}
+        return Columns(sums=sums, stored={"kinetic": self.kinetic_energy})
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity was NaN or Inf at the last frame, or None."""
@@ -99,7 +97,7 @@ class FrameChecks(BuiltPart):
         return float(np.sqrt(self.context.whole_array(self.fastest).max()))
 
 
-class EnergyBalance(BuiltPart):
+class EnergyBalance:
     """Energies, work and losses in the history, and the error of their balance.
 
     Attributes:
@@ -126,28 +124,23 @@ class EnergyBalance(BuiltPart):
         self.stored: Sequence[str] = ()
         self.lost: Sequence[str] = ()
 
-    def count(self, parts: Iterable[BuiltPart]) -> None:
-        """Count the energies that these parts store and lose."""
-        parts = (*parts, self)
-        self.stored = [name for part in parts for name in part.stored_energy()]
-        self.lost = [name for part in parts for name in part.lost_energy()]
+    def count(self, parts: Iterable[BuiltPart]) -> tuple[Columns, ...]:
+        """Count the energies that these parts store and lose; return what they and the balance add to the history."""
+        sums = {} if self.work is None else {"external": self.work}
+        own = Columns(sums=sums, lost={} if self.dissipated is None else {"damping": self.dissipated})
+        of_parts = [part.columns() for part in parts]
+        self.stored = [name for columns in of_parts for name in columns.stored]
+        self.lost = [name for columns in (*of_parts, own) for name in columns.lost]
+        names = tuple(dict.fromkeys((*self.stored, "half_step_kinetic", *self._always, *self.lost, "balance_error")))
 
-    def sums(self) -> Mapping[str, Array]:
-        """The work."""
-        return {} if self.work is None else {"external": self.work}
+        def row(totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+            return {name: totals.get(name, 0.0) for name in names if name in totals or name in self._always}
 
-    def lost_energy(self) -> Mapping[str, Array]:
-        """The energy dissipated by damping."""
-        return {} if self.dissipated is None else {"damping": self.dissipated}
-
-    def column_names(self) -> Sequence[str]:
-        """Energies, work and losses, and the error of their balance."""
-        return tuple(dict.fromkeys((*self.stored, "half_step_kinetic", *self._always, *self.lost, "balance_error")))
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Energies, work and losses [J]."""
-        names = self.column_names()
-        return {name: totals.get(name, 0.0) for name in names if name in totals or name in self._always}
+        units = {**dict.fromkeys(names, "J"), "balance_error": "1"}
+        own = replace(
+            own, names=names, at_frame=row, between=lambda _, totals, elapsed: row(totals, elapsed), units=units
+        )
+        return (own, *of_parts)
 
     def error(self, history: Sequence[Mapping[str, float]], row: Mapping[str, float], least: float = 0.0) -> float:
         """Energy gained since the first row, less the work, over the largest energy or work so far.
@@ -180,14 +173,6 @@ class EnergyBalance(BuiltPart):
         """Largest energy or work of some rows [J]."""
         return max(max(abs(row["external"]), abs(sum(row[name] for name in self.stored))) for row in rows)
 
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """The columns of `columns`, since all are sums."""
-        return self.columns(totals, elapsed)
-
-    def column_units(self) -> Mapping[str, str]:
-        """Joules, except for the dimensionless error."""
-        return {**dict.fromkeys(self.column_names(), "J"), "balance_error": "1"}
-
 
 def _at_step(row: Mapping[str, float], step: float) -> Mapping[str, float]:
     """A row whose kinetic energy at half steps is that of a step of another length [s]."""
@@ -200,12 +185,12 @@ def _at_step(row: Mapping[str, float], step: float) -> Mapping[str, float]:
 class Sums:
     """Sums of arrays over all points at frames: blocks are summed in order on the device, the rest on the host."""
 
-    def __init__(self, context: Context, parts: Iterable[BuiltPart]) -> None:
-        """Collect the arrays that the parts want summed. Raises ValueError if two parts use the same name for a sum."""
+    def __init__(self, context: Context, columns: Iterable[Columns]) -> None:
+        """Collect the arrays to sum. Raises ValueError if two parts use the same name for a sum."""
         self.context = context
         self.arrays: dict[str, Array] = {}
-        for part in parts:
-            for name, array in (*part.sums().items(), *part.stored_energy().items(), *part.lost_energy().items()):
+        for of_part in columns:
+            for name, array in (*of_part.sums.items(), *of_part.stored.items(), *of_part.lost.items()):
                 if name in self.arrays:
                     raise ValueError(f"sums: two parts use the name {name!r}; expected different names")
                 self.arrays[name] = array

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,8 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, point_indices
-from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltPart, Part
+from ..interfaces import BuiltLaw, BuiltPart, Columns, Part
 from ..interfaces.context import Context
 from ..kernels.integrate import RIGID
 from ..kernels.loads import support_forces
@@ -90,22 +89,17 @@ class BuiltReaction(BuiltPart):
                 held_mask=state.held_mask, force=state.force, external=state.external, out=self.pull,
             )  # fmt: skip
 
-    def sums(self) -> Mapping[str, Array]:
-        """The sum over its points."""
-        return {f"reaction {self.name}": self.pull}
-
-    def column_names(self) -> Sequence[str]:
-        """Components of the force."""
-        return [f"{self.name}_{c}" for c in "xyz"]
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def columns(self) -> Columns:
         """Components of the force [N]."""
-        return {name: totals[f"reaction {name}"] for name in self.column_names()}
+        names = [f"{self.name}_{c}" for c in "xyz"]
 
-    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Components of the force [N]."""
-        return self.columns(totals, elapsed)
+        def row(totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+            return {name: totals[f"reaction {name}"] for name in names}
 
-    def column_units(self) -> Mapping[str, str]:
-        """Newton."""
-        return dict.fromkeys(self.column_names(), "N")
+        return Columns(
+            names=names,
+            at_frame=row,
+            between=lambda before, totals, elapsed: row(totals, elapsed),
+            units=dict.fromkeys(names, "N"),
+            sums={f"reaction {self.name}": self.pull},
+        )

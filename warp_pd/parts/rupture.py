@@ -6,7 +6,7 @@ docs/write-your-own-part.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ import warp as wp
 from ..device.checks import InputError, finite, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltRupture, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, Columns, Rupture
 from ..interfaces.context import Context
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.papers.energy_release import energy_release
@@ -218,15 +218,12 @@ class Damaged(BuiltRupture):
             triangles=self._triangles, intact_faces=self.intact_faces,
         )  # fmt: skip
 
-    def lost_energy(self) -> Mapping[str, Array]:
-        """The energy lost with broken bonds, and to a damage field."""
-        return {} if self.released is None else {"rupture": self.released}
+    def columns(self) -> Columns:
+        """Largest and mean damage; the energy lost with broken bonds, and to a damage field."""
+        lost = {} if self.released is None else {"rupture": self.released}
+        return Columns(("largest_damage", "mean_damage"), self.damage_row, lost=lost)
 
-    def column_names(self) -> Sequence[str]:
-        """Largest and mean damage."""
-        return ("largest_damage", "mean_damage")
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def damage_row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage."""
         damage = self.context.whole_array(self.damage)
         return {"largest_damage": float(damage.max()), "mean_damage": float(damage.mean(dtype=np.float64))}

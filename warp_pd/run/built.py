@@ -11,7 +11,7 @@ import numpy as np
 
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
-from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
+from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Columns, Part, System
 from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, Varying, find_device
 from ..interfaces.external_force import ExternalForce
@@ -34,6 +34,7 @@ class Built(System):
         checks: Checks made at every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
+        columns: What the energy balance and then each of the parts add to the history.
         contacts: Contacts on the device; `contact` is the first one, or None.
     """
 
@@ -42,6 +43,7 @@ class Built(System):
     checks: FrameChecks
     energy: EnergyBalance
     sums: Sums
+    columns: tuple[Columns, ...]
     contact: BuiltContact | None
     contacts: tuple[BuiltContact, ...] = ()
 
@@ -115,10 +117,11 @@ def compose(
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     beside = [check for contact in contacts for check in contact.checks(contacts)]
     acting = (law, solver, moved, Ticking(context), *built, external, *beside, checks := FrameChecks(context))
-    energy.count(acting)
+    columns = energy.count(acting)
     made = Built(
         context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),
-        scene, solver, checks, energy, Sums(context, (*acting, energy)), contacts[0] if contacts else None, contacts,
+        scene, solver, checks, energy, Sums(context, (*columns[1:], columns[0])), columns,
+        contacts[0] if contacts else None, contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _require_divisible(made)
@@ -149,7 +152,7 @@ def _require_divisible(built: Built) -> None:
 
 def _check_columns(scene: Scene, built: Built) -> None:
     """Check that no measure has the name of another column of the history. Raises InputError for the first of them."""
-    taken = {"time", "step", *(column for part in (built.energy, *built.parts) for column in part.column_names())}
+    taken = {"time", "step", *(name for columns in built.columns for name in columns.names)}
     for name in [*(m.name for m in scene.measures), *(o.name for o in scene.outcomes)]:
         if name in taken:
             raise InputError(f"measures: {name!r} is already a column of the history: expected another name")

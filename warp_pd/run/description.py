@@ -79,8 +79,8 @@ def measured(found: Mapping[str, Any]) -> str:
 def units_of(built: Built) -> dict[str, str]:
     """Known units of the columns of the history, by column name."""
     units = dict(UNITS)
-    for part in (built.energy, *built.parts):
-        units |= part.column_units()
+    for columns in built.columns:
+        units |= columns.units
     return units | {item.name: item.unit for item in built.simulation.measures}
 
 

@@ -57,8 +57,8 @@ class FineHistory:
         last = now * (1.0 - 1e-12)
         for time, step, found in [*(row for row in kept if row[0] < last), (now, dt, totals)]:
             row: dict[str, float] = {"time": time, "step": step}
-            for part in (self.built.energy, *self.built.parts):
-                row |= part.row_columns(before, found, time - begin)
+            for columns in self.built.columns:
+                row |= columns.between(before, found, time - begin)
             self.rows.append(row)
             before, begin = found, time
 
@@ -281,11 +281,12 @@ class Recorder:
     def _row(self, now: float, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
         built = self.built
         row: dict[str, float] = {"time": now, "step": dt}
-        row |= built.energy.columns(totals, elapsed)
+        balance, *of_parts = built.columns
+        row |= balance.at_frame(totals, elapsed)
         if built.energy.balances:
             row["balance_error"] = built.energy.error(self.history, row, self._least_energy(now, dt))
-        for part in built.parts:
-            for name, value in part.columns(totals, elapsed).items():
+        for columns in of_parts:
+            for name, value in columns.at_frame(totals, elapsed).items():
                 if name in row:
                     raise InputError(f"history: two parts report {name!r}: expected one")
                 row[name] = value

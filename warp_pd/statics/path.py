@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
+from ..interfaces import BuiltLaw, BuiltSolver, Columns, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from .corrector import Origin, mean_product, norm
@@ -327,11 +327,11 @@ class BuiltArcLength(TearSteps):
         mode = here.mode - mean_product(here.mode, direction) * direction
         return np.asarray(mode / norm(mode))
 
-    def column_names(self) -> Sequence[str]:
+    def columns(self) -> Columns:
         """Load factor, and number of negative eigenvalues if the tangent is factorised."""
-        return ("load_factor", "unstable")
+        return Columns(("load_factor", "unstable"), self._row)
 
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Load factor and number of negative eigenvalues [-], NaN if unknown."""
         state = self.state
         row = {"load_factor": state.factor}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, cast
 
@@ -15,7 +15,7 @@ from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
 from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import ByPoint, Sheet
-from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Law, Rupture
 from ..interfaces.context import Context
 from ..kernels.fast.lanes import lanes_of
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
@@ -562,21 +562,17 @@ class DamageField(Damaged):
             return ""
         return hashlib.sha1(np.asarray(self._energy).tobytes()).hexdigest()[:12]
 
-    def sums(self) -> Mapping[str, Array]:
-        """The energy of the field."""
-        return {"fracture": self.fracture}
+    def columns(self) -> Columns:
+        """Columns of the damage, and the energy of the field since the start."""
+        damage = super().columns()
+        names = (*damage.names, "fracture")
+        return replace(
+            damage, names=names, at_frame=self._row, units={"fracture": "J"}, sums={"fracture": self.fracture}
+        )
 
-    def column_names(self) -> Sequence[str]:
-        """Columns of the damage, and the energy of the field."""
-        return (*super().column_names(), "fracture")
-
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage, and the energy of the field since the start [J]."""
-        return {**super().columns(totals, elapsed), "fracture": totals["fracture"] - self._fracture_at_start}
-
-    def column_units(self) -> Mapping[str, str]:
-        """Joules for the energy of the field."""
-        return {"fracture": "J"}
+        return {**self.damage_row(totals, elapsed), "fracture": totals["fracture"] - self._fracture_at_start}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ import warp as wp
 from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw
+from ..interfaces import BuiltLaw, Columns
 from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
@@ -144,9 +144,9 @@ class ViscousForce(ElasticVisco):
             self.add_pairs(stage, displacement, self._no_time, self.terms)
         self.add_gather(stage, self.pairs, out)
 
-    def lost_energy(self) -> Mapping[str, Array]:
-        """Viscous losses."""
-        return {"viscous": self.viscous}
+    def columns(self) -> Columns:
+        """Those of every law, and viscous losses."""
+        return replace(super().columns(), lost={"viscous": self.viscous})
 
 
 class ViscoForce(ViscousForce):

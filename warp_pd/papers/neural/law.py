@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,7 +14,7 @@ from ...device.checks import InputError, one_of, positive
 from ...device.fields import Array
 from ...device.launches import Call, Stage, Touched
 from ...families import InfluenceFunction, influence_function
-from ...interfaces import BuiltLaw, History
+from ...interfaces import BuiltLaw, Columns, History
 from ...interfaces.context import Context
 from ...interfaces.frame import format_time
 from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
@@ -201,14 +201,16 @@ class NeuralForce(PointLaw):
         """A hash of the output of the network for some bonds."""
         return super().fingerprint() + ("" if self._fingerprint is None else self._fingerprint())
 
-    def column_names(self) -> Sequence[str]:
-        """Number of bonds outside the training range, if that range is known."""
-        return () if self.outside is None else ("bonds_outside_training",)
+    def columns(self) -> Columns:
+        """Those of every law, and the number of bonds outside the training range, if that range is known."""
+        columns = super().columns()
+        return (
+            columns if self.outside is None else replace(columns, names=("bonds_outside_training",), at_frame=self._row)
+        )
 
-    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Number of bonds outside the training range, if that range is known."""
-        if self.outside is None:
-            return {}
+    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Number of bonds outside the training range."""
+        assert self.outside is not None
         return {"bonds_outside_training": float(np.sum(self.outside.numpy()))}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
