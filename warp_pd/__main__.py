@@ -48,7 +48,7 @@ class OneLineGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
-        from .distributed.launch import processes_here
+        from .distributed import processes_here
         from .run.stopping import SIGNALS, deadline
 
         try:
@@ -291,7 +291,8 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
-    from .distributed.launch import is_first, launch, processes_here
+    from .distributed import processes_here
+    from .distributed.launch import is_first, launch
     from .run.folder import picture_formats
 
     require_scene(scene)

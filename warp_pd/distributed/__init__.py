@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from ..run import COMMUNICATORS
-from .launch import processes_here
 
 if TYPE_CHECKING:
     from ..interfaces.communicator import Communicator
+
+
+def processes_here() -> int:
+    """Number of processes that torchrun started together with this one; 1 without torchrun."""
+    return int(os.environ.get("WORLD_SIZE", "1")) if "TORCHELASTIC_RUN_ID" in os.environ else 1
 
 
 def _joined(device: str | None) -> tuple[Communicator, str | None] | None:

@@ -7,14 +7,10 @@ from collections.abc import Sequence
 
 from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
+from . import processes_here
 
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
-
-
-def processes_here() -> int:
-    """Number of processes that torchrun started together with this one; 1 without torchrun."""
-    return int(os.environ.get("WORLD_SIZE", "1")) if "TORCHELASTIC_RUN_ID" in os.environ else 1
 
 
 def is_first() -> bool:
