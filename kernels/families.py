@@ -52,6 +52,11 @@ class Layout:
     remembers: bool = False
 
     @property
+    def varies(self) -> bool:
+        """Whether constants of the material vary, over the sheet or in time."""
+        return self.regions or self.by_point or self.remembers
+
+    @property
     def types(self) -> Numeric:
         """Types of the precision."""
         return numeric(self.bits)

@@ -8,7 +8,9 @@ from warp_pd import Sheet
 from warp_pd.device.clock import Clock
 from warp_pd.device.fields import FieldRegister
 from warp_pd.geometry.shape import Shape
-from warp_pd.interfaces.context import Context, Features, find_device
+from warp_pd.interfaces.context import Context, find_device
+from warp_pd.kernels.families import Layout
+from warp_pd.kernels.integrate import StepOptions
 from warp_pd.kernels.numeric import numeric
 
 TETRAHEDRON = (
@@ -43,7 +45,8 @@ def enclosed(points, triangles, load, displacement, bits=64, held=None):
     sheet = Sheet.of(shape, thickness=1e-3, density=1e3)
     context = Context(
         sheet=sheet, given=sheet, device=find_device("cpu"), types=numeric(bits),
-        features=Features(), held=np.zeros(n, np.uint8) if held is None else held,
+        options=StepOptions(bits, False, False, False, False),
+        layout=Layout("cloud", bits), held=np.zeros(n, np.uint8) if held is None else held,
         initial_displacement=np.zeros((n, 3)), fields=FieldRegister(find_device("cpu")), clock=Clock(1.0),
     )  # fmt: skip
     built = load.build(context, SimpleNamespace(intact=None, damage=None))

@@ -52,7 +52,7 @@ def test_fast_paths_of_curved_sheets_have_the_forces_of_the_reference(device, ki
         law = {"fast": fast, **values.get("law", {})}
         built = build(sheet, horizon=2.2, material=GENT, precision=precision, device=device, **{**values, "law": law})
         if "damage" in values:
-            assert soften(built).any() if built.context.features.softened else tear(built).any()
+            assert soften(built).any() if built.context.layout.softened else tear(built).any()
         assert built.law.force_path == ("reference" if not fast else "rows" if device == "cpu" else "blocks")
         forces.append(internal_force(built, rough_motion(sheet)))
         turned = sheet.points @ rotation().T - sheet.points

@@ -38,7 +38,7 @@ ROUND_OFF = {32: 2e-5, 64: 1e-12}
 def built_in(state, sheet, precision=64):
     built = build(sheet, horizon=2.2, material=RUBBER, precision=precision, **STATES[state])
     if "damage" in STATES[state]:
-        assert soften(built).any() if built.context.features.softened else tear(built).any()
+        assert soften(built).any() if built.context.layout.softened else tear(built).any()
     return built
 
 

@@ -42,7 +42,7 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     built = simulate(sheet, Explicit(1.0), loads=loads, damage=damage, **parts).build("cpu", 64)
     if crack is not None:
         tear(built) if sheet.frames is not None else sever(built, crack)
-    if built.context.features.softened:
+    if built.context.layout.softened:
         soften(built)
     context, state = built.context, built.state
     with patch.object(bond_associated_tangent, "stored_on", lambda device: assembled):

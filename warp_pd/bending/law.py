@@ -81,10 +81,11 @@ class BendingForce(BuiltLaw):
         self.law, self.context = law, context
         for name in OF_THE_LAW:
             setattr(self, name, getattr(law, name))
-        f = context.features
+        layout = context.layout
         self.kernels: BendingKernels = bending(
-            context.bits, context.sheet.frames is not None, f.breakable, f.softened, f.breakable and f.tracked
-        )
+            context.bits, layout.curved, layout.breakable, layout.softened,
+            layout.breakable and context.options.tracked,
+        )  # fmt: skip
         self.stiffness, self.poisson = self._stiffness(given)
         clamped = (context.held & HELD == HELD) | (context.held & RIGID != 0)
         level = context.held & SLOPE != 0
@@ -150,7 +151,7 @@ class BendingForce(BuiltLaw):
         for name, (dtype, value) in values.items():
             setattr(plate, name, self.context.array(f"plate_{name}", OWNER, dtype, value, per="table"))
         plate.poisson = self.poisson
-        if self.context.features.breakable:
+        if self.context.layout.breakable:
             plate.left = self.context.array(
                 "bending_left", OWNER, t.real, np.ones(len(triangles)), per="face", restart=True
             )
@@ -170,7 +171,7 @@ class BendingForce(BuiltLaw):
         own = weights.sum(axis=0)
         counts = [np.bincount(owners, minlength=size) for owners in (s.point, s.other, triangles.ravel())]
         scaled = [np.moveaxis(w, 1, 0).reshape(size, -1) * self.context.sheet.spacing for w in (weights, back)]
-        torn = self._spans(ring) if self.context.features.breakable else {}
+        torn = self._spans(ring) if self.context.layout.breakable else {}
         checked = [values for _, values in torn.values()]
         kind, one = kinds(np.concatenate([counts, ring, fitted, around, *checked]).T, np.column_stack(scaled))
         return {name: (dtype, values[:, one]) for name, (dtype, values) in torn.items()} | {

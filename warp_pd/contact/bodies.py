@@ -131,7 +131,7 @@ class RigidBody(Contact):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the body on a device."""
-        at_rest = self.loads_at_rest and not context.features.dynamic
+        at_rest = self.loads_at_rest and not context.dynamic
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
 
@@ -180,7 +180,7 @@ class BuiltBody(BuiltContact):
         self._check_apart()
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
-        self._curved, tracked = curved, context.features.tracked
+        self._curved, tracked = curved, context.options.tracked
         self.impulse: Array | None = None
         self.turn: Array | None = None
         self.loss: Array | None = None
@@ -220,7 +220,7 @@ class BuiltBody(BuiltContact):
             return
         context, part, motion = self.context, self.part, self.motion
         of = point_contact(
-            context.step_options, part.shape.distance, part.motion.free, self._rubs, self._curved,
+            context.options, part.shape.distance, part.motion.free, self._rubs, self._curved,
             part.shape.remembering, motion.marks is not None,
         )  # fmt: skip
         at_end, values = phase is Phase.SEPARATE, self._arguments()
@@ -290,7 +290,7 @@ class BuiltBody(BuiltContact):
 
     def _losses(self) -> list[str]:
         lost = ["loss", "rubbed"] if self._rubs else ["loss"]
-        return [f"{self.part.name}_{what}" for what in lost] if self.context.features.tracked else []
+        return [f"{self.part.name}_{what}" for what in lost] if self.context.options.tracked else []
 
     def end_frame(self) -> None:
         """Set the sums of a frame to zero."""
@@ -313,7 +313,7 @@ class BuiltBody(BuiltContact):
             speed -= context.communicator.minimum(-thrown)
         if speed <= 0.0:
             return None
-        travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        travel = 0.5 * MAX_TRAVEL if self.context.layout.breakable else MAX_TRAVEL
         furthest = travel * min(sheet.spacing, 0.5 * shape.thinnest())
         if self._surface is not None and self._surface.edged:
             furthest = min(furthest, EDGE_TRAVEL * sheet.spacing)
@@ -392,7 +392,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
         self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
-        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.features.held)
+        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.options.held)
 
     def _contact(self) -> Any:
         part, context = self.part, self.context

@@ -138,7 +138,7 @@ class BodyPath(BodyMotion):
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device."""
         made = OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
-        if context.features.dynamic:
+        if context.dynamic:
             made.motion.assign(np.tile(self._motion_at_start(), (2, 1)))
         return made
 
@@ -344,10 +344,10 @@ class OnPath(BuiltMotion):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
-        phases = (Phase.FOLLOW,) if self.context.features.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        phases = (Phase.FOLLOW,) if self.context.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
         if phase in phases:
             context, clock = self.context, self.context.clock
-            dynamic = context.features.dynamic
+            dynamic = context.dynamic
             stage.launch(
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
@@ -380,7 +380,7 @@ class InFlight(BuiltMotion):
         friction: float,
     ) -> None:
         super().__init__(name, pose, context)
-        points, tracked = context.sheet.size, context.features.tracked
+        points, tracked = context.sheet.size, context.options.tracked
         self.body, self.inertia = body, inertia
         turn = rotation_matrix(pose[1])
         angular = turn @ inertia @ turn.T @ np.array(body.spin, float)
@@ -432,7 +432,7 @@ class InFlight(BuiltMotion):
     ) -> None:
         """Add the launches that find the response of the body to the touching points, and those of contact."""
         near = self._near
-        kernels = free_contact(of, self.context.step_options, "slips" in self._found)
+        kernels = free_contact(of, self.context.options, "slips" in self._found)
         both = {"a": with_values(kernels.struct(), values), "body": self._of, "at_end": int(at_end)}
         if pushed is not None:
             near.launch(stage, kernels.take, **both, **pushed)

@@ -48,7 +48,7 @@ class BodySurface:
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
         free = motion.free_inertia()
         made = self._kernels = kernels.surface_contact(
-            context.step_options, shape.distance, free is not None, rubs, sheet.frames is not None,
+            context.options, shape.distance, free is not None, rubs, sheet.frames is not None,
             law.intact is not None,
         )  # fmt: skip
 

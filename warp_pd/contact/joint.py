@@ -112,7 +112,7 @@ class BuiltJoint(BuiltPart):
     label = "loads: Joint"
 
     def __init__(self, part: Joint, context: Context, law: BuiltLaw) -> None:
-        if not context.features.dynamic:
+        if not context.dynamic:
             raise InputError(f"{self.label}: not supported by static solvers; expected Explicit")
         self.part, self.context = part, context
         sheet = context.sheet
@@ -199,7 +199,7 @@ class BuiltJoint(BuiltPart):
             self.damage = context.array(
                 "joint_damage", OWNER, context.types.real, damage, restart=True, output="joint_damage"
             )
-            if context.features.tracked:
+            if context.options.tracked:
                 self.released = context.array("joint_released", OWNER, wp.float64, shape=n, restart=True)
 
     def _own_triangles(self) -> tuple[np.ndarray, np.ndarray]:

@@ -118,7 +118,7 @@ class BuiltInclusions(BuiltPart):
         if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK, Phase.FRAME):
             return
         context, state = self.context, self.context.state
-        kernels = rigid_inclusions(context.step_options)
+        kernels = rigid_inclusions(context.options)
         bodies = with_values(kernels.struct(), {
             **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
             "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,
@@ -130,7 +130,7 @@ class BuiltInclusions(BuiltPart):
             stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
 
     def _quantities(self) -> list[str]:
-        moving = ["velocity", "spin"] if self.context.features.dynamic else []
+        moving = ["velocity", "spin"] if self.context.dynamic else []
         return ["position", "rotation", *moving, "force", "torque"]
 
     def columns(self) -> Columns:

@@ -114,7 +114,7 @@ class BuiltSelfContact(BuiltContact):
         self._allocate_lists(capacity)
         self._allocate_friction(rubbing)
         self._lists = pair_lists(context.layout, pieces)
-        self._kernels = repulsion(context.layout, context.step_options, pieces, rubbing)
+        self._kernels = repulsion(context.layout, context.options, pieces, rubbing)
 
     def _allocate_points(self, pieces: bool) -> None:
         """Allocate the point data for pairs: reference positions, areas and pieces."""
@@ -149,7 +149,7 @@ class BuiltSelfContact(BuiltContact):
             self._touching = context.array("contacts", OWNER, wp.int32, shape=n)
             self._contact_force = context.array("contact_force", OWNER, context.types.vec3, shape=n)
             self._impulse = context.array("friction_impulse", OWNER, context.types.vec3, shape=n)
-            if context.features.tracked:
+            if context.options.tracked:
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
 
     def added_frequency(self) -> float:

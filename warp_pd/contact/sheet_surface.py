@@ -46,7 +46,7 @@ class SheetSurface(BuiltContact):
                 "SelfContact.surface = True: expected False with rigid inclusions, which do not support it"
             )
         self.context, self._law = context, law
-        sheet, f = context.sheet, context.features
+        sheet, f = context.sheet, context.options
         triangles = np.asarray(sheet.triangles, np.int32)
         points, faces, rubs = sheet.size, len(triangles), friction > 0.0
         tables = _tables(triangles, points)
@@ -91,7 +91,7 @@ class SheetSurface(BuiltContact):
             **({**room(slots, turns=wp.vec3d), **room(points, "point", dragged=wp.vec3d)} if rubs else {}),
             "friction": friction, "unit": UNIT * sheet.spacing**3 * float(np.max(sheet.thickness * sheet.density)),
         })  # fmt: skip
-        self._take = kernels.take_impulses(context.step_options, rubs)
+        self._take = kernels.take_impulses(context.options, rubs)
         self.lost = self.rubbed = None
         if f.tracked:
             self.lost = context.array("surface_lost", OWNER, wp.float64, shape=points, restart=True)
@@ -175,7 +175,7 @@ class SheetSurface(BuiltContact):
         context, state, a = self.context, self.context.state, self._surface
         points, _, sides, leaves = self._sizes
         stage.launch(
-            OWNER, kernels.enter(context.bits, context.features.held), points, a=a, displacement=state.displacement,
+            OWNER, kernels.enter(context.bits, context.options.held), points, a=a, displacement=state.displacement,
             velocity=state.velocity, mass=state.mass, held_mask=state.held_mask, step=state.step, status=self.status,
             **needed,
         )  # fmt: skip

@@ -234,7 +234,7 @@ class BuiltEnclosed(BuiltLoad):
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 if bonds cannot break")
         key = (context.bits, pressure_law, self._schedule is not None, load.loses)
         self._set_pressure = enclosed_pressure(*key)
-        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.features.softened)
+        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.layout.softened)
         self._allocate_surface(positions, faces, triangles, breakable)
         self._allocate_sums(len(triangles))
         self._allocate_leak(len(faces), leaks)

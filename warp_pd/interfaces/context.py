@@ -52,53 +52,13 @@ def find_device(name: str | None) -> wp.Device:
     return wp.get_device(name)
 
 
-@dataclass(frozen=True)
-class Features:
-    """Features of a scene that decide how shared kernels are compiled.
-
-    Attributes:
-        held: Whether any component of any point is held.
-        loaded: Whether external forces act.
-        damped: Whether there is mass damping.
-        tracked: Whether external work and losses are summed.
-        breakable: Whether bonds can break.
-        softened: Whether a damage field reduces the stiffness of families.
-        dynamic: Whether the solver steps in time.
-    """
-
-    held: bool = False
-    loaded: bool = False
-    damped: bool = False
-    tracked: bool = False
-    breakable: bool = False
-    softened: bool = False
-    dynamic: bool = False
-
-
-@dataclass(frozen=True)
-class Varying:
-    """Where the constants of the material vary, which decides how kernels of families are compiled.
-
-    Attributes:
-        regions: Whether bonds have several materials (kernels/by_region.py).
-        by_point: Whether the last constant is a value of the point.
-        remembers: Whether it is an internal variable of the intersection.
-    """
-
-    regions: bool = False
-    by_point: bool = False
-    remembers: bool = False
-
-    def __bool__(self) -> bool:
-        """Whether they vary at all."""
-        return self.regions or self.by_point or self.remembers
-
-    @classmethod
-    def of(cls, material: Any) -> Varying:
-        """Those of a material."""
-        known = capabilities(material)
-        remembers = known.remembers is not None
-        return cls(bool(known.regions), known.by_point is not None and not remembers, remembers)
+def with_material(layout: Layout, material: Any) -> Layout:
+    """The layout for a law with this material."""
+    known = capabilities(material)
+    remembers = known.remembers is not None
+    return replace(
+        layout, regions=bool(known.regions), by_point=known.by_point is not None and not remembers, remembers=remembers
+    )
 
 
 @dataclass(eq=False)
@@ -138,7 +98,9 @@ class Context:
         sheet: The stress-free sheet, restricted to the points of this process.
         device: The Warp device.
         types: Types of the precision.
-        features: Features that decide how shared kernels are compiled.
+        options: What the kernels of a step compile.
+        layout: Layout of the families; what the material adds is known once the law is.
+        dynamic: Whether the solver steps in time.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: Initial displacement from the stress-free state [m], shape (N, 3).
         fields: All arrays.
@@ -152,19 +114,20 @@ class Context:
         block_dim: Threads per block on CUDA, common to most launches because kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
-        varying: Where the constants of the material vary.
         state: Arrays shared by all parts.
     """
 
     sheet: Sheet
     device: wp.Device
     types: Numeric
-    features: Features
+    options: StepOptions
+    layout: Layout
     held: np.ndarray
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
     given: Sheet
+    dynamic: bool = False
     undivided: Sheet | None = None
     placement: np.ndarray | None = None
     partition: Partition | None = None
@@ -172,7 +135,6 @@ class Context:
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
-    varying: Varying = field(default_factory=Varying)
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -190,19 +152,6 @@ class Context:
     def bits(self) -> int:
         """Precision, 32 or 64."""
         return self.types.bits
-
-    @property
-    def layout(self) -> Layout:
-        """Layout of the families."""
-        sheet, f, v = self.sheet, self.features, self.varying
-        curved = sheet.frames is not None
-        return Layout(sheet.layout, self.bits, curved, f.breakable, f.softened, v.regions, v.by_point, v.remembers)
-
-    @property
-    def step_options(self) -> StepOptions:
-        """What the kernels of an explicit step compile."""
-        f = self.features
-        return StepOptions(self.bits, f.held, f.loaded, f.damped, f.tracked)
 
     def array(
         self,
@@ -369,12 +318,15 @@ class Context:
         self.stages[name] = Stage(name, when, self.device, self.block_dim, [])
         return self.stages[name]
 
-    def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
-        """Context for another sheet of the same simulation, with a separate state and prefixed stage names."""
-        start = np.zeros((sheet.size, 3))
+    def on(self, sheet: Sheet, prefix: str, held: np.ndarray) -> Context:
+        """Context of equilibrium on another sheet, with a separate state and prefixed stage names."""
         return replace(
-            self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
-            placement=None,
+            self, sheet=sheet, undivided=None, prefix=prefix, held=held,
+            options=StepOptions(self.bits, bool(held.any()), self.options.loaded, damped=False, tracked=False),
+            layout=replace(
+                self.layout, kind=sheet.layout, curved=sheet.frames is not None, breakable=False, softened=False
+            ),
+            dynamic=False, initial_displacement=np.zeros((sheet.size, 3)), placement=None,
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1, begin: int = 0) -> LaunchSequence:

@@ -113,8 +113,8 @@ class BondAssociatedForce(BondAssociatedLaw):
     remembered: FunctionFactory | None = None
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
-        features, sheet = context.features, context.sheet
-        at_once = features.breakable and not features.softened
+        sheet, self.layout = context.sheet, context.layout
+        at_once = self.layout.breakable and not self.layout.softened
         self.law, self.weights = law, law.resolved_weights(at_once, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
@@ -131,10 +131,9 @@ class BondAssociatedForce(BondAssociatedLaw):
         families, inverse, weights, self.correction = tables
         super().__init__(law, context, families, inverse, weights)
         self._areas = sheet.areas if self.weights == "published" else self._summed(weights)
-        if context.varying.by_point or context.varying.remembers:
+        if self.layout.by_point or self.layout.remembers:
             self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.layout = context.layout
         self.key = (self.layout, law.material.functions, law.form)
         self.earlier_energy, self.partial_energy = family_energies(*self.key)
         self.represented = None if self.weights == "published" else represented_area(self.layout)
@@ -155,7 +154,7 @@ class BondAssociatedForce(BondAssociatedLaw):
             raise InputError(f"{name}: expected a number or shape ({sheet.size},), got shape {given.shape}")
         each = np.broadcast_to(given, sheet.size)
         real = context.types.real
-        if context.varying.remembers:
+        if self.layout.remembers:
             start = np.tile(each, (self.families.members, 1))
             self.struct.remembered = context.array("remembered", self.owner, real, start, per="bond", restart=True)
         else:

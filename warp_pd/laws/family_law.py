@@ -133,7 +133,7 @@ class FamilyLaw(BuiltLaw):
         self.horizon_ratio = law.horizon
         self.struct = family_struct(families, context, self.owner, inverse, weights)
         self.intact: Array | None = None
-        if context.features.breakable:
+        if context.layout.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
             self.struct.intact = self.intact

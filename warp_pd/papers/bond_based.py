@@ -101,7 +101,7 @@ class BondBasedForce(FamilyLaw):
             weights = _corrected(families, sheet, weights)
         weights = families.scaled(weights)
         super().__init__(law, context, families, None, weights)
-        breakable = context.features.breakable
+        breakable = context.layout.breakable
         self.kernels = bond_based(context.layout, law.material.pairwise, context.sheet.stiffness is not None)
         self.earlier_energy = self.kernels.earlier_energy
         self._inner = inner_directions(context, self.owner, families, weights)

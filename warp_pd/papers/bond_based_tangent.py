@@ -46,7 +46,7 @@ class BondBasedTangent:
         t, shape = context.types, (force.families.members, force.points)
         self.blocks = context.array("bond_stiffness", OWNER, t.vec6, shape=shape, per="bond")
         self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=force.points)
-        self.kernels = bond_based_tangent(context.layout, material.pairwise, context.features.held, geometric)
+        self.kernels = bond_based_tangent(context.layout, material.pairwise, context.options.held, geometric)
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
         """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""

@@ -16,7 +16,7 @@ class Ticking(BuiltPart):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch of the clock, unless a body on a path counts the time."""
-        if phase is Phase.CLOCK and self.context.features.dynamic and self.context.clock.counted_by is not None:
+        if phase is Phase.CLOCK and self.context.dynamic and self.context.clock.counted_by is not None:
             return
         if phase in (Phase.CLOCK, Phase.SCHEDULES):
             self.context.clock.add_tick(stage, steps=1 if phase is Phase.CLOCK else 0)

@@ -51,7 +51,7 @@ class FrameChecks(BuiltPart):
         self._blocks = context.own_blocks
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
-        if context.features.tracked:
+        if context.options.tracked:
             self.half_step_kinetic = context.array("half_step_kinetic", OWNER, wp.float64, shape=context.sheet.size)
         self.not_finite = context.array("not_finite", OWNER, wp.int32, shape=self._blocks, per="block")
         self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")
@@ -62,7 +62,7 @@ class FrameChecks(BuiltPart):
             return
         context, state = self.context, self.context.state
         stage.launch(
-            OWNER, kinetic_energy(context.step_options), context.sheet.size,
+            OWNER, kinetic_energy(context.options), context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
             damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
             half_step=self.half_step_kinetic,
@@ -110,17 +110,17 @@ class EnergyBalance:
     """
 
     def __init__(self, context: Context, law: BuiltLaw, does_work: bool, unbalanced: bool) -> None:
-        features, n = context.features, context.sheet.size
+        options, n = context.options, context.sheet.size
         self.work: Array | None = None
         self.dissipated: Array | None = None
-        if features.tracked and does_work:
+        if options.tracked and does_work:
             self.work = context.array("work", "energy balance", wp.float64, shape=n, restart=True)
-        if features.tracked and features.damped:
+        if options.tracked and options.damped:
             self.dissipated = context.array("dissipated", "energy balance", wp.float64, shape=n, restart=True)
-        self.balances = features.tracked and law.has_energy and not unbalanced
+        self.balances = options.tracked and law.has_energy and not unbalanced
         # These columns are 0 in scenes that have no such work or loss, so that runs can be compared.
-        self._always: tuple[str, ...] = ("external", "damping") if features.tracked else ()
-        self._always += ("rupture",) if features.tracked and law.has_energy else ()
+        self._always: tuple[str, ...] = ("external", "damping") if options.tracked else ()
+        self._always += ("rupture",) if options.tracked and law.has_energy else ()
         self.stored: Sequence[str] = ()
         self.lost: Sequence[str] = ()
 

@@ -85,7 +85,7 @@ class BuiltReaction(BuiltPart):
         if phase is Phase.FRAME:
             context, state = self.context, self.context.state
             stage.launch(
-                OWNER, support_forces(context.bits, context.features.loaded), len(self.points), points=self.points,
+                OWNER, support_forces(context.bits, context.options.loaded), len(self.points), points=self.points,
                 held_mask=state.held_mask, force=state.force, external=state.external, out=self.pull,
             )  # fmt: skip
 

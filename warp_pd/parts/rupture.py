@@ -162,7 +162,7 @@ class Damaged(BuiltRupture):
             mask = np.zeros(context.whole.size, np.uint8)
             mask[point_indices(f"{owner}.spared", rupture.spared, len(mask))] = 1
             self.spared = context.array("spared", owner, wp.uint8, context.here(mask))
-        tracked = context.features.tracked and law.has_energy
+        tracked = context.options.tracked and law.has_energy
         self.released: Array | None = None
         if tracked:
             self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)

@@ -13,7 +13,7 @@ from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Columns, Part, System
 from ..interfaces.communicator import Communicator
-from ..interfaces.context import State, Varying, find_device
+from ..interfaces.context import State, find_device, with_material
 from ..interfaces.external_force import ExternalForce
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
@@ -96,7 +96,7 @@ def compose(
         begin_loading_common(context)
     constraints = constraints_here(constraints, context)
     force = scene.force if scene.damage is None else scene.damage.law(scene.force, context)
-    context.varying = Varying.of(force.material)
+    context.layout = with_material(context.layout, force.material)
     law, here = force.build(context), parts_here(parts, context)
     for part in here:
         law = part.around(law, context)
@@ -109,7 +109,7 @@ def compose(
         moved.refuse_held_slopes()
     if scene.solver.dynamic:
         moved.check_begin(law.families.horizon)
-    does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)
+    does_work = context.options.held or context.options.loaded or any(part.does_work for part in parts)
     energy = EnergyBalance(context, law, does_work, any(part.unbalanced for part in parts))
     context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)

@@ -13,7 +13,9 @@ from ..device.fields import FieldRegister
 from ..families.partition import Partition
 from ..interfaces import Constraint, Part
 from ..interfaces.communicator import Communicator
-from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
+from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, State
+from ..kernels.families import Layout
+from ..kernels.integrate import StepOptions
 from ..kernels.numeric import numeric
 from ..parts.frame_checks import EnergyBalance
 from ..parts.supports import held_components
@@ -35,18 +37,22 @@ def scene_context(
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
     start, placement = scene.initial("initial_displacement"), sheet.placement()
-    features = Features(
+    options = StepOptions(
+        bits=bits,
         held=bool(held.any()),
         loaded=any(is_load(part, scene) for part in parts),
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
-        breakable=scene.damage is not None,
-        softened=scene.damage is not None and scene.damage.is_field,
-        dynamic=solver.dynamic,
     )
+    stress_free = sheet.unstretched()
+    layout = Layout(
+        stress_free.layout, bits, curved=sheet.frames is not None, breakable=scene.damage is not None,
+        softened=scene.damage is not None and scene.damage.is_field,
+    )  # fmt: skip
     initial = start if placement is None else start + placement
     made = Context(
-        sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
+        sheet=stress_free, device=device, types=numeric(bits), options=options, layout=layout,
+        dynamic=solver.dynamic, held=held,
         initial_displacement=initial, fields=FieldRegister(device),
         clock=Clock(solver.duration, solver.default_ramp), given=sheet, placement=placement, communicator=communicator,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
@@ -104,7 +110,7 @@ def constraints_here(constraints: Sequence[Constraint], context: Context) -> tup
 
 def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
     """Create the arrays that all parts share; `constant` is the sum of the constant loads [N], (N, 3), or None."""
-    sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
+    sheet, types, options, solver = context.sheet, context.types, context.options, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
     u: np.ndarray | None = context.initial_displacement
@@ -118,8 +124,8 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
         velocity=context.array("velocity", OWNER, vec3, v, shape=n, restart=True, halo=True, output="velocity"),
         force=context.array("force", OWNER, vec3, shape=n),
         mass=context.array("mass", OWNER, real, mass),
-        external=context.array("external", "loads", vec3, constant, shape=n) if features.loaded else None,
-        held_mask=context.array("held", "supports", wp.uint8, context.held) if features.held else None,
+        external=context.array("external", "loads", vec3, constant, shape=n) if options.loaded else None,
+        held_mask=context.array("held", "supports", wp.uint8, context.held) if options.held else None,
         step=context.array("step", "solver", real, shape=1, per="once") if solver.steps_explicitly else None,
         damping=None if solver.mass_damping is None else context.array(
             "damping", "solver", real, np.array([solver.mass_damping]), per="once", restart=True

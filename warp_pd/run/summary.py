@@ -170,7 +170,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "correction": law.correction,
         "energy": {
             **{name: row.get(name) for name in ("kinetic", "strain", "external")},
-            "dissipated": losses if context.features.tracked else None,
+            "dissipated": losses if context.options.tracked else None,
             "balance_error": row.get("balance_error"),
         },
         "notes": notes,

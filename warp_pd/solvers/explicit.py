@@ -137,7 +137,7 @@ class BuiltExplicit(BuiltSolver):
     def __init__(self, solver: Explicit, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context = solver, context
         self._since_estimate = self._since_row = self._place = 0
-        default = LESS_SAFETY if context.features.breakable or law.goes_slack or context.varying.remembers else SAFETY
+        default = LESS_SAFETY if context.layout.breakable or law.goes_slack or context.layout.remembers else SAFETY
         self.safety = default if solver.safety is None else solver.safety
 
     def add(self, phase: Phase, stage: Stage) -> None:

@@ -16,7 +16,7 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     if phase not in (Phase.DRIFT, Phase.KICK):
         return
     state = context.state
-    kernels = integration(context.step_options)
+    kernels = integration(context.options)
     stage.pointwise(
         OWNER, kernels.drift if phase is Phase.DRIFT else kernels.kick, context.sheet.size,
         mass=inertia, held_mask=state.held_mask, step=state.step, damping=state.damping, force=state.force,

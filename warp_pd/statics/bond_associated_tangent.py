@@ -58,7 +58,7 @@ class BondAssociatedTangent:
                 f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
                 f"or use the solver Relaxation"
             )
-        self.kernels = bond_associated_tangent(force.layout, response, context.features.held)
+        self.kernels = bond_associated_tangent(force.layout, response, context.options.held)
         self.matrix: TangentMatrix | None = None
         self._assembly: tuple[Stage, Array] | None = None
 
@@ -164,7 +164,7 @@ class TangentMatrix:
         force, context = tangent.force, tangent.context
         self.tangent = tangent
         self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
-        self._kernels = tangent_matrix(context.bits, context.features.held)
+        self._kernels = tangent_matrix(context.bits, context.options.held)
         self._held_mask = context.state.held_mask
         starts, columns = pattern(force.families)
         self.starts = context.array("matrix_starts", OWNER, wp.int32, starts, per="table")

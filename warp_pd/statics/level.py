@@ -51,7 +51,7 @@ class Level:
         self.contacts = contacts
         t, n = context.types, context.sheet.size
         self.displacement = context.state.displacement
-        self.kernels = equilibrium(t.bits, context.features.held)
+        self.kernels = equilibrium(t.bits, context.options.held)
         self.base = context.array("base", OWNER, t.vec3, shape=n)
         self.direction = context.array("newton_step", OWNER, t.vec3, shape=n)
         self.residual = context.array("unbalanced", OWNER, t.vec3, shape=n)

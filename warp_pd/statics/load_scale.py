@@ -48,7 +48,7 @@ class LoadScale:
 
     def add(self, stage: Stage, dead: Array | None, unbalanced: Array, squared: Array) -> None:
         """Add the launch of the unbalanced force, and of loads and reactions."""
-        context, state, f = self.context, self.context.state, self.context.features
+        context, state, f = self.context, self.context.state, self.context.options
         kernel = residual(context.bits, f.held, f.loaded, dead is not None, self.initial is not None)
         stage.launch(
             self.owner, kernel, context.sheet.size, held_mask=state.held_mask, force=state.force,

@@ -15,7 +15,7 @@ from ..device.fields import Array, assign
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
 from ..interfaces import BuiltLaw, System
-from ..interfaces.context import Context, Features, State
+from ..interfaces.context import Context, State
 from ..kernels.loads import begin_loads
 from ..kernels.statics.equilibrium import lattice_transfer
 from .level import OWNER, Level
@@ -46,7 +46,7 @@ class Hierarchy:
         self._dead_loads: list[Array | None] = [None]
         self._dead: Array | None = None
         coarser_lattices = coarser(sheet.lattice)
-        if context.features.loaded and coarser_lattices:
+        if context.options.loaded and coarser_lattices:
             self._dead = context.array("dead_loads", OWNER, context.types.vec3, shape=sheet.size)
             stage = context.stage("dead loads", "every load step, for the coarser lattices")
             system.external.add_dead(stage, self._dead)
@@ -90,7 +90,7 @@ class Hierarchy:
         fine, coarse = self.levels[index], self.levels[index + 1]
         a, b = self.lattices[index], self.lattices[index + 1]
         context = fine.context
-        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held)
+        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.options.held)
         smoother, below = self._smoothers[index], self._smoothers[index + 1]
         down = context.stage("down", "every V-cycle, downwards")
         smoother.add_down(down)
@@ -220,8 +220,7 @@ def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Latti
         width, height, thickness=solid["thickness"], density=solid["density"], points=(lattice.columns, lattice.rows)
     )
     held = context.held[near]
-    features = Features(held=bool(held.any()), loaded=context.features.loaded)
-    made = context.on(coarse, f"lattice {depth} ", features, held)
+    made = context.on(coarse, f"lattice {depth} ", held)
     vec3, n = made.types.vec3, coarse.size
     # A coarser lattice is only ever in equilibrium: no point of it has a velocity or a mass.
     nothing = wp.zeros(0, dtype=vec3, device=made.device)
@@ -230,8 +229,8 @@ def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Latti
         velocity=nothing,
         force=made.array("force", OWNER, vec3, shape=n),
         mass=nothing,
-        external=made.array("external", OWNER, vec3, shape=n) if features.loaded else None,
-        held_mask=made.array("held", OWNER, wp.uint8, held) if features.held else None,
+        external=made.array("external", OWNER, vec3, shape=n) if made.options.loaded else None,
+        held_mask=made.array("held", OWNER, wp.uint8, held) if made.options.held else None,
     )
     return made
 

@@ -337,7 +337,7 @@ class BuiltRelaxation(BuiltSolver):
         ahead = self._moved * shrinking / (1.0 - shrinking) if shrinking < 1.0 else math.inf
         hidden = not context.communicator.any(bool(way > round_off))
         rests = hidden or not context.communicator.any(bool(ahead > ACCURACY * way))
-        self._hidden = self._hidden or (hidden and context.features.loaded)
+        self._hidden = self._hidden or (hidden and context.options.loaded)
         return rests
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:

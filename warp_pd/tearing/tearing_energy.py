@@ -178,7 +178,7 @@ class TearingEnergy(Rupture):
 
 def finds_at_once(context: Context) -> bool:
     """Whether one launch finds the damage of a step: on a GPU, whose blocks can wait for each other."""
-    return context.device.is_cuda and context.features.dynamic and context.partition is None
+    return context.device.is_cuda and context.dynamic and context.partition is None
 
 
 class DamageField(Damaged):
@@ -195,7 +195,7 @@ class DamageField(Damaged):
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
-        if rupture.every_step and not context.features.dynamic:
+        if rupture.every_step and not context.dynamic:
             raise InputError(
                 "TearingEnergy.every_step = True: expected False with a static solver, which finds the damage in "
                 "equilibrium"
@@ -220,7 +220,7 @@ class DamageField(Damaged):
         self._every, closer = (1, CLOSER) if rupture.every_step else (INTERVAL, 1.0)
         growth = closer * SWEEPS * (self.length / finest) ** (2 if weak else 1)
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
-        self.sweeps *= 1 if context.features.dynamic else SWEEPS_AT_REST
+        self.sweeps *= 1 if context.dynamic else SWEEPS_AT_REST
         factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
         screen, few = screen_of(law, context, self.owner, self.limit)
         self._tables = with_values(field_tables(context.bits)(), {
@@ -246,7 +246,7 @@ class DamageField(Damaged):
     def _refuse_early(self, law: BuiltLaw) -> None:
         """Refuse a start far above the strength before kernels are compiled; `begin` is exact."""
         context = self.context
-        one_material = not context.varying
+        one_material = not context.layout.varies
         alike = one_material and self.spared is None and context.partition is None
         if not alike or not context.initial_displacement.any():
             return

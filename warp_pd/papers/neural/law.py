@@ -136,7 +136,7 @@ class NeuralForce(PointLaw):
     has_energy = False
 
     def __init__(self, law: Neural, context: Context) -> None:
-        super().__init__(law, law.influence, context, law.resolved_weights(context.features.breakable))
+        super().__init__(law, law.influence, context, law.resolved_weights(context.layout.breakable))
         self.law = law
         known = capabilities(law.material)
         assert known.volume is not None
