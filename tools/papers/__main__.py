@@ -100,6 +100,7 @@ def main() -> None:
         print(f"{key}: {found[key]['seconds']:g} s", *([values["why"]] if "why" in values else []), flush=True)
     if options.out == NUMBERS:
         pages(found, DOCS / "papers")
+        ve.rate_picture(DOCS / "papers" / "ve-rates.png")
     else:
         rows = [row for name in PAPERS for row in PAPERS[name].ROWS if row.example in keys or not options.only]
         print("\n".join(table(HEAD, [judged(row, found) for row in rows])))

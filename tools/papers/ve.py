@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from study import picture
 
 from papers.rows import Example, Row, Values, run_scene, scene_values, where_passed
-from warp_pd import Prony, Yeoh
+from warp_pd import Prony, Visco, Yeoh
+from warp_pd.fitting import Curve, Fit, RateTests, fit
+from warp_pd.fitting import rate_stress as stress_at_rate
 from warp_pd.papers.analytic_response import published_stress
 
 POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)
 TERM = Prony(c10=0.01733e6, c20=0.0015e6, time=0.9466, exponent=1.6665)
 YOUNG, POISSON, SPACINGS = 1.1976e6, 0.5, 3.015
+DAMPING_RUBBER = Yeoh(c10=0.1438e6, c20=0.1438e6)
+DAMPING_TERM = Prony(c10=0.0587e6, c20=0.0562e6, time=0.8673, exponent=0.1)
+# Material, Prony term and rates of the tests [1/s]: tables 1 and 2, figures 2 and 3.
+RUBBERS = {
+    "high-damping rubber": (DAMPING_RUBBER, DAMPING_TERM, 0.24, 0.88),
+    "polyurea": (POLYUREA, TERM, 0.15, 14.0),
+}
 SHEET = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 RUNNING, VISCOUS = (0.022, 0.023, 0.024, 0.025), (0.025, 0.029, 0.030, 0.031)
 
@@ -58,6 +69,65 @@ def equations(_device: str | None) -> Values:
     return found
 
 
+def rate_stress(rubber: Yeoh, term: Prony, rate: float, stretch: np.ndarray) -> np.ndarray:
+    """Cauchy stress in a uniaxial test at a constant rate [Pa], eqs. 30 and 33 as printed; rate 0 is equilibrium."""
+
+    def spring(c10: float, c20: float, s: np.ndarray) -> np.ndarray:
+        return 2.0 * (s**2 - 1.0 / s) * (c10 + 2.0 * c20 * (s**2 + 2.0 / s - 3.0))
+
+    total = spring(rubber.c10, rubber.c20, stretch)
+    for n, goal in enumerate(stretch if rate > 0.0 else ()):
+        edges = np.linspace(1.0, goal, 2001)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        relaxation = term.time * (rate * np.sqrt(4.0 * middle**2 + 2.0 * middle**-4)) ** -term.exponent
+        kept = np.exp(-np.abs(goal - middle) / (rate * relaxation))
+        total[n] += (np.diff(spring(term.c10, term.c20, edges)) * kept).sum()
+    return total
+
+
+def law(c10: float, c20: float, v10: float, v20: float, time: float, exponent: float) -> Visco:
+    """A rubber with one Prony term."""
+    return Visco(Yeoh(c10, c20), prony=[Prony(v10, v20, time, exponent)])
+
+
+def identified(rates: tuple[float, ...]) -> Fit:
+    """The constants of table 1, found again from curves that they give at these rates, from another start."""
+    true = {"c10": 0.1438e6, "c20": 0.1438e6, "v10": 0.0587e6, "v20": 0.0562e6, "time": 0.8673, "exponent": 0.1}
+    stretch = np.linspace(0.95, 0.4, 12)
+    tests = [
+        Curve("uniaxial", stretch, "stress", stress_at_rate(law(**true), "uniaxial", r, stretch), name=f"{r:g} /s")
+        for r in rates
+    ]
+    start = {"c10": 1e5, "c20": 1e5, "v10": 1e5, "v20": 1e4, "time": 1.0, "exponent": 0.3}
+    return fit(RateTests(law, tests, rates=rates), list(true), start=start)
+
+
+def rates(_device: str | None) -> Values:
+    """VE 2.2 and 2.3: whether stress rises with the rate, and whether the printed tests tell the constants."""
+    found: Values = {}
+    for name, (rubber, term, slow, fast) in RUBBERS.items():
+        for s in (0.5, 2.0):
+            low, high = (abs(rate_stress(rubber, term, rate, np.array([s]))[0]) for rate in (slow, fast))
+            found[f"{name}, fast over slow at {s:g}"] = high / low
+    for name, used in (("three", (0.0, 0.24, 0.88)), ("two", (0.0, 0.24))):
+        result = identified(used)
+        found[f"{name} rates, error"] = abs(result.estimates["exponent"] / 0.1 - 1.0)
+        found[f"{name} rates, notes"] = "; ".join(result.notes)
+    return found
+
+
+def rate_picture(path: Path) -> None:
+    """Figures 2 and 3 from the printed constants."""
+    with picture(path, columns=2) as axes:
+        for axis, (name, (rubber, term, *between)) in zip(axes[0], RUBBERS.items(), strict=True):
+            stretch = np.concatenate([np.linspace(0.4, 0.99, 60), np.linspace(1.01, 2.5, 60)])
+            for rate in (0.0, *between):
+                label = "equilibrium" if rate == 0.0 else f"{rate:g} /s"
+                axis.plot(stretch, rate_stress(rubber, term, rate, stretch) / 1e6, label=label)
+            axis.set(title=name, xlabel="stretch", ylabel="Cauchy stress (MPa)", ylim=(-4.0, 4.0))
+            axis.legend()
+
+
 def failing(scene: str, times: tuple[float, ...], device: str | None, **settings: Any) -> Values:
     """A crack that runs: damage at the paper's times."""
     found, result = run_scene(scene, device, failure=True, **settings)
@@ -73,6 +143,7 @@ FREE = {"law": "stress_free"}
 MEANT = {"energy": 6.69e6}
 MICROSECONDS = (150e-6, 170e-6, 180e-6, 190e-6)
 EXAMPLES: dict[str, Example] = {
+    "ve.2.3": rates,
     "ve.equations": equations,
     **{f"ve.6.1.{s:g}": partial(scene_values, "visco_sheet", viscous=False, stretch=s, points=50) for s in SHEET},
     **{f"ve.6.2.{s:g}": partial(scene_values, "visco_hole", stretch=s) for s in (4.0, 7.0)},
@@ -98,6 +169,16 @@ EXAMPLES: dict[str, Example] = {
 }  # fmt: skip
 
 ROWS = [
+    *(
+        Row("ve.2.3", f"2.3, figure {figure}", f"{name}: stress at {fast:g} /s over that at {slow:g} /s, stretch {s:g}",
+            "above 1", f"{name}, fast over slow at {s:g}", "eqs. 30 and 33, printed constants", low=1.0)
+        for figure, (name, (_, _, slow, fast)) in zip((2, 3), RUBBERS.items(), strict=True)
+        for s in (0.5, 2.0)
+    ),
+    Row("ve.2.3", "2.3, table 1", "eta found again from curves at 0, 0.24 and 0.88 /s, off by (%)", "-",
+        "three rates, error", "curves of table 1", high=0.01, scale=100.0),
+    Row("ve.2.3", "2.3, table 1", "eta found again from curves at 0 and 0.24 /s, off by (%)", "identified",
+        "two rates, error", "the tests that the paper used", high=0.01, scale=100.0),
     Row("ve.equations", "6", "Young's modulus of polyurea, 6 c10 (MPa)", "1.1976", "young", value=1.1976e6, scale=1e-6),
     Row("ve.equations", "4, eq. 67", "bonds across a unit of the crack, in spacings", "36", "crossing",
         "each bond once", value=36.0),

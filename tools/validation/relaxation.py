@@ -13,6 +13,7 @@ from validation.comparison import Comparison, median_deviation
 from warp_pd import Explicit, Fixed, Maxwell, Measure, Motion, NeoHookean, Sheet, Simulation, TensionField, Visco
 from warp_pd.fitting import read_table
 from warp_pd.measures import support_force
+from warp_pd.visco.uniform import maxwell_stress
 
 # Times of the branches [s], one a decade of the test; the strips are as long as theirs, their cross-section is unknown.
 TIMES, LENGTH, SECTION = (1.0, 10.0, 100.0, 1000.0), 0.08, 1e-5
@@ -26,23 +27,16 @@ def columns(*names: str) -> list[np.ndarray]:
     return [table[name][np.isfinite(table[name])] for name in names]
 
 
-def branch(times: np.ndarray, stretches: np.ndarray, relaxation: float) -> np.ndarray:
-    """Nominal stress over the modulus of a branch whose stretch is linear between the times."""
-    along, across, stress = 1.0, 1.0, [0.0]
-    for k in range(1, len(times)):
-        half, mixed = 0.5 * (stretches[k - 1] + stretches[k]), -np.expm1((times[k - 1] - times[k]) / relaxation)
-        along, across = along + mixed * (half**-2 - along), across + mixed * (half - across)
-        stress.append(stretches[k] * along - across / stretches[k] ** 2)
-    return np.array(stress)
-
-
 @lru_cache
 def moduli() -> tuple[float, ...]:
     """Moduli [Pa] of the network and the branches: least relative squares of the relaxation test, none negative."""
     at, force = columns("time", "relaxation")
     times = np.union1d(np.concatenate([np.linspace(0.0, 8.0, 400), np.geomspace(8.0, at[-1], 800)]), at)
     stretches = np.minimum(1.0 + RAMP * times, HELD)
-    bases = [stretches - stretches**-2, *(branch(times, stretches, relaxation) for relaxation in TIMES)]
+    bases = [
+        stretches - stretches**-2,
+        *(maxwell_stress(Maxwell(1.0, time), times, stretches, stretches**-0.5) for time in TIMES),
+    ]
     design = np.column_stack([np.interp(at, times, basis) for basis in bases])
     return tuple((nnls(design / force[:, None], np.ones(len(at)))[0] / SECTION).tolist())
 

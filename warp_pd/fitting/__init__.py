@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .least_squares import fit
     from .model import SceneTests
     from .probes import Deflection, PointField, Probe, SupportForce
+    from .rates import RateTests, rate_stress
     from .report import Fit
     from .tearing import TearingFit, tearing_energy
     from .uniform import UniformTests, nominal_stress
@@ -24,6 +25,7 @@ __all__ = [
     "Fit",
     "PointField",
     "Probe",
+    "RateTests",
     "SceneTests",
     "Sensitivity",
     "SupportForce",
@@ -31,6 +33,7 @@ __all__ = [
     "UniformTests",
     "fit",
     "nominal_stress",
+    "rate_stress",
     "read_table",
     "read_tests",
     "sensitivity",

@@ -31,9 +31,14 @@ def nominal_stress(
         x: Stretch along x, shape (n,); it may jump at the first time.
         y: Stretch along y, shape (n,).
     """
+    return np.asarray(x * second_stress(material.c10, material.c20, x, y) + prony_stress(prony, time, x, y))
+
+
+def prony_stress(prony: Sequence[Prony], time: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The part of the relaxing terms in `nominal_stress` [Pa], shape (n,)."""
     _require_rising(time)
     third = 1.0 / (x * y)
-    total = second_stress(material.c10, material.c20, x, y)
+    total = np.zeros_like(x)
     change = np.sqrt(np.diff(x**2) ** 2 + np.diff(y**2) ** 2 + np.diff(third**2) ** 2)
     for term in prony:
         total = total + _relaxing(term, time, change, second_stress(term.c10, term.c20, x, y))
