@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .contact.self_contact import SelfContact
     from .device.checks import InputError
     from .gas.enclosed import EnclosedGas, EnclosedVolume
+    from .implicit.solver import Implicit
     from .interfaces.frame import Frame, Surface
     from .laws.bond_associated import BondAssociated
     from .materials import (
@@ -108,6 +109,7 @@ __all__ = [
     "Free",
     "Gent",
     "HyperelasticBonds",
+    "Implicit",
     "Incompressible",
     "InputError",
     "Joint",

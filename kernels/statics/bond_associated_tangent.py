@@ -120,8 +120,17 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: bool) -> TangentKernels:
-    """Kernels of the tangent from the factory of a material's stress and moduli; `held`: any component is held."""
+def bond_associated_tangent(
+    layout: Layout, response: FunctionFactory, held: bool, remembers: bool = False
+) -> TangentKernels:
+    """Kernels of the tangent.
+
+    Args:
+        layout: Layout of the families.
+        response: Factory of stress and moduli of the material.
+        held: Whether any component is held.
+        remembers: Whether `response` also takes (i, j, members, terms, state), the internal variables of a step.
+    """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33
@@ -158,6 +167,8 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         constants: Constants,
         tension: wp.array(dtype=real),
         damage: wp.array(dtype=real),
+        terms: wp.array(dtype=types.parameters),
+        state: wp.array2d(dtype=types.parameters),
         first: int,
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
@@ -170,7 +181,11 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
             moduli[j, i] = vec6()
             there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
-                S, T = response_of(motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants))
+                G, here = motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants)
+                if wp.static(remembers):
+                    S, T = response_of(G, here, i, j, family.members, terms, state)
+                else:
+                    S, T = response_of(G, here)
                 A1, A2 = motion.gradient(H1, H2, tilt)
                 F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
                 gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
@@ -282,6 +297,7 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         stress: wp.array2d(dtype=vec3),
         moduli: wp.array2d(dtype=vec6),
         held_mask: wp.array(dtype=wp.uint8),
+        inertia: wp.array(dtype=real),
         unit_stiffness: real,
         first: int,
         out: wp.array(dtype=mat33),
@@ -320,7 +336,10 @@ def bond_associated_tangent(layout: Layout, response: FunctionFactory, held: boo
         mask = wp.uint8(0)
         if wp.static(held):
             mask = held_mask[i]
-        out[i] = inverse_of(unit_stiffness * block, mask)
+        block = unit_stiffness * block
+        if inertia:
+            block += inertia[i] * wp.identity(n=3, dtype=real)
+        out[i] = inverse_of(block, mask)
 
     @wp.func
     def entry_of(columns: wp.array(dtype=wp.int32), begin: int, end: int, m: int):

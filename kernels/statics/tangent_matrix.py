@@ -21,10 +21,14 @@ class TangentMatrixKernels:
     Attributes:
         product: Derivative of the force along a direction.
         inverse_diagonal: Inverse of the diagonal blocks, without held components.
+        add_inertia: Adds the inertia of each point to its diagonal block.
+        resist: change -= inertia x direction, for a tangent that is not stored.
     """
 
     product: Kernel
     inverse_diagonal: Kernel
+    add_inertia: Kernel
+    resist: Kernel
 
 
 @functools.cache
@@ -66,4 +70,24 @@ def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
             if columns[entry] == i:
                 out[i] = inverse_of(matrix[entry], mask)
 
-    return TangentMatrixKernels(product, inverse_diagonal)
+    @kernel()
+    def add_inertia(
+        inertia: wp.array(dtype=real),
+        starts: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        first: int,
+        matrix: wp.array(dtype=mat33),
+    ):
+        i = wp.tid() + first
+        for entry in range(starts[i], starts[i + 1]):
+            if columns[entry] == i:
+                matrix[entry] = matrix[entry] + inertia[i] * wp.identity(n=3, dtype=real)
+
+    @kernel()
+    def resist(
+        inertia: wp.array(dtype=real), direction: wp.array(dtype=vec3), first: int, change: wp.array(dtype=vec3)
+    ):
+        i = wp.tid() + first
+        change[i] = change[i] - inertia[i] * direction[i]
+
+    return TangentMatrixKernels(product, inverse_diagonal, add_inertia, resist)

@@ -13,6 +13,7 @@ from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
+from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..interfaces.context import Context
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
@@ -316,6 +317,11 @@ class BendingForce(BuiltLaw):
         return self.law.force_path
 
 
+@internal_variables_of.register
+def _(law: BendingForce) -> InternalVariables | None:
+    return internal_variables_of(law.law)
+
+
 @tangent_of.register
 def _(law: BendingForce, context: Context, geometric: bool) -> Tangent:
     return BendingTangent(law, tangent_of(law.law, context, geometric))
@@ -358,9 +364,9 @@ class BendingTangent(Tangent):
         """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
         return self.law.min_tension(relative)
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
-        self.law.add_linearise(stage, displacement, tension)
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+        """Add the launches that compute the tangent at a displacement; see `Tangent`."""
+        self.law.add_linearise(stage, displacement, tension, inertia)
         force = self.force
         n = force.context.sheet.size
         stage.launch(NEWTON, force.kernels.keep, n, displacement=displacement, kept=self._here)

@@ -53,6 +53,11 @@ class FrameSink(Protocol):
     residual: float | None = None
     solve: dict[str, Any] | None = None
 
+    @property
+    def restarts(self) -> bool:
+        """Whether a restart file may follow a frame: what it does not hold must not matter to the next step."""
+        return False
+
     def frame(self, index: int, now: float, steps: int, dt: float, strict: bool = False) -> None:
         """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one.
 

@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from ..kernels.factories import PairFactory
+from ..device.fields import Array
+from ..kernels.factories import FunctionFactory, PairFactory
 from ..kernels.families import Layout
 from ..materials import Material
 from .family_law import FamilyLaw
+
+
+@dataclass(frozen=True)
+class ResponseInStep:
+    """Stress and moduli at the end of a time step, of a law with internal variables.
+
+    Attributes:
+        response: Factory of (G, constants, i, j, members, terms, state) -> S, T.
+        terms: Constants of the terms in this step.
+        state: Internal variables.
+    """
+
+    response: FunctionFactory
+    terms: Array
+    state: Array
+
 
 # Layout, functions of the material, form.
 Key = tuple[Layout, PairFactory, str]
@@ -24,6 +42,8 @@ class BondAssociatedLaw(FamilyLaw):
         material: The material.
         fast: Whether to use a faster path than the reference where one applies.
         lattice_columns: Columns of the lattice, 0 on other sheets.
+        response_in_step: What its tangent takes instead of the material's response; None without internal variables.
+        steps_implicitly: Whether it is prepared for implicit steps.
     """
 
     layout: Layout
@@ -31,6 +51,8 @@ class BondAssociatedLaw(FamilyLaw):
     material: Material
     fast: bool
     lattice_columns: int
+    response_in_step: ResponseInStep | None = None
+    steps_implicitly: bool = False
 
     def paths(self) -> Sequence[Any]:
         """Types of the force paths that may be taken, in the order in which they are tried; the reference last."""

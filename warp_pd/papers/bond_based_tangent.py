@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import unpack
@@ -48,8 +49,10 @@ class BondBasedTangent:
         self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=force.points)
         self.kernels = bond_based_tangent(context.layout, material.pairwise, context.options.held, geometric)
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+        """Add the launches that compute the tangent at a displacement; see `Tangent`."""
+        if inertia is not None:
+            raise InputError("force = BondBased: not supported by the solver Implicit; expected Explicit")
         force = self.force
         stage.launch(
             OWNER, self.kernels.linearise, force.points,

@@ -151,6 +151,11 @@ class Recorder:
             self.reporter.residual(steps, residual, tolerance, round_of)
 
     @property
+    def restarts(self) -> bool:
+        """Whether a restart file may follow a frame."""
+        return self.saved is not None
+
+    @property
     def alone(self) -> bool:
         """Whether no other process shares the sheet."""
         return self.built.context.communicator.size == 1

@@ -113,6 +113,7 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
     sheet, types, options, solver = context.sheet, context.types, context.options, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
+    stepping = solver.dynamic or solver.steps_explicitly
     u: np.ndarray | None = context.initial_displacement
     v = None if scene.initial_velocity is None else context.here(scene.initial("initial_velocity"))
     if scene.initial_displacement is None and context.placement is None:
@@ -126,7 +127,7 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
         mass=context.array("mass", OWNER, real, mass),
         external=context.array("external", "loads", vec3, constant, shape=n) if options.loaded else None,
         held_mask=context.array("held", "supports", wp.uint8, context.held) if options.held else None,
-        step=context.array("step", "solver", real, shape=1, per="once") if solver.steps_explicitly else None,
+        step=context.array("step", "solver", real, shape=1, per="once") if stepping else None,
         damping=None if solver.mass_damping is None else context.array(
             "damping", "solver", real, np.array([solver.mass_damping]), per="once", restart=True
         ),

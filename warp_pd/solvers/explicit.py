@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, count, not_negative, numbers, positive
+from ..device.checks import InputError, count, not_negative, positive
 from ..device.fields import assign
 from ..device.launches import Stage
-from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from ..step import Phase, explicit_step, join_steps
+from .frame_times import FramesInTime
 from .integrator import add_motion
 from .retries import Retries
 from .stable_step import StableStep
@@ -42,7 +42,7 @@ SHORTFALL = 0.02
 
 
 @dataclass(frozen=True)
-class Explicit:
+class Explicit(FramesInTime):
     """Central differences in time, with a step that is a fraction of the repeatedly estimated stable step.
 
     Attributes:
@@ -71,22 +71,11 @@ class Explicit:
     retries: int = 5
     precision: int = 32
 
-    dynamic: ClassVar[bool] = True
     steps_explicitly: ClassVar[bool] = True
-    default_ramp: ClassVar[Schedule | None] = None
 
     def __post_init__(self) -> None:
         positive("duration", self.duration)
-        if isinstance(self.frames, Sequence):
-            times = numbers("frames", self.frames)
-            if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
-                raise InputError(
-                    f"frames = {list(self.frames)!r}: expected increasing times greater than 0, the last one equal to "
-                    "the duration, "
-                    f"{self.duration!r}"
-                )
-        else:
-            count("frames", self.frames, 1)
+        self.check_frames()
         not_negative("damping", self.damping)
         count("retries", self.retries, 0)
         if self.safety is not None and not 0.0 < positive("safety", self.safety) <= 1.2:
@@ -95,27 +84,6 @@ class Explicit:
             positive("step", self.step)
         if self.history_every is not None:
             positive("history_every", self.history_every)
-
-    @property
-    def frame_count(self) -> int:
-        """Number of frames after the first one."""
-        return len(self.frames) if isinstance(self.frames, Sequence) else self.frames
-
-    @property
-    def equal_frames(self) -> bool:
-        """Whether the frames are equally spaced."""
-        return self.frame_count == 1 or not isinstance(self.frames, Sequence)
-
-    @property
-    def mass_damping(self) -> float | None:
-        """The damping, unless it is zero [1/s]."""
-        return self.damping if self.damping > 0.0 else None
-
-    def frame_time(self, index: int) -> float:
-        """Time of a frame [s]; frame 0 is at time 0."""
-        if isinstance(self.frames, Sequence):
-            return float(self.frames[index - 1]) if index > 0 else 0.0
-        return self.duration * index / self.frames
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
         """Build the solver on a device."""

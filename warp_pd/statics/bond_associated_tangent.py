@@ -51,26 +51,30 @@ class BondAssociatedTangent:
         self.stress = context.array("stress", OWNER, t.vec3, shape=shape, per="bond")
         self.moduli = context.array("moduli", OWNER, t.vec6, shape=shape, per="bond")
         self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=n)
-        material = force.material
-        response = capabilities(material).response
+        self.inertia: Array | None = None
+        material, remembered = force.material, force.response_in_step
+        response = capabilities(material).response if remembered is None else remembered.response
         if response is None:
             raise InputError(
                 f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
                 f"or use the solver Relaxation"
             )
-        self.kernels = bond_associated_tangent(force.layout, response, context.options.held)
+        self.kernels = bond_associated_tangent(force.layout, response, context.options.held, remembered is not None)
+        self._remembered: dict[str, Any] = {"terms": None, "state": None}
+        if remembered is not None:
+            self._remembered = {"terms": remembered.terms, "state": remembered.state}
         self.matrix: TangentMatrix | None = None
         self._assembly: tuple[Stage, Array] | None = None
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
-        force, n = self.force, self.force.points
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+        """Add the launches that compute the tangent at a displacement; see `Tangent`."""
+        force, n, self.inertia = self.force, self.force.points, inertia
         state: dict[str, Any] = {"gradient": self.gradient, "stress": self.stress, "moduli": self.moduli}
         held_mask = self.context.state.held_mask
         stage.launch(
             OWNER, self.kernels.linearise, n,
             family=force.struct, displacement=displacement, constants=force.constants, tension=tension,
-            damage=force.damage, **state,
+            damage=force.damage, **self._remembered, **state,
         )  # fmt: skip
         self._assembly = (stage, displacement)
         if stored_on(self.context.device):
@@ -79,7 +83,7 @@ class BondAssociatedTangent:
             return
         stage.launch(
             OWNER, self.kernels.inverse_blocks, n,
-            family=force.struct, displacement=displacement, **state, held_mask=held_mask,
+            family=force.struct, displacement=displacement, **state, held_mask=held_mask, inertia=inertia,
             unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
         )  # fmt: skip
 
@@ -97,6 +101,9 @@ class BondAssociatedTangent:
             bond_force=force.pairs,
         )  # fmt: skip
         force.add_gather(stage, force.pairs, change, softens=False)
+        if self.inertia is not None:
+            kernel = tangent_matrix(self.context.bits, self.context.options.held).resist
+            stage.launch(OWNER, kernel, n, inertia=self.inertia, direction=direction, change=change)
 
     def add_turning(self, stage: Stage, direction: Array) -> Array | None:
         """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
@@ -176,6 +183,11 @@ class TangentMatrix:
             stress=tangent.stress, moduli=tangent.moduli, starts=self.starts, columns=self.columns,
             unit_stiffness=force.unit_stiffness, matrix=self.blocks,
         )  # fmt: skip
+        if tangent.inertia is not None:
+            stage.launch(
+                OWNER, self._kernels.add_inertia, force.points,
+                inertia=tangent.inertia, starts=self.starts, columns=self.columns, matrix=self.blocks,
+            )  # fmt: skip
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
         """Add the launch that fills `change` [N] with the derivative of the force along a direction [m]."""

@@ -13,7 +13,7 @@ import warp as wp
 from ..device.fields import assign
 from .level import Level, dot
 from .linear import LinearSolver
-from .newton_settings import StaticSolver
+from .newton_settings import NewtonSettings
 from .static_rounds import MIN_LOAD
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
@@ -66,11 +66,15 @@ class Descent:
         sizes: Scales of stiffness and load of the sheet.
         tolerance: Relative residual at which the level is in equilibrium.
         report: Callback (number of steps, residual) for the finest lattice; None on coarser ones.
+        slowest: Residual over the last one up to which the next step takes the same tangent; None for steps that may
+            not begin with an earlier tangent.
+        farthest: Relative residual above which it does not begin.
     """
 
     def __init__(
-        self, settings: StaticSolver, level: Level, solver: LinearSolver, linearise: Callable[[float, bool], bool],
+        self, settings: NewtonSettings, level: Level, solver: LinearSolver, linearise: Callable[[float, bool], bool],
         target: np.ndarray, sizes: Sizes, tolerance: float, report: Callable[[int, float], None] | None,
+        slowest: float | None = None, farthest: float = math.inf,
     ) -> None:  # fmt: skip
         self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise
         self.sizes, self.tolerance, self.report = sizes, tolerance, report
@@ -83,8 +87,9 @@ class Descent:
             self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
         self.lifting = bool(self.lift.any())
         self.tension = 0.0
-        # Whether there are aggregates of a tangent of this load step.
-        self._kept = self._aggregated = False
+        # Whether the next step takes the tangent of the last one; whether there are aggregates of an earlier one.
+        self._kept = self._aggregated = slowest is not None
+        self._slowest, self._farthest = slowest, farthest
         self.residuals: list[float] = []
         self.step_lengths: list[float] = []
 
@@ -99,7 +104,7 @@ class Descent:
             self.residuals.append(relative)
             if self.report is not None:
                 self.report(len(self.step_lengths), relative)
-            if not math.isfinite(norm):
+            if not math.isfinite(norm) or (iteration == 0 and relative > self._farthest):
                 break
             converged = relative <= self.tolerance and not self.lifting
             if converged and self.report is not None:
@@ -125,12 +130,12 @@ class Descent:
             least = level.tangent.min_tension(relative)
             usable = self._kept or self.linearise(max(self.tension, least), self._aggregated)
             self._aggregated = usable
-            self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
+            earlier, self._kept = self._kept, usable and self.tension == 0.0 and self._keeps(relative)
             if not sizes.modulus:
                 sizes.modulus = level.tangent.modulus()
                 if sizes.modulus == 0.0 or not math.isfinite(sizes.modulus):
                     return None
-                if not self.constant and level.tangent.is_slack():
+                if not self.constant and level.inertia is None and level.tangent.is_slack():
                     self.tension = SLACK_TENSION * sizes.modulus
                     continue
             if usable:
@@ -145,13 +150,17 @@ class Descent:
             if self.constant:
                 return None
             self._kept = self._aggregated = False
+            if earlier:
+                continue
             self.tension = max(10.0 * self.tension, FIRST_TENSION * sizes.modulus)
             if self.tension > MAX_TENSION * sizes.modulus:
                 return None
 
-    def _shrinks(self) -> bool:
-        """Whether the last step reduced the residual by more than a factor of ten; the tangent may then be kept."""
-        return len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
+    def _keeps(self, relative: float) -> bool:
+        """Whether the next step takes this tangent: the last one reduced the residual enough."""
+        if self._slowest is not None:
+            return len(self.residuals) < 2 or self.residuals[-1] < self._slowest * self.residuals[-2]
+        return relative <= KEPT and len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
 
     def _direct(self, relative: float) -> None:
         """Compute Newton's direction, including prescribed components."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -37,15 +38,19 @@ class Level:
         direction: Newton's step [m].
         residual: Unbalanced force on free components [N].
         scale: Loads and reactions.
+        inertia: Stiffness of inertia and damping in a time step [N/m], (N,); None in equilibrium.
         vector: Input of the product.
         image: Output of the product.
     """
 
     def __init__(
         self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
-        contacts: Sequence[StaticContact] = (), tolerance: float | None = None,
+        contacts: Sequence[StaticContact] = (), tolerance: float | None = None, moves: bool = False,
     ) -> None:  # fmt: skip
-        """Allocate the vectors and add all stages but "evaluate"; a coarse lattice has no `tolerance`."""
+        """Allocate the vectors and add all stages but "evaluate".
+
+        A coarse lattice has no `tolerance`. In time steps (`moves`) the tangent includes inertia.
+        """
         self.context, self.law, self.tangent = context, law, tangent
         self.following = [load for load in following if load.at_rest is None]
         self.contacts = contacts
@@ -67,7 +72,8 @@ class Level:
             base=self.base, direction=self.direction, step_length=self._step_length, displacement=self.displacement,
         )  # fmt: skip
         linearise = context.stage("linearise", "every tangent of Newton")
-        tangent.add_linearise(linearise, self.displacement, self._tension)
+        self.inertia = context.array("inertia", OWNER, t.real, shape=n) if moves else None
+        tangent.add_linearise(linearise, self.displacement, self._tension, self.inertia)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
         self._longest: Array | None = None
@@ -94,6 +100,10 @@ class Level:
         `dead` are the dead loads [N] if there are also displacement-dependent loads, otherwise None.
         """
         self.scale.add(stage, dead, self.residual, self._squared)
+
+    def sums_of_forces(self) -> dict[str, Any]:
+        """The unbalanced force, its square and what it is compared with, by the arguments of `residual`."""
+        return {"unbalanced": self.residual, "squared": self._squared, **self.scale.sums}
 
     def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
         """Add the launches of image = K vector, both (N,) vec3, with zero in held components.

@@ -56,6 +56,11 @@ class LoadScale:
             reaction=self.reaction, moving=self._moving,
         )  # fmt: skip
 
+    @property
+    def sums(self) -> dict[str, Array | None]:
+        """Squared loads and reactions, and what moves a stressed sheet [N^2], by the arguments of `residual`."""
+        return {"reaction": self.reaction, "moving": self._moving}
+
     def begin(self) -> None:
         """Store the internal force at the start of a run; a resumed run has it."""
         if self.initial is not None and not to_host(self.initial).any():

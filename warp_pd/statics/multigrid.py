@@ -62,7 +62,7 @@ class Hierarchy:
         context = coarse_context(finest.context, depth, lattice, self.lattices[0])
         law = coarse_law(finest.law, context, lattice)
         following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
-        level = Level(context, law, tangent_of(law, context, True), following)
+        level = Level(context, law, tangent_of(law, context, True), following, moves=finest.inertia is not None)
         stage, state = context.stage("evaluate", "every residual of Newton"), context.state
         dead: Array | None = None
         with stage.one_launch():

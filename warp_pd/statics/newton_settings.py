@@ -11,8 +11,8 @@ PRECONDITIONERS = ("auto", "multigrid", "algebraic", "direct", "jacobi")
 
 
 @dataclass(frozen=True, kw_only=True)
-class StaticSolver:
-    """Settings common to `Newton` and `ArcLength`; attributes as for `Newton`."""
+class NewtonSettings:
+    """Settings of Newton's method in statics and in time steps; attributes as for `Newton`."""
 
     tolerance: float | None = None
     most_iterations: int = 30
@@ -20,11 +20,6 @@ class StaticSolver:
     preconditioner: str = "auto"
     duration: float = 1.0
     precision: int = 64
-
-    dynamic: ClassVar[bool] = False
-    steps_explicitly: ClassVar[bool] = False
-    equal_frames: ClassVar[bool] = False
-    mass_damping: ClassVar[float | None] = None
 
     @property
     def stiffness(self) -> str:
@@ -38,6 +33,15 @@ class StaticSolver:
         count("most_iterations", self.most_iterations, 1)
         count("most_cuts", self.most_cuts, 0)
         one_of("preconditioner", self.preconditioner, PRECONDITIONERS)
+
+
+class StaticSolver(NewtonSettings):
+    """Base class of `Newton` and `ArcLength`."""
+
+    dynamic: ClassVar[bool] = False
+    steps_explicitly: ClassVar[bool] = False
+    equal_frames: ClassVar[bool] = False
+    mass_damping: ClassVar[float | None] = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,16 +13,17 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.fields import assign
+from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..interfaces.context import Context
 from ..solvers.retries import Snapshot
-from ..step import NOT_IN_EQUILIBRIUM
+from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
-from .newton_settings import Report, StaticSolver
+from .newton_settings import NewtonSettings, Report
 from .static_rounds import StaticRounds
 from .tangent import Tangent, tangent_of
 
@@ -40,21 +41,25 @@ class StaticSystem(BuiltSolver):
         solvers: Linear solvers of the levels.
         kept: State of the last good load step.
         sizes: Scales of stiffness and load of the sheet.
+        moves: Whether the sheet has inertia or damping.
         rounds: Contact and rupture.
     """
 
     name: ClassVar[str]
+    # Phases in which no part may act.
+    without: ClassVar[Sequence[Phase]] = NOT_IN_EQUILIBRIUM
     # Whether the tangent has no negative eigenvalues, so that conjugate gradients solve with it.
     definite: ClassVar[bool]
     # Number of points up to which the tangent is factorised on the host before anything else.
-    factorised: ClassVar[int] = 0
+    factorised: int = 0
     system: System
     levels: Sequence[Level]
     hierarchy: Hierarchy | None
     rounds: StaticRounds
     kept: Snapshot
+    moves: bool = False
 
-    def __init__(self, settings: StaticSolver, context: Context, law: BuiltLaw) -> None:
+    def __init__(self, settings: NewtonSettings, context: Context, law: BuiltLaw) -> None:
         self.label = f"solver = {self.name}"
         self.settings, self.context = settings, context
         self.tangent: Tangent = tangent_of(law, context, settings.stiffness == "tangent")
@@ -63,10 +68,10 @@ class StaticSystem(BuiltSolver):
 
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
-        system.refuse_phases(self.name, NOT_IN_EQUILIBRIUM)
+        system.refuse_phases(self.name, self.without)
         self.system, context, state = system, self.context, self.context.state
         loads = system.external
-        finest = Level(context, system.law, self.tangent, loads.following, loads.contacts, self.tolerance)
+        finest = Level(context, system.law, self.tangent, loads.following, loads.contacts, self.tolerance, self.moves)
         dead = system.external.keep_dead_apart()
         stage = context.stage("evaluate", "every residual of Newton")
         with stage.one_launch():
@@ -74,6 +79,7 @@ class StaticSystem(BuiltSolver):
             if state.external is not None:
                 system.external.add_force(stage, state.displacement, state.external)
         finest.add_residual(stage, dead)
+        self.add_inertia(stage, finest)
         finest.add_turning()
         self.preconditioner = self._preconditioner()
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
@@ -86,6 +92,10 @@ class StaticSystem(BuiltSolver):
         self.report = Report(self.name, self.preconditioner)
         self.rounds = StaticRounds(system)
         self.kept = Snapshot(context, OWNER)
+
+    def add_inertia(self, stage: Stage, finest: Level) -> None:
+        """Add inertia to the unbalanced force; there is none in equilibrium."""
+        return None
 
     def host_state(self) -> dict[str, Any]:
         """The scales, for a bitwise identical restart."""

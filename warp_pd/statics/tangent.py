@@ -56,8 +56,15 @@ class Tangent(Protocol):
     inverse_blocks: Array
     direct_points: int
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+        """Add the launches that compute the tangent at a displacement.
+
+        Args:
+            stage: Stage to which they are added.
+            displacement: The displacement [m], (N,) vec3.
+            tension: An isotropic tension that is added [Pa].
+            inertia: Stiffness of inertia and damping of each point in a time step [N/m], (N,); None in equilibrium.
+        """
         ...
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
@@ -112,7 +119,7 @@ def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
     """Refuses weights without an energy, a material without `response`, or `geometric` = False."""
     from .bond_associated_tangent import BondAssociatedTangent
 
-    if not law.law.has_tangent:
+    if not (law.law.has_tangent or law.steps_implicitly):
         raise _refusal(law)
     if law.weights == "published":
         raise InputError(

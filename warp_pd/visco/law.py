@@ -12,16 +12,20 @@ import warp as wp
 from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
+from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
 from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
+from ..kernels.visco.in_step import maxwell_moduli, prony_moduli
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
 from ..kernels.visco.visco import prony_response, visco_energy
 from ..laws.bond_associated import BondAssociated, BondAssociatedForce
 from ..laws.family_law import FamilyLaw
 from ..laws.force_paths import Reference, RowSums
+from ..laws.variational import ResponseInStep
 from ..materials import capabilities
 from ..step import Phase
+from .in_step import MaxwellInStep, PronyInStep
 from .prony import at_once, prony_array, store_terms
 from .viscous import Maxwell, Prony
 
@@ -104,6 +108,7 @@ class ViscousForce(ElasticVisco):
         state: Internal variables, (rows * members, N).
         viscous_work: What `response` sums [J], (N,) float64.
         viscous: Energy that each family has dissipated [J], (N,) float64.
+        in_step: Internal variables in implicit steps, or None.
     """
 
     depends_on_time = True
@@ -112,6 +117,7 @@ class ViscousForce(ElasticVisco):
     terms: Array
     state: Array
     viscous: Array
+    in_step: MaxwellInStep | PronyInStep | None = None
 
     def __init__(self, law: Visco, context: Context, terms: Array, response: FunctionFactory, rows: int) -> None:
         super().__init__(law, context)
@@ -131,22 +137,33 @@ class ViscousForce(ElasticVisco):
             self.add_pairs(stage, self.context.state.displacement, self.context.state.step, self.terms)
             self._advanced = stage
 
-    def add_pairs(self, stage: Stage, displacement: Array, step: Array, terms: Array) -> None:
+    def add_pairs(
+        self, stage: Stage, displacement: Array, step: Array, terms: Array, state: Array | None = None
+    ) -> None:
         """Add the launch that advances the state by a step [s] and fills `pairs` with the forces at its end."""
         given: dict[str, Any] = {
-            "step": step, "terms": terms, "damage": self.damage, "state": self.state, "viscous_work": self.viscous_work
+            "step": step, "terms": terms, "damage": self.damage, "state": self.state if state is None else state,
+            "viscous_work": self.viscous_work,
         }  # fmt: skip
         self.path.add_pairs(stage, displacement, given)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        if self._advanced is not stage:
+        if self.in_step is not None:
+            self.add_pairs(stage, displacement, self._no_time, self.in_step.trial_terms, self.in_step.trial_state)
+        elif self._advanced is not stage:
             self.add_pairs(stage, displacement, self._no_time, self.terms)
         self.add_gather(stage, self.pairs, out)
 
     def columns(self) -> Columns:
         """Those of every law, and viscous losses."""
         return replace(super().columns(), lost={"viscous": self.viscous})
+
+    def take(self, in_step: MaxwellInStep | PronyInStep, response: FunctionFactory) -> InternalVariables:
+        """Let the force and the tangent of implicit steps take these internal variables."""
+        self.in_step, self.steps_implicitly = in_step, True
+        self.response_in_step = ResponseInStep(response, in_step.trial_terms, in_step.trial_state)
+        return in_step
 
 
 class ViscoForce(ViscousForce):
@@ -197,7 +214,7 @@ class BranchedForce(ViscousForce):
         known = capabilities(law.material)
         elastic = known.resisting or law.material
         self.network = ElasticNetwork(elastic.functions, capabilities(elastic).response, known.wrinkle_width)
-        terms = prony_array(law.branches, context, "branches")
+        self.branches, terms = law.branches, prony_array(law.branches, context, "branches")
         super().__init__(law, context, terms, maxwell_response(self.network), len(law.branches))
         self.viscous = self.viscous_work
         self.earlier_energy = branched_energy(self.layout, self.network, False)
@@ -218,3 +235,37 @@ class BranchedForce(ViscousForce):
     def field_names(self) -> tuple[str, ...]:
         """Names of all fields; not the wrinkle state, which the strain of a point does not determine."""
         return tuple(name for name in super().field_names() if name != "wrinkle_state")
+
+
+@internal_variables_of.register
+def _(law: ElasticVisco) -> None:
+    """None, without terms."""
+    law.steps_implicitly = True
+
+
+@internal_variables_of.register
+def _(law: ViscoForce) -> InternalVariables:
+    """Prony terms in implicit steps. Raises InputError for relaxation times that depend on the rate."""
+    material = law.law.material
+    response = capabilities(material).response
+    if response is None:
+        raise InputError(f"material = {said(material)}: expected one with `response` for the solver Implicit")
+    for term in law.prony:
+        if term.constants[3] != 0.0:
+            raise InputError(
+                f"Prony.exponent = {term.exponent:g}: expected 0, or a fixed rate, with the solver Implicit; or "
+                "the solver Explicit"
+            )
+    return law.take(PronyInStep(law), prony_moduli(material.functions, response))
+
+
+@internal_variables_of.register
+def _(law: BranchedForce) -> InternalVariables:
+    """Maxwell elements in implicit steps. Raises InputError for a tension field."""
+    material = law.law.material
+    if law.network.width is not None or law.network.response is None:
+        raise InputError(
+            f"material = {said(material)}: expected a material with `response`, and no TensionField, with branches "
+            "and the solver Implicit; or the solver Explicit"
+        )
+    return law.take(MaxwellInStep(law, law.branches), maxwell_moduli(law.network))

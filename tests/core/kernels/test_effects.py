@@ -34,6 +34,7 @@ from warp_pd import (
     Explicit,
     Fixed,
     Free,
+    Implicit,
     Joint,
     Motion,
     Newton,
@@ -109,6 +110,7 @@ def further():
         ),
         "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
         "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
+        "implicit": Simulation(plane, visco, Implicit(1.0, steps=1, damping=1.0), loads=[clamp, Pressure(1.0)]),
         "visco slow": Simulation(plane, replace(visco, fast=False), Explicit(1.0)),
         "bending": Simulation(plane, law, Newton(preconditioner="direct"), loads=[clamp, Plate()]),
         "bending curved": Simulation(small_tube(), law, Newton(), loads=[Fixed([0]), Plate(1e-4)]),
@@ -178,6 +180,7 @@ def gpu_paths():
         made = [Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases]
         patch.setattr(tearing_energy, "finds_at_once", lambda context: True)
         made.append(Simulation(square(9), law, Explicit(1.0), damage=TearingEnergy(1.0)))
+        made.append(Simulation(square(9), law, Implicit(1.0, steps=1)))
         return _launches_of([*made, compare_checkouts.parts()["newton jacobi"]()])
 
 

@@ -1,0 +1,328 @@
+"""Implicit time steps on a device."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError
+from ..device.fields import Array, assign
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, DivergedError, FrameSink, System
+from ..interfaces.context import Context
+from ..interfaces.solver import FINISHED
+from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
+from ..statics.descent import Descent
+from ..statics.level import Level, total
+from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
+from ..step import NOT_IN_EQUILIBRIUM, Phase
+from .internal import InternalVariables, internal_variables_of
+from .scheme import of_step
+from .solver import Implicit
+
+OWNER = "Implicit"
+# Relative residual of a step, by precision.
+RESIDUAL = {64: 1e-6, 32: 1e-4}
+# Residual over the last one up to which a tangent is kept, also from step to step: a factorisation takes as long as
+# many solves with it, a cycle of multigrid does not.
+SLOWEST = {"direct": 0.5, "algebraic": 0.2, "multigrid": 0.1, "jacobi": 0.1}
+# Adapted steps: aim below the tolerance, change of a step, change below which a longer step does not pay.
+AIM, SHORTEN, LENGTHEN, WORTH = 0.8, 0.2, 2.0, 1.25
+# Error of a step over its displacement from which the next one is not predicted by the acceleration; and the residual
+# of a prediction above which a step begins at the displacement before.
+SMOOTH, FAR = 0.05, 0.5
+# First adapted step over the duration, and times that count as one, over it.
+FIRST, SAME = 1e-4, 1e-10
+
+
+class BuiltImplicit(StaticSystem):
+    """Implicit time steps on a device.
+
+    Attributes:
+        internal: Internal variables of the law, or None.
+        before: Displacement at the beginning of the step [m], (N,) vec3.
+    """
+
+    name = "Implicit"
+    definite = True
+    without = tuple(phase for phase in NOT_IN_EQUILIBRIUM if phase is not Phase.INTERNAL_VARIABLES)
+    settings: Implicit
+    before: Array
+
+    def __init__(self, settings: Implicit, context: Context, law: BuiltLaw) -> None:
+        self.internal: InternalVariables | None = internal_variables_of(law)
+        self.moves = settings.inertia or settings.damping > 0.0
+        super().__init__(settings, context, law)
+        # A factorisation serves many steps.
+        self.factorised = ALGEBRAIC_FROM if context.device.is_cpu else 0
+        self.tolerance = settings.residual or RESIDUAL[context.bits]
+        self._wanted = FIRST * settings.duration if settings.steps is None else settings.duration / settings.steps
+        # Coefficients are those of this step [s]; whether the tangent is that of it.
+        self._dt, self._known = 0.0, False
+        # The last step [s], and whether its acceleration was smooth.
+        self._last, self._smooth = 0.0, True
+        self._set: tuple[float, bool, float] | None = None
+        self._largest = 0.0
+        self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused"), 0)
+
+    def prepare(self, system: System) -> None:
+        """Add the stages of a step."""
+        if system.rupture is not None:
+            raise InputError(f"{system.rupture.label}: not supported by the solver Implicit; expected Explicit")
+        for contact in system.external.contacts:
+            raise InputError(f"{contact.label}: not supported by the solver Implicit; expected Explicit")
+        context, state = self.context, self.context.state
+        if not self.settings.inertia and state.velocity.numpy().any():
+            raise InputError("initial_velocity: expected None with inertia = False")
+        n, vec3 = context.sheet.size, context.types.vec3
+        self._coefficients = context.array(
+            "step_coefficients", OWNER, context.types.real, shape=len(COEFFICIENTS), per="once"
+        )
+        self.before = context.array("displacement_before", OWNER, vec3, shape=n, restart=True)
+        self._rest = context.array("rest", OWNER, vec3, shape=n) if self.moves else None
+        kept: dict[str, Any] = {
+            name: context.array(name, OWNER, vec3, shape=n, restart=True) for name in ("acceleration", "force_before")
+        }
+        kept["loads_before"] = (
+            context.array("loads_before", OWNER, vec3, shape=n, restart=True) if context.options.tracked else None
+        )
+        self._error = context.array("squared_error", OWNER, wp.float64, shape=n)
+        stressed = bool(context.initial_displacement.any())
+        self._kernels = implicit_motion(context.options, stressed)
+        super().prepare(system)
+        common: dict[str, Any] = {"c": self._coefficients, "mass": state.mass, "velocity": state.velocity}
+        context.stage("begin step", "every implicit step").launch(
+            OWNER, self._kernels.begin, n, **common, acceleration=kept["acceleration"],
+            force_before=kept["force_before"], displacement=state.displacement, before=self.before, rest=self._rest,
+            inertia=self.levels[0].inertia,
+        )  # fmt: skip
+        forces: dict[str, Any] = {"held_mask": state.held_mask, "force": state.force, "external": state.external}
+        context.stage("finish step", "every implicit step").launch(
+            OWNER, self._kernels.finish, n, **common, **forces, **kept, displacement=state.displacement,
+            before=self.before, work=state.work, dissipated=state.dissipated, error=self._error,
+        )  # fmt: skip
+        context.stage("first acceleration", "once at the start").launch(
+            OWNER, self._kernels.first, n, **common, **forces, **kept, moves=int(self.settings.inertia)
+        )
+        self._masses = [self._mass_of(level) for level in self.levels]
+        self._stops = self._all_stops()
+
+    def add_inertia(self, stage: Stage, finest: Level) -> None:
+        """Add inertia and damping to the unbalanced force."""
+        if self._rest is None:
+            return
+        stage.launch(
+            OWNER, self._kernels.unbalance, finest.points, held_mask=self.context.state.held_mask,
+            displacement=finest.displacement, before=self.before, rest=self._rest, inertia=finest.inertia,
+            **finest.sums_of_forces(),
+        )  # fmt: skip
+
+    def _no_lattices(self) -> str:
+        """Why the preconditioner cannot be multigrid though it can be algebraic."""
+        if self.internal is not None:
+            return "force: expected a law without internal variables"
+        return super()._no_lattices()
+
+    @staticmethod
+    def _mass_of(level: Level) -> np.ndarray:
+        sheet = level.context.sheet
+        return np.asarray(sheet.areas * sheet.thickness * sheet.density)
+
+    def _all_stops(self) -> np.ndarray:
+        """Times of frames and knots, at which steps end [s]."""
+        solver, end = self.settings, self.settings.duration
+        schedules = list(self.context.clock.schedules)
+        for constraint in self.system.constraints:
+            schedules += [constraint.motion] if constraint.motion is not None else []
+            schedules += [constraint.turn.angle] if constraint.turn is not None else []
+        times = [np.array([solver.frame_time(index) for index in range(1, solver.frame_count + 1)])]
+        times += [schedule.times for schedule in schedules]
+        every = np.unique(np.concatenate(times))
+        every = every[(every > SAME * end) & (every <= (1.0 + SAME) * end)]
+        # Where two are the same but for round-off the later one stays: the last is a frame.
+        return every[np.diff(every, append=math.inf) > SAME * end]
+
+    # A run ----------------------------------------------------------------------------------------------
+
+    def first_step(self, sink: FrameSink) -> float:
+        """Find the acceleration at the start, and return the step that follows [s]."""
+        self._set_coefficients(self._next(0.0, float(self._stops[0])))
+        self.levels[0].scale.begin()
+        self.context.run("first acceleration")
+        return self._dt
+
+    def run(self, sink: FrameSink) -> str:
+        """Run to the end, passing every frame to the sink; return the final status."""
+        self._begin = perf_counter()
+        if sink.solve is not None:
+            self._begin -= sink.solve["seconds"]
+            self._counts = {name: sink.solve[name] for name in self._counts}
+        for index in range(sink.frame_index + 1, self.settings.frame_count + 1):
+            steps = self._advance(self.settings.frame_time(index), sink)
+            sink.solve = self._account()
+            # A resumed run has no tangent of an earlier step.
+            self._known = self._known and not sink.restarts
+            sink.frame(index, self.settings.frame_time(index), steps, self._dt)
+        return FINISHED
+
+    def _account(self) -> dict[str, Any]:
+        return {
+            "solver": self.name, "preconditioner": self.preconditioner, **self._counts,
+            "seconds": perf_counter() - self._begin,
+        }  # fmt: skip
+
+    def _advance(self, end: float, sink: FrameSink) -> int:
+        """Take the steps up to a frame [s]; return their number."""
+        now, taken, row = sink.time, 0, sink.time
+        same = SAME * self.settings.duration
+        every = self.settings.history_every
+        while now < end - same:
+            sink.keep_going()
+            stop = float(self._stops[np.searchsorted(self._stops, now + same, side="right")])
+            dt = self._next(now, stop)
+            now = self._step(now, dt, stop, sink)
+            taken += 1
+            sink.stepped(now, dt, taken)
+            if every is not None and now - row >= every * (1.0 - 1e-9):
+                sink.row(now, self._dt)
+                row = now
+        return taken
+
+    def _next(self, now: float, stop: float) -> float:
+        """The next step [s]: equal steps up to a stop, no longer than wanted."""
+        left = stop - now
+        dt = left / max(1, math.ceil(left / self._wanted * (1.0 - 1e-6)))
+        return self._dt if math.isclose(dt, self._dt, rel_tol=1e-6) else dt
+
+    def _step(self, now: float, dt: float, stop: float, sink: FrameSink) -> float:
+        """Take a step of at most dt [s]; return the time at its end [s]."""
+        planned, cuts = self._wanted, 0
+        self.kept.keep()
+        while True:
+            then = stop if now + dt > stop - 0.5 * dt else now + dt
+            self._set_coefficients(dt)
+            if self._solve(then, sink):
+                factor = self._factor(dt)
+                if factor >= 1.0:
+                    break
+                self._counts["refused"] += 1
+                dt *= factor
+            else:
+                cuts += 1
+                self._counts["halved"] += 1
+                dt *= 0.5
+            self.kept.restore()
+            self._wanted = dt
+            if cuts > self.settings.most_cuts:
+                raise DivergedError(
+                    f"diverged: Newton's method does not converge at t = {now:.6g} s with a step of {2.0 * dt:.3g} s; "
+                    "likely cause: there is no equilibrium nearby (a limit point), which a sheet without inertia "
+                    "cannot pass, or the load is far too large"
+                )
+        if self.settings.steps is not None:
+            # Steps that were halved become longer again.
+            self._wanted = min(2.0 * self._wanted, self.settings.duration / self.settings.steps)
+            if cuts == 0:
+                self._wanted = max(self._wanted, planned)
+        elif factor > WORTH:
+            self._wanted = min(factor, LENGTHEN) * dt
+        self._counts["steps"] += 1
+        self._last, self._smooth = dt, self._is_smooth()
+        return then
+
+    def _is_smooth(self) -> bool:
+        """Whether the acceleration changed little in the last step; its noise is damped, but slowly."""
+        level = self.levels[0]
+        moved = level.displacement.numpy() - self.before.numpy()
+        size = float(np.einsum("ic,ic->", moved, moved, dtype=np.float64))
+        return total(self._error) <= SMOOTH**2 * size
+
+    def _factor(self, dt: float) -> float:
+        """Factor on the step, less than 1 if the error of the last one is above the tolerance."""
+        if self.settings.tolerance is None:
+            return 1.0
+        size = self.levels[0].displacement.numpy() - self.context.initial_displacement
+        largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
+        error = math.sqrt(total(self._error))
+        found = error / (self.settings.tolerance * largest) if largest > 0.0 else 0.0
+        if found <= 1.0:
+            self._largest = largest
+            return max(1.0, AIM / math.cbrt(max(found, 1e-6)))
+        return max(SHORTEN, AIM / math.cbrt(found))
+
+    def _set_coefficients(self, dt: float) -> None:
+        """Set the coefficients of a step, the inertia of coarser lattices, and whether the tangent may be kept."""
+        predicted = (dt, self._smooth, dt / self._last if self._last > 0.0 else 0.0)
+        if predicted == self._set:
+            return
+        self._set, settings = predicted, self.settings
+        scheme = of_step(dt, settings.radius, settings.inertia, settings.damping)
+        every = {**scheme, "smooth": float(predicted[1]), "ahead": predicted[2]}
+        assign(self._coefficients, np.array([every[name] for name in COEFFICIENTS]))
+        if dt == self._dt:
+            return
+        self._known, self._dt = self._known and not self.moves, dt
+        for level, mass in zip(self.levels[1:], self._masses[1:], strict=True):
+            if level.inertia is not None:
+                factor = scheme["at_end"] * scheme["A"] + scheme["damping"] * scheme["B"]
+                assign(level.inertia, factor * mass)
+
+    def _solve(self, then: float, sink: FrameSink) -> bool:
+        """Find the displacement at the end of a step, at the time `then` [s]; return whether it was found."""
+        level = self.levels[0]
+        if self.internal is not None:
+            self.internal.begin_step(self._dt)
+        self.system.set_clock(0.0, self.settings.duration, then)
+        level.run("begin step")
+        target = self.system.prescribed(then) if level.held.any() else None
+        if not self._descent(target, True, sink):
+            wp.copy(level.displacement, self.before)
+            if not self._descent(target, False, sink):
+                return False
+        if self.internal is not None:
+            self.internal.end_step()
+        level.run("finish step")
+        return True
+
+    def _descent(self, target: np.ndarray | None, predicted: bool, sink: FrameSink) -> bool:
+        """Newton's steps from the present displacement, with supports at their place if it is predicted."""
+        level, solver = self.levels[0], self.solvers[0]
+        if target is not None and predicted:
+            assign(level.displacement, np.where(level.held, target, level.displacement.numpy()))
+
+        def report(steps: int, residual: float) -> None:
+            sink.keep_going()
+
+        slowest = SLOWEST[solver.kind]
+        known = predicted and self._known and solver.prepared
+        found = Descent(
+            self.settings, level, solver, partial(self.linearise, 0),
+            np.zeros((level.points, 3)) if target is None else target, self.sizes, self.tolerance, report,
+            slowest if known else None, FAR if predicted else math.inf,
+        ).run()  # fmt: skip
+        self._counts["iterations"] += len(found["shares"])
+        self._counts["products"] += found["products"]
+        self._known = found["converged"]
+        return bool(found["converged"])
+
+    # Restarts -------------------------------------------------------------------------------------------
+
+    def host_state(self) -> dict[str, Any]:
+        """The scales and the step, for a bitwise identical restart."""
+        return {
+            **super().host_state(), "wanted": self._wanted, "largest": self._largest, "last": self._last,
+            "smooth": self._smooth,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore the result of `host_state`."""
+        super().restore(state)
+        self._wanted, self._largest = state["wanted"], state["largest"]
+        self._last, self._smooth = state["last"], state["smooth"]
+        self._set_coefficients(self._last)
