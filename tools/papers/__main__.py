@@ -49,12 +49,14 @@ def examples() -> dict[str, Any]:
 
 
 def chosen(prefixes: Sequence[str]) -> list[str]:
-    """Keys of the examples that begin with one of the prefixes."""
+    """Keys of the examples that begin with one of the prefixes, in their order."""
     known = examples()
     for prefix in prefixes:
         if not any(_begins(key, prefix) for key in known):
             raise InputError(f"--only {prefix}: expected the beginning of a key of --list")
-    return [key for key in known if not prefixes or any(_begins(key, prefix) for prefix in prefixes)]
+    return list(
+        dict.fromkeys(key for prefix in prefixes for key in known if _begins(key, prefix)) if prefixes else known
+    )
 
 
 def _begins(key: str, prefix: str) -> bool:
@@ -101,6 +103,7 @@ def main() -> None:
     if options.out == NUMBERS:
         pages(found, DOCS / "papers")
         ve.rate_picture(DOCS / "papers" / "ve-rates.png")
+        im.relaxation_picture(DOCS / "papers" / "im-relaxation.png", found)
     else:
         rows = [row for name in PAPERS for row in PAPERS[name].ROWS if row.example in keys or not options.only]
         print("\n".join(table(HEAD, [judged(row, found) for row in rows])))
