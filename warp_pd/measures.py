@@ -16,7 +16,6 @@ from .geometry.triangulation import triangle_areas
 from .interfaces import History
 from .materials import Material, capabilities
 from .materials.energy import cauchy_stress, energy_density
-from .parts.reaction import require_held
 
 if TYPE_CHECKING:
     from .interfaces.frame import Frame
@@ -217,6 +216,8 @@ def _support_forces(built: Built, points: np.ndarray) -> np.ndarray:
     state, points = built.state, point_indices("points", points, built.context.whole.size)
     mask = state.held_mask
     held = np.zeros(len(points), np.uint8) if mask is None else built.context.whole_array(mask)[points]
+    from .parts.reaction import require_held
+
     require_held("points", held)
     force = built.to_numpy(state.force)[points]
     if state.external is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -20,13 +20,14 @@ from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact
-from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, BodyMotion
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
-from .body_surface import BodySurface
+
+if TYPE_CHECKING:
+    from .body_surface import BodySurface
 
 # Maximum motion of a body in a step, over the spacing or half its thickness: beyond it the body can pass points
 # unnoticed. If bonds can break it is half of that, so that a bond opens in several steps.
@@ -176,6 +177,8 @@ class BuiltBody(BuiltContact):
             self.motion.extent = (part.shape.radius(), MARGIN * sheet.spacing, slack * sheet.spacing)
         self._surface: BodySurface | None = None
         if part.surface:
+            from .body_surface import BodySurface
+
             self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
         self._check_apart()
         curved = sheet.frames is not None
@@ -392,6 +395,8 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
         self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
+        from ..kernels.contact.static_contact import static_contact
+
         self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.options.held)
 
     def _contact(self) -> Any:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from ..geometry.sheet import Sheet
-from .cloud import cloud_families
 from .connections import require_connected
-from .grid import grid_families
 from .horizon import checked_horizon, require_diagonals
 from .lattice import lattice_families
 from .tables import Families, InfluenceFunction, influence_function
@@ -39,8 +37,12 @@ def build_families(
     if sheet.lattice is not None:
         return lattice_families(sheet, checked, function, depth, intersections)
     if sheet.layout == "grid":
+        from .grid import grid_families
+
         families = grid_families(sheet, checked, function, depth > 0, intersections)
     else:
+        from .cloud import cloud_families
+
         families = cloud_families(sheet, checked, function, intersections)
     if not intersections:
         require_connected(sheet, families, horizon)

@@ -17,7 +17,6 @@ from ..device.cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE
 from .masks import unpack
-from .rows import shapes_by_row
 
 # Relative tolerance of lengths that are compared with the horizon.
 TOLERANCE = 1e-9
@@ -229,6 +228,8 @@ class Families:
         """K_ij^-1 (11, 12, 22), (R, n, 3), and |D_ij| over the reference area, (R, n); zero where degenerate."""
         rows, n = self.exists.shape
         if self.bonds.ndim == 3:
+            from .rows import shapes_by_row
+
             return shapes_by_row(self.bonds, self.influence, self.member_areas, self.exists, self.common)
         inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
 

@@ -16,14 +16,11 @@ from ..interfaces import BuiltLaw
 from ..interfaces.context import Context
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
-from ..kernels.statics.relaxation import row_sums
-from ..kernels.visco.memory import remembered
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
 from ..step import Phase
 from .family_law import require_one_material
 from .force_paths import Reference, force_path, paths_on
 from .point_fields import ShownFields, factors
-from .region_tables import region_tables
 from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
@@ -127,8 +124,12 @@ class BondAssociatedForce(BondAssociatedLaw):
         regions = known.regions
         self.remembered = known.remembers
         settings = law.horizon, law.influence, self.weights
-        tables = region_tables(context, regions, *settings) if regions else law_tables(context, *settings)
-        families, inverse, weights, self.correction = tables
+        if regions:
+            from .region_tables import region_tables
+
+            families, inverse, weights, self.correction = region_tables(context, regions, *settings)
+        else:
+            families, inverse, weights, self.correction = law_tables(context, *settings)
         super().__init__(law, context, families, inverse, weights)
         self._areas = sheet.areas if self.weights == "published" else self._summed(weights)
         if self.layout.by_point or self.layout.remembers:
@@ -192,6 +193,8 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Add the launches of a phase, and those of what the material remembers."""
         super().add(phase, stage)
         if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
+            from ..kernels.visco.memory import remembered
+
             kernel = remembered(self.layout, self.material.functions, self.remembered)
             self.add_launch(stage, kernel, self.context.state.displacement, largest=self.struct.remembered)
 
@@ -233,6 +236,8 @@ class BondAssociatedForce(BondAssociatedLaw):
         response = capabilities(material).response
         if response is None:
             return None
+        from ..kernels.statics.relaxation import row_sums
+
         rows, total = row_sums(self.layout, response, self.law.form)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         least = 1e-3 * self._stiffness_scale() * self.thickness

@@ -19,7 +19,6 @@ from ..interfaces import BuiltLaw, Columns, History, Law
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
-from ..kernels.tearing.damage_field import soften
 from ..materials import Material, capabilities, padded_constants
 from ..step import Phase
 from .family_struct import family_struct
@@ -224,6 +223,8 @@ class FamilyLaw(BuiltLaw):
     def _add_softened(self, stage: Stage, values: Array) -> None:
         """Add the launch that reduces a value of each family by the damage of its point, if there is a damage field."""
         if self.damage is not None:
+            from ..kernels.tearing.damage_field import soften
+
             kernel = soften(self.context.bits, values.dtype)
             stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)
 

@@ -19,7 +19,6 @@ from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_rows import family_rows
 from ..kernels.family_sums import energy_of_families
-from ..kernels.reference_force import published_force, reference_force
 from ..materials import capabilities
 from . import FORCE_PATHS
 from .variational import BondAssociatedLaw
@@ -83,6 +82,8 @@ class Reference:
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
+        from ..kernels.reference_force import published_force, reference_force
+
         law = self.law
         layout, material, form = law.key
         kernel, given = reference_force(layout, material, self.response), viscous

@@ -1,21 +1,28 @@
 """Materials: constants and their device functions."""
 
-from .by_region import ByRegion
-from .compressible import Gent, NeoHookean
-from .energy import (
-    borne,
-    energy_density,
-    largest_energy_density,
-    modulus_in_tension,
-    shear_modulus,
-    stretch_of_density,
-    tension_energy_density,
-)
-from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
-from .plane_stress import PlaneStress
-from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
-from .stability import stability_notes, stable_to
-from .tension_field import WRINKLES, TensionField, with_wrinkles
+from typing import TYPE_CHECKING
+
+from ..device.lazy import lazy
+
+if TYPE_CHECKING:
+    from .by_region import ByRegion
+    from .compressible import Gent, NeoHookean
+    from .energy import (
+        borne,
+        energy_density,
+        largest_energy_density,
+        modulus_in_tension,
+        shear_modulus,
+        stretch_of_density,
+        tension_energy_density,
+    )
+    from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
+    from .plane_stress import PlaneStress
+    from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
+    from .stability import stability_notes, stable_to
+    from .tension_field import WRINKLES, TensionField, with_wrinkles
+else:
+    __getattr__ = lazy(__name__)
 
 __all__ = [
     "WRINKLES",

@@ -8,8 +8,6 @@ from ..device.checks import InputError, one_of
 from ..interfaces import Law
 from ..laws.bond_associated import BondAssociated
 from ..materials import WRINKLES, Material, with_wrinkles
-from .neural.law import Neural
-from .nodal import Nodal
 
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
@@ -51,6 +49,10 @@ def force_law(name: str, material: Material, horizon: float, weights: str = "aut
     if name == "nodal":
         if weights != "auto":
             raise InputError(f"weights = {weights!r}: expected 'auto', because force 'nodal' has no weights")
+        from .nodal import Nodal
+
         return Nodal(material, horizon=horizon)
+    from .neural.law import Neural
+
     evaluation = {"neural": "torch", "neural_fused": "fused"}.get(name, name)
     return Neural(material, horizon=horizon, evaluation=evaluation, network=network, weights=weights)

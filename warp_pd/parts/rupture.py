@@ -19,7 +19,6 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, Rupture
 from ..interfaces.context import Context
 from ..kernels.damage import face_damage, point_damage
-from ..kernels.papers.energy_release import energy_release
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
 from ..step import Phase
 
@@ -275,6 +274,8 @@ class BreakingByEnergy(BreakingBonds):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.BOND_WORK:
+            from ..kernels.papers.energy_release import energy_release
+
             context, law, sheet = self.context, self.law, self.context.sheet
             stage.launch(
                 self.owner, energy_release(context.layout), sheet.size,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import Array
 from ..interfaces import FrameReport, History, Writer
 from ..interfaces.frame import Frame, format_time
-from ..output.progress import Progress
 from . import stopping
 from .built import Built
 from .divergence import Soundness
@@ -22,6 +21,9 @@ from .frame_points import FramePoints
 from .scene import Measure, Reported
 from .shape_notes import ShapeWatch
 from .version import code_version
+
+if TYPE_CHECKING:
+    from ..output.progress import Progress
 
 # Restart files of a run, at most about, and seconds between two of a dynamic run: each makes the writers bring their
 # files to the disk, and copies the animation.

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError, count
 from ..interfaces import DivergedError, History, Writer
@@ -18,7 +18,6 @@ from ..interfaces.frame import Frame, format_time
 from ..interfaces.solver import DIVERGED, ENDED, FINISHED, NOT_CONVERGED, STOPPED
 from ..output.background import as_output_error
 from ..output.file_writers import ANIMATION, BODIES, write_derived
-from ..output.progress import Progress
 from . import restart
 from .built import Built, compose
 from .divergence import free_motions
@@ -45,6 +44,9 @@ from .scene_context import communicator_here, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
 from .views import viewer
+
+if TYPE_CHECKING:
+    from ..output.progress import Progress
 
 # For those who use the library: its notes are warnings. Without a handler of theirs nothing is printed.
 LOG = logging.getLogger("warp_pd")

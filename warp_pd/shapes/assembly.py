@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.edges import SIDES
+from ..geometry.regions import SIDES
 from ..geometry.shape import Shape
 from ..geometry.topology import boundary_edges, split_along
 from ..geometry.triangulation import point_areas, voronoi_areas

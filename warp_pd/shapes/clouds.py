@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..device import checks
-from ..device.checks import InputError, corners, count, finite, one_of, positions, positive
+from ..device.checks import InputError, corners, one_of, positions, positive
 from ..geometry.rectangles import rectangle
 from ..geometry.shape import Shape
 from ..geometry.topology import boundary_edges, boundary_rings, directed_edges, ring_names
@@ -90,12 +90,7 @@ def filled(
     seed: int,
 ) -> Shape:
     """A rectangle with a turned or jittered grid inside; arguments as for `Sheet.filled`."""
-    count("seed", seed, 0)
     square = rectangle(width, height, points, origin, layers, False)
-    if not 0.0 <= finite("jitter", jitter) < 0.5:
-        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
-    if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
-        return square
     assert square.lattice is not None
     dx, dy = square.lattice.dx, square.lattice.dy
     low, high = square.points.min(axis=0), square.points.max(axis=0)

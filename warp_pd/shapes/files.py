@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..device.checks import InputError, one_of
-from ..geometry.edges import SIDES
+from ..geometry.regions import SIDES
 from ..geometry.shape import Shape
 from ..geometry.topology import boundary_edges, pieces, ring_names
 from ..geometry.triangulation import counter_clockwise, voronoi_areas

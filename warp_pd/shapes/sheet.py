@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..device.checks import InputError, called, finite, numbers, positive, truth_values, vector
+from ..device.checks import InputError, called, count, finite, numbers, positive, truth_values, vector
 from ..geometry.sheet import ByPoint
 from ..geometry.sheet import Sheet as PlainSheet
 
@@ -69,10 +69,16 @@ class Sheet(PlainSheet):
         Raises:
             InputError: as for `rectangle`, or if the jitter is outside [0, 0.5) or the seed is invalid.
         """
+        count("seed", seed, 0)
+        if not 0.0 <= finite("jitter", jitter) < 0.5:
+            raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
+        solid: dict[str, Any] = {"thickness": thickness, "density": density}
+        if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
+            return cls.rectangle(width, height, **solid, points=points, origin=origin, layers=layers)
         from .clouds import filled
 
         shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed)
-        return cls.of(shape, thickness=thickness, density=density)
+        return cls.of(shape, **solid)
 
     @classmethod
     def outline(

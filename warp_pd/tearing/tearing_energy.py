@@ -25,13 +25,10 @@ from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..materials import largest_energy_density
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
-from .continuation import continued
 from .cut_profiles import Facing, damage_of_cuts, initial_damage, longest_between_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import Density, FieldConstants, relaxations
 from .field_screen import screen_of
-from .start_energy import density_at_start
-from .weak_seams import narrow_seam
 
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
@@ -159,6 +156,8 @@ class TearingEnergy(Rupture):
         stiffness = context.whole.stiffness
         softest = 1.0 if stiffness is None else float(stiffness.min())
         law: Any = force
+        from .continuation import continued
+
         return cast(Law, replace(law, material=continued(material, limit / softest, context.device)))
 
     def constants(self, context: Context, horizon: float, density: Density) -> FieldConstants:
@@ -250,6 +249,8 @@ class DamageField(Damaged):
         alike = one_material and self.spared is None and context.partition is None
         if not alike or not context.initial_displacement.any():
             return
+        from .start_energy import density_at_start
+
         density = density_at_start(context, law) * self._fastest / self.constants.units
         density[points_near(context.whole.points, self._at_start > 0.0, BESIDE * self.length)] = 0.0
         if density.max(initial=0.0) > SURELY:
@@ -583,6 +584,8 @@ class DamageField(Damaged):
             )
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved
+            from .weak_seams import narrow_seam
+
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         gained = history[-1]["mean_damage"] - self._at_start.mean()
         if gained > MUCH_DAMAGE:
