@@ -13,7 +13,7 @@ roller) or in both (`clamp`). `bond_associated` needs no mode and no layers; its
 edges, those of the hole, the crack and the inclusion too. The default of 32 points takes seconds, uniaxial half a
 minute; the paper takes `--points 100` (equibiaxial, planar) and `--points 50` (uniaxial). The crack's gap of 5 mm is
 the spacing of those 100 points: here it has none. `inclusion` is rigid, `stiff_inclusion` the same rubber 100 times as
-stiff.
+stiff. Cracks grow with `critical_stretch`, which the thesis leaves to future work.
 
 The scene reports the force on the right edge at the last stretch, next to the exact one of the sheet without defect or
 that of membrane finite elements, edges on rollers. A uniaxial sheet with a defect is compressed across the pull over
@@ -28,6 +28,7 @@ from warp_pd import (
     BondAssociated,
     BondNeoHookean,
     Circle,
+    CriticalStretch,
     Fixed,
     HyperelasticBonds,
     InputError,
@@ -41,7 +42,7 @@ from warp_pd import (
 )
 from warp_pd.device.checks import count, finite, one_of, positive
 from warp_pd.interfaces import Law, Solver
-from warp_pd.measures import support_force
+from warp_pd.measures import TearLine, support_force
 from warp_pd.papers.bond_neo_hookean import MODES, exact_traction
 
 SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
@@ -84,10 +85,12 @@ def build(
     weights: str = "auto",
     solver: str = "auto",
     tolerance: float | None = None,
+    critical_stretch: float | None = None,
 ) -> Simulation:
     """Build the scene.
 
     Args:
+        critical_stretch: Stretch at which the bonds of bond-based laws break [-], in load steps of 0.02; None: never.
         defect: none, hole, crack, inclusion or stiff_inclusion.
         law: Mode whose constants the bonds use; auto: the scene's.
         grip: Held directions at the edges: roller, only across the edge; clamp, both.
@@ -103,6 +106,8 @@ def build(
         raise InputError(f"law = {law!r}: expected 'auto' with force 'bond_associated', which has no mode")
     if bonds and weights != "auto":
         raise InputError(f"weights = {weights!r}: expected 'auto' with force {force!r}")
+    if critical_stretch is not None and not bonds:
+        raise InputError(f"critical_stretch = {critical_stretch!r}: expected None with force 'bond_associated'")
     if horizon is None:
         horizon = HORIZON[mode] if bonds else 2.015
     positive("horizon", horizon)
@@ -118,7 +123,7 @@ def build(
     else:
         chosen = BondAssociated(MooneyRivlin(0.5 * MU), horizon=horizon, weights=weights)
     # One frame per 0.5 of stretch, where it divides evenly.
-    steps = max(1, round((stretch - 1.0) / 0.5))
+    steps = max(1, round((stretch - 1.0) / (0.5 if critical_stretch is None else 0.02)))
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=steps),
         "relaxation": Relaxation(
@@ -134,10 +139,18 @@ def build(
     extent = np.ptp(sheet.points[middle, 1])
     even = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": stretch**-0.5}[mode]
     value, source = reference(mode, defect, grip, stretch)
+    if critical_stretch is not None:
+        value = None
+    line = TearLine(sheet)
+    growing = [
+        Measure("crack_growth", "m", lambda built, frame: line.length(frame.intact_faces)),
+        Measure("pieces", "1", lambda built, frame: line.pieces(frame.intact_faces)),
+    ] * (critical_stretch is not None)
+    outside = sheet.where(lambda x, y: np.maximum(np.abs(x), np.abs(y)) > HALF * (1.0 + 1e-9))
     return Simulation(
         sheet,
         force=chosen,
-        loads=supports(sheet, mode, grip, stretch),
+        loads=supports(sheet, mode, grip, stretch, torn=critical_stretch is not None),
         solver=solvers[one_of("solver", solver, solvers)],
         measures=[
             Measure("stretch", "1", lambda built, frame: 1.0 + (stretch - 1.0) * frame.time),
@@ -150,7 +163,9 @@ def build(
                 "exact, incompressible neo-Hookean",
             ),
             *openings(sheet, defect),
+            *growing,
         ],
+        damage=None if critical_stretch is None else CriticalStretch(critical_stretch, spared=outside),
         section="HE 5",
         pictures=pictures,
         notes=["compressed across the pull: a real sheet wrinkles there, plane solutions stop being physical"]
@@ -222,7 +237,7 @@ def stiff_inside(sheet: Sheet) -> Sheet:
     return sheet.stiffened(sheet.within((0.0, 0.0), RADIUS), STIFF)
 
 
-def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed | Motion]:
+def supports(sheet: Sheet, mode: str, grip: str, stretch: float, torn: bool = False) -> list[Fixed | Motion]:
     """Motions of the edges, or of the layers outside, as in a uniform stretch, and in-plane supports of all points."""
     x, y = np.abs(sheet.points).T >= HALF * (1.0 - 1e-9)
     across = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": 1.0}[mode]
@@ -239,7 +254,9 @@ def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed |
             shift = (goal - 1.0) * sheet.points[points, c].mean()
             loads.append(Motion(points, times=[0.0, 1.0], **{name: [0.0, shift]}))
     if not moved["y"][0].any():
-        loads.append(Fixed([sheet.nearest(-HALF, 0.0)], "y"))
+        # Both halves, once a crack has crossed the sheet.
+        ends = (-HALF, HALF) if torn else (-HALF,)
+        loads.append(Fixed([sheet.nearest(x, 0.0) for x in ends], "y"))
     return loads
 
 

@@ -401,6 +401,16 @@ def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack(
     assert found["none"] < found["stiff_inclusion"]
 
 
+def test_a_crack_grows_through_a_stretched_sheet_of_hyperelastic_bonds():
+    """The future work of HE, planar: the ligaments beside the crack part, and the force falls by more than half."""
+    settings = {"points": 16, "mode": "planar", "defect": "crack", "stretch": 1.4, "critical_stretch": 2.0}
+    history = build_scene("stretch", {**settings, "horizon": 3.015, "tolerance": 1e-3}).run(device="cpu").history
+    growth = [row["crack_growth"] for row in history]
+    torn = next(n for n, grown in enumerate(growth) if grown > 0.0)
+    assert history[torn]["stretch"] == pytest.approx(1.38, abs=0.025) and growth[-1] == pytest.approx(0.3, abs=0.05)
+    assert history[torn]["edge_force"] < 0.5 * history[torn - 1]["edge_force"]
+
+
 def test_the_law_of_another_mode_is_wrong_by_ten_percent():
     settings = {"points": 16, "mode": "equibiaxial", "stretch": 2.0}
     errors = {
@@ -424,6 +434,7 @@ def test_the_law_of_another_mode_is_wrong_by_ten_percent():
         ({"force": "bond_associated", "law": "planar"}, "law = 'planar'"),
         ({"weights": "plain"}, "weights = 'plain'"),
         ({"solver": "explicit"}, "solver = 'explicit'"),
+        ({"force": "bond_associated", "critical_stretch": 2.0}, "critical_stretch = 2.0: expected None"),
     ],
 )
 def test_the_stretched_sheet_names_wrong_input(settings, says):

@@ -6,10 +6,20 @@ import json
 from functools import partial
 from typing import Any
 
+import numpy as np
+from scipy.optimize import brentq
 from study import ROOT
 
 from papers.rows import Example, Row, Values, run_scene, where_passed
-from warp_pd.papers.bond_neo_hookean import MODES, PUBLISHED, exact_traction
+from warp_pd.papers.bond_neo_hookean import (
+    MODES,
+    PUBLISHED,
+    bond_energy,
+    deformed,
+    exact_traction,
+    round_family,
+    terms,
+)
 from warp_pd.scenes import stretch as scene
 
 WHOLE, HOLED = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.0, 2.5, 3.0)
@@ -17,6 +27,8 @@ DEFECTS = ("hole", "crack", "inclusion")
 SECTION = {"equibiaxial": "5.1", "planar": "5.2", "uniaxial": "5.3"}
 # Compressive constants of eq. 77b: A, B, D over c0.
 COMPRESSION = (-109 / 14, -239 / 16, 5 / 18)
+ACROSS = {"equibiaxial": lambda s: s, "planar": lambda _: 1.0, "uniaxial": lambda s: s**-0.5}
+STEP = 1e-4
 RADIUS, SIDE = scene.RADIUS, scene.SIDE
 
 
@@ -25,6 +37,34 @@ def constants(_device: str | None) -> Values:
     a, b, d = COMPRESSION
     found = {f"at rest, {mode}": p[0] - sum(p[1:]) for mode, p in PUBLISHED.items()}
     return found | {"at rest, compression": a - 0.5 * b - 2.0 * d}
+
+
+def uniform(_device: str | None) -> Values:
+    """Pull of an infinite sheet off the exact one (%): the printed force, both sets of constants, and the energy."""
+    directions = round_family()
+    a, b, d = COMPRESSION
+    squeezed = (a, 0.5 * b, 0.0, 2.0 * d)
+
+    def energy(mode: str, stretch: float) -> float:
+        s, cosine = deformed(directions, stretch, ACROSS[mode](stretch))
+        return float(bond_energy(PUBLISHED[mode], s, cosine).mean())
+
+    def pull(stretch: float, across: float, both: bool) -> np.ndarray:
+        s, cosine = deformed(directions, stretch, across)
+        p = np.where((s < 1.0) & both, np.reshape(squeezed, (4, 1)), np.reshape(PUBLISHED["uniaxial"], (4, 1)))
+        t = (p * terms(s)).sum(axis=0) * cosine**2 / s
+        return np.asarray((2.0 * directions**2 * (stretch, across) * t[:, None]).mean(axis=0))
+
+    found: Values = {}
+    for s in WHOLE:
+        for mode in MODES:
+            slope = (energy(mode, s + STEP) - energy(mode, s - STEP)) / (2.0 * STEP)
+            true = exact_traction(mode, s) * (2.0 if mode == "equibiaxial" else 1.0)
+            found[f"energy, {mode} at {s:g}"] = slope / true - 1.0
+        for kind, both in (("tension", False), ("both", True)):
+            width = brentq(lambda across, s=s, both=both: pull(s, across, both)[1], 0.3, 1.1)
+            found[f"{kind} at {s:g}"] = pull(s, width, both)[0] / exact_traction("uniaxial", s) - 1.0
+    return found
 
 
 def exact(mode: str, defect: str, stretch: float) -> float | None:
@@ -63,6 +103,7 @@ def elements() -> Values:
 
 EXAMPLES: dict[str, Example] = {
     "he.3": constants,
+    "he.3.uniform": uniform,
     **{f"he.{SECTION[mode]}": partial(stretched, mode, "none") for mode in MODES},
     **{
         f"he.{SECTION[mode]}.{defect}": partial(stretched, mode, defect)
@@ -95,6 +136,20 @@ ROWS = [
     *_deviation("equibiaxial", {1.5: "1.75 off its elements", 4.0: "3.0 off its elements"}, (-0.03, 0.03)),
     *_deviation("planar", dict.fromkeys(WHOLE, "about 5 off its elements"), (-0.065, 0.065)),
     *_deviation("uniaxial", dict.fromkeys(WHOLE, "1.5 to 10 off its elements"), (-0.10, 0.10)),
+    *(
+        Row("he.3.uniform", f"{SECTION[mode]}, figures", f"force at {s:g}, off the exact one (%)", text,
+            f"energy, {mode} at {s:g}", "gradient of the printed energy", low=-bound, high=bound, scale=100.0)
+        for mode, text, bound in (("planar", "about 5 off its elements", 0.05),
+                                  ("uniaxial", "1.5 to 10 off its elements", 0.10))
+        for s in WHOLE
+    ),
+    *(
+        Row("he.3.uniform", "5.3, figures", f"force at {s:g}, off the exact one (%)", "1.5 to 10 off its elements",
+            f"{kind} at {s:g}", reading, low=-0.10, high=0.10, scale=100.0)
+        for kind, reading in (("tension", "infinite sheet, constants of tension (eq. 82)"),
+                              ("both", "infinite sheet, eq. 77b where bonds shorten"))
+        for s in WHOLE
+    ),
     *(
         Row(f"he.{SECTION[mode]}.{defect}", f"{SECTION[mode]}.{1 + DEFECTS.index(defect)}",
             f"{mode}, {defect}: force at {s:g}, off elements (%)", "good agreement", f"off at {s:g}",
