@@ -95,6 +95,14 @@ def test_cited_files_exist(page):
     assert not missing
 
 
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_cited_tools_are_there(page):
+    """As `python tools/NAME` or `python -m tools.NAME`, which a path with a dot is not."""
+    text = page.read_text()
+    named = {*re.findall(r"-m tools\.(\w+)", text), *re.findall(r"python tools/(\w+)", text)}
+    assert not [name for name in named if not [*(ROOT / "tools").glob(f"{name}.*"), *(ROOT / "tools").glob(name)]]
+
+
 def options_of_tools(text):
     """Names of tools of the checkout, and an option that a page gives them."""
     for name, rest in re.findall(r"(?:python (?:-m )?)?tools[/.](\w+)(?:\.py)?([^`]*)`", text):
