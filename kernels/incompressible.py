@@ -267,3 +267,23 @@ def arruda_boyce(bits: int) -> wp.Function:
         return vec6(c[0] * x * (a1 + value), c[0] * (a1 + slope), zero, c[0] * curve, zero, zero)
 
     return energy
+
+
+@functools.cache
+def carroll(bits: int) -> wp.Function:
+    """Psi = a (I1 - 3) + b (I1^4 - 81) + c (sqrt(I2) - sqrt(3)); constants: a, b, c [Pa]."""
+    types = numeric(bits)
+    real, vec6, parameters = types.real, types.vec6, types.parameters
+
+    @wp.func
+    def energy(x: real, y: real, c: parameters):
+        i = real(3.0) + x
+        root = wp.sqrt(real(3.0) + y)
+        half = real(0.5) * c[2] / root
+        value = c[0] * x + c[1] * x * (i + real(3.0)) * (i * i + real(9.0))
+        return vec6(
+            value + c[2] * y / (root + wp.sqrt(real(3.0))), c[0] + real(4.0) * c[1] * i * i * i, half,
+            real(12.0) * c[1] * i * i, real(0.0), -real(0.5) * half / (root * root),
+        )  # fmt: skip
+
+    return energy

@@ -10,10 +10,9 @@ from .numeric import numeric
 
 
 @functools.cache
-def logarithmic_strains(bits: int) -> wp.Function:
-    """Function G -> mean and half difference of the logarithmic principal strains, accurate for small G."""
-    types = numeric(bits)
-    real, mat22 = types.real, types.mat22
+def log_one_plus(bits: int) -> wp.Function:
+    """Function x -> log(1 + x), accurate for small x."""
+    real = numeric(bits).real
     small = 1e-2 if bits == 32 else 1e-4
 
     @wp.func
@@ -28,15 +27,24 @@ def logarithmic_strains(bits: int) -> wp.Function:
             answer = wp.log(real(1.0) + x)
         return answer
 
+    return log_one_plus
+
+
+@functools.cache
+def logarithmic_strains(bits: int) -> wp.Function:
+    """Function G -> mean and half difference of the logarithmic principal strains, accurate for small G."""
+    types = numeric(bits)
+    real, mat22, log_of = types.real, types.mat22, log_one_plus(bits)
+
     @wp.func
     def strains(G: mat22):
         mean = real(0.5) * (G[0, 0] + G[1, 1])
         half = real(0.5) * (G[0, 0] - G[1, 1])
         radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
-        middle = real(0.25) * log_one_plus(real(2.0) * mean + wp.determinant(G))
+        middle = real(0.25) * log_of(real(2.0) * mean + wp.determinant(G))
         # atanh of radius / (1 + mean), whose argument keeps its digits.
         excess = real(2.0) * radius / (real(1.0) + mean - radius)
-        return middle, real(0.25) * log_one_plus(excess), mean, radius
+        return middle, real(0.25) * log_of(excess), mean, radius
 
     return strains
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from study import run_tool, study_parser, table
 
-from warp_pd import ArrudaBoyce, Gent, MooneyRivlin, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, Carroll, ExtendedTube, Gent, MooneyRivlin, Ogden, Yeoh
 from warp_pd.fitting import Curve, Fit, UniformTests, fit, nominal_stress, read_table
 
 DATA = Path(__file__).parents[1] / "tests" / "references" / "treloar.csv"
@@ -49,6 +49,8 @@ MATERIALS: dict[str, tuple[Callable[..., Any], dict[str, float]]] = {
     "Gent": (gent, {"mu": 0.3e6, "lock": 90.0}),
     "Arruda-Boyce": (ArrudaBoyce, {"mu": 0.3e6, "lock": 5.0}),
     "Yeoh": (Yeoh, {"c10": 0.2e6, "c20": -1e3, "c30": 40.0}),
+    "Carroll": (Carroll, {"a": 0.15e6, "b": 0.3, "c": 0.1e6}),
+    "extended tube": (ExtendedTube, {"gc": 0.2e6, "delta": 0.09, "ge": 0.2e6, "beta": 0.2}),
 }
 Stress = Callable[[str, np.ndarray], np.ndarray]
 

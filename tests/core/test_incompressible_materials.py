@@ -9,7 +9,9 @@ from material_kernels import evaluate, respond, strain
 from warp_pd import (
     ArrudaBoyce,
     BondAssociated,
+    Carroll,
     Explicit,
+    ExtendedTube,
     Fixed,
     MooneyRivlin,
     NeoHookean,
@@ -34,13 +36,17 @@ def arruda_boyce(i1, i2, mu, lock):
     return mu * sum((k + 1) * a * i1**k / lock ** (2 * k) for k, a in enumerate(CHAIN)), 0 * i1
 
 
+def carroll(i1, i2, a, b, c):
+    return a + 4 * b * i1**3, c / (2 * np.sqrt(i2))
+
+
 def isihara(i1, i2, c10, c20, c01):
     return c10 + 2 * c20 * (i1 - 3), c01 + 0 * i1
 
 
 # Treloar's rubber (Ogden, Proc. R. Soc. A 326 (1972) 565) [Pa].
 TRELOAR = Ogden(mu=(0.63e6, 0.0012e6, -0.01e6), exponents=(1.3, 5.0, -2.0))
-# A material and the derivatives of its energy by I1 and I2, of (I1, I2, *constants); None stands for Ogden's own form.
+# A material and the derivatives of its energy by I1 and I2, of (I1, I2, *constants); None stands for `own_stress`.
 MATERIALS = [
     (MooneyRivlin(c10=400.0, c01=100.0), mooney_rivlin),
     (MooneyRivlin(c10=500.0), mooney_rivlin),
@@ -50,6 +56,8 @@ MATERIALS = [
     (Ogden(mu=(600.0, 12.0), exponents=(1.3, 5.0)), None),
     (Ogden(mu=(1000.0,), exponents=(2.0,)), None),
     (TRELOAR, None),
+    (Carroll(a=300.0, b=0.3, c=200.0), carroll),
+    (ExtendedTube(gc=600.0, delta=0.1, ge=400.0, beta=0.3), None),
     (Isihara(c10=400.0, c20=5.0, c01=100.0), isihara),
 ]
 each = pytest.mark.parametrize(("material", "slopes"), MATERIALS, ids=lambda m: getattr(m, "__name__", str(m)))
@@ -60,12 +68,23 @@ LOADINGS = {
 }
 
 
+def own_stress(material, stretches):
+    """The derivative of the energy by the logarithm of each stretch, for laws that are written in stretches [Pa]."""
+    if isinstance(material, Ogden):
+        pairs = list(zip(material.mu, material.exponents, strict=True))
+        return [sum(mu * stretch**a for mu, a in pairs) for stretch in stretches]
+    gc, delta, ge, beta = material.constants
+    x = sum(stretch**2 for stretch in stretches) - 3
+    slope = gc / 2 * ((1 - delta**2) / (1 - delta**2 * x) ** 2 - delta**2 / (1 - delta**2 * x))
+    return [2 * slope * stretch**2 - 2 * ge / beta * stretch**-beta for stretch in stretches]
+
+
 def nominal_stress(material, slopes, first, second):
     """First Piola stress along the two axes of incompressible plane stress, from textbook formulas [Pa]."""
     third = 1.0 / (first * second)
     if slopes is None:
-        pairs = list(zip(material.mu, material.exponents, strict=True))
-        return [sum(mu * (stretch**a - third**a) for mu, a in pairs) / stretch for stretch in (first, second)]
+        *along, across = own_stress(material, (first, second, third))
+        return [(own - across) / stretch for own, stretch in zip(along, (first, second), strict=True)]
     i1 = first**2 + second**2 + third**2
     i2 = first**-2 + second**-2 + third**-2
     one, two = slopes(i1, i2, *material.constants)

@@ -17,13 +17,15 @@ from treloar import DATA, MATERIALS
 from validation.comparison import deviations
 from warp_pd.fitting import Curve, UniformTests, fit, nominal_stress, read_table
 
-LAWS = ("neo-Hookean", "Mooney-Rivlin", "Ogden, two terms", "Gent", "Arruda-Boyce", "Yeoh")
+LAWS = (
+    "neo-Hookean", "Mooney-Rivlin", "Ogden, two terms", "Gent", "Arruda-Boyce", "Yeoh", "Carroll", "extended tube",
+)  # fmt: skip
 RUBBERS = ("treloar", "kawabata", "meunier", "james", "kawamura")
 KNOWN = (("uniaxial",), ("uniaxial", "planar"))
 # Initial shear modulus of Treloar's rubber [Pa], for which the starts of MATERIALS are.
 TYPICAL = 0.4e6
 # Constants that are no moduli.
-PURE = {"a1", "a2", "lock"}
+PURE = {"a1", "a2", "lock", "delta", "beta"}
 
 
 def curves(rubber: str) -> dict[str, Curve]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         stretch_of_density,
         tension_energy_density,
     )
-    from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
+    from .incompressible import ArrudaBoyce, Carroll, ExtendedTube, Incompressible, MooneyRivlin, Ogden, Yeoh
     from .plane_stress import PlaneStress
     from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
     from .stability import stability_notes, stable_to
@@ -29,6 +29,8 @@ __all__ = [
     "ArrudaBoyce",
     "ByRegion",
     "Capabilities",
+    "Carroll",
+    "ExtendedTube",
     "Gent",
     "Incompressible",
     "Material",

@@ -1,11 +1,11 @@
-"""Exactly incompressible materials in plane stress: Mooney-Rivlin, Yeoh, Arruda-Boyce, Ogden, and your own."""
+"""Exactly incompressible materials in plane stress, and your own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..device.checks import InputError, finite, positive
+from ..device.checks import InputError, finite, not_negative, positive
 from .plane_stress import PlaneStress
 
 if TYPE_CHECKING:
@@ -172,6 +172,105 @@ class ArrudaBoyce(Incompressible):
         from ..kernels.incompressible import arruda_boyce
 
         return arruda_boyce
+
+
+@dataclass(frozen=True)
+class Carroll(Incompressible):
+    """Incompressible Carroll sheet: Psi = a (I1 - 3) + b (I1^4 - 81) + c (sqrt(I2) - sqrt(3)).
+
+    The term of I2 was found from what Treloar's biaxial tests need beyond the first invariant. Source: Carroll,
+    J. Elasticity 103 (2011) 173.
+
+    Attributes:
+        a: First constant [Pa].
+        b: Second constant [Pa], which stiffens the rubber; some 1e-6 of the first.
+        c: Third constant [Pa].
+
+    Raises:
+        InputError: if a constant is negative, or the shear modulus, 2 a + 216 b + c / sqrt(3), is zero.
+    """
+
+    a: float
+    b: float
+    c: float
+
+    stable: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("a", "b", "c"):
+            not_negative(name, getattr(self, name))
+        if self.shear_modulus == 0.0:
+            raise InputError("a = b = c = 0: expected a positive shear modulus, 2 a + 216 b + c / sqrt(3)")
+
+    @property
+    def shear_modulus(self) -> float:
+        """2 a + 216 b + c / sqrt(3) [Pa]."""
+        return 2.0 * self.a + 216.0 * self.b + self.c / 3.0**0.5
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """(a, b, c)."""
+        return (self.a, self.b, self.c)
+
+    @property
+    def energy(self) -> FunctionFactory:
+        """See `kernels.incompressible.carroll`."""
+        from ..kernels.incompressible import carroll
+
+        return carroll
+
+
+@dataclass(frozen=True)
+class ExtendedTube(PlaneStress):
+    """Incompressible sheet of the extended tube model: chains of finite length in a tube of their neighbours.
+
+    Psi = gc / 2 ((1 - delta^2) x / (1 - delta^2 x) + ln(1 - delta^2 x)) + 2 ge / beta^2 (sum l^-beta - 3), x = I1 - 3.
+    Source: Kaliske and Heinrich, Rubber Chem. Technol. 72 (1999) 602.
+
+    Attributes:
+        gc: Modulus of the crosslinks [Pa].
+        delta: Finite length of the chains [-]: the stress grows without bound where I1 - 3 nears 1 / delta^2.
+        ge: Modulus of the tube [Pa].
+        beta: How the tube gives way to the chains [-], 0 to 1.
+
+    Raises:
+        InputError: if a modulus is negative or both are zero, delta is not from 0 to below sqrt(1/2), or beta is not
+            above 0 and at most 1.
+    """
+
+    gc: float
+    delta: float
+    ge: float
+    beta: float
+
+    stable: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("gc", "delta", "ge"):
+            not_negative(name, getattr(self, name))
+        if self.delta**2 >= 0.5:
+            raise InputError(f"delta = {self.delta!r}: expected less than sqrt(1/2), for crosslinks that resist")
+        if positive("beta", self.beta) > 1.0:
+            raise InputError(f"beta = {self.beta!r}: expected at most 1")
+        if self.shear_modulus == 0.0:
+            raise InputError("gc = ge = 0: expected a positive shear modulus, gc (1 - 2 delta^2) + ge")
+
+    @property
+    def shear_modulus(self) -> float:
+        """gc (1 - 2 delta^2) + ge [Pa]."""
+        return self.gc * (1.0 - 2.0 * self.delta**2) + self.ge
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """(gc, delta, ge, beta)."""
+        return (self.gc, self.delta, self.ge, self.beta)
+
+    @property
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.extended_tube`."""
+        from ..kernels.extended_tube import extended_tube
+
+        return extended_tube()
 
 
 @dataclass(frozen=True)

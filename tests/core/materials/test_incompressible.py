@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from helpers import GENT, NEO, refused
 
-from warp_pd import ArrudaBoyce, BondAssociated, ByRegion, MooneyRivlin, Ogden, TensionField, Yeoh
+from warp_pd import (
+    ArrudaBoyce,
+    BondAssociated,
+    ByRegion,
+    Carroll,
+    ExtendedTube,
+    MooneyRivlin,
+    Ogden,
+    TensionField,
+    Yeoh,
+)
 from warp_pd.materials import capabilities, energy_density, stability_notes, stable_to
 
 
@@ -36,6 +46,11 @@ from warp_pd.materials import capabilities, energy_density, stability_notes, sta
         ),
         (lambda: Ogden((float("nan"),), (1.0,)), r"^mu\[0\] = nan: expected a finite number$"),
         (lambda: Ogden((1.0,), ("a",)), r"^exponents\[0\] = 'a': expected a number$"),
+        (lambda: Carroll(1.0, -1.0, 0.0), r"^b = -1\.0: expected 0 or a positive number$"),
+        (lambda: Carroll(0.0, 0.0, 0.0), r"^a = b = c = 0: expected a positive shear modulus"),
+        (lambda: ExtendedTube(1.0, 0.8, 1.0, 0.5), r"^delta = 0\.8: expected less than sqrt\(1/2\)"),
+        (lambda: ExtendedTube(1.0, 0.1, 1.0, 0.0), r"^beta = 0\.0: expected a positive number$"),
+        (lambda: ExtendedTube(1.0, 0.1, 1.0, 1.5), r"^beta = 1\.5: expected at most 1$"),
         (lambda: Yeoh(1.0, float("nan")), r"^c20 = nan: expected a finite number$"),
     ],
 )
@@ -47,7 +62,7 @@ def test_wrong_constants_are_refused(make, said):
 def test_a_material_says_where_it_is_not_stable():
     """By its energy alone: Drucker's condition, and no derivative of a material is used."""
     stable = [Ogden((0.63e6, 1.2e3, -1e4), (1.3, 5.0, -2.0)), MooneyRivlin(1.0, 0.5), Yeoh(1.0, 0.1, 0.01), GENT, NEO]
-    for material in [*stable, ArrudaBoyce(1.0, 3.0)]:
+    for material in [*stable, ArrudaBoyce(1.0, 3.0), Carroll(1.0, 1e-3, 1.0), ExtendedTube(1.0, 0.0, 1.0, 0.5)]:
         assert stability_notes(material) == []
         assert all(stable_to(material, loading) == float("inf") for loading in ("uniaxial", "planar", "equibiaxial"))
     # A term that softens: mu_1 a_1 = 2, mu_2 a_2 = -0.2. In equibiaxial tension p1 = p2 = 2 l^2 - 0.2 l^4, and
