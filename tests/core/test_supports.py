@@ -63,6 +63,26 @@ def test_edges_that_move_in_different_directions_share_their_corners():
     )
 
 
+def test_points_with_paths_of_their_own_stretch_a_sheet_uniformly():
+    """One motion of the whole rim, in the order in which the points are given; what moves alike shares a schedule."""
+    sheet = square(7)
+    rim = sheet.edges("all")[::-1]
+    places = sheet.points[rim, :2]
+    paths = np.stack([0.0 * places, 0.2 * places * (1.0, -0.5), 0.3 * places * (1.0, -0.5)])
+    motion = Motion(rim, [0.0, 0.5, 1.0], x=paths[..., 0], y=paths[..., 1], z=0.0)
+    assert len(motion.constraints(sheet)) == len(np.unique(places.round(9), axis=0)) == len(rim)
+    result = run(sheet, Newton(load_steps=2), loads=[motion], weights="corrected")
+    wanted = 0.3 * sheet.points[:, :2] * (1.0, -0.5)
+    assert result.frame.displacement[:, :2] == pytest.approx(wanted, abs=1e-9)
+    pulled = Motion(
+        sheet.edges("right"), [0.0, 0.4], x=np.tile([[0.0], [0.01]], 7), z=np.linspace(0, 1e-3, 7) * [[0], [1]]
+    )
+    result = run(sheet, Explicit(0.4, frames=2), loads=[Fixed(sheet.edges("left")), pulled])
+    moved = result.frame.displacement[sheet.edges("right")]
+    assert moved[:, 0] == pytest.approx(0.01, abs=1e-9)
+    assert moved[:, 2] == pytest.approx(np.linspace(0, 1e-3, 7), abs=1e-9)
+
+
 def turned_places(places, angle, axis, about):
     turn = Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis))
     return turn.apply(places - about) + about

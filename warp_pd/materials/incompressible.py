@@ -257,7 +257,7 @@ class ExtendedTube(PlaneStress):
 
     @property
     def shear_modulus(self) -> float:
-        """gc (1 - 2 delta^2) + ge [Pa]."""
+        """The initial shear modulus, gc (1 - 2 delta^2) + ge [Pa]."""
         return self.gc * (1.0 - 2.0 * self.delta**2) + self.ge
 
     @property

@@ -76,13 +76,14 @@ class Fixed(Support):
 class Motion(Support):
     """Points that move as one body on a prescribed path, component by component, and may turn.
 
-    Each of x, y, z is None (free), a number (constant displacement [m]) or one displacement per time. With an `angle`
-    the points also turn about an axis, which moves with them; None then means 0 for the components that turn.
+    Each of x, y, z is None (free), a number (constant displacement [m]), one displacement per time, or one per time and
+    point, shape (K, P): each point then has its own path. With an `angle` the points also turn about an axis, which
+    moves with them; None then means 0 for the components that turn.
 
     Attributes:
-        points: Point indices.
-        times: Knots of the piecewise linear motion [s].
-        x: Displacement along x [m].
+        points: Point indices, or a mask of all points.
+        times: Knots of the piecewise linear motion [s], shape (K,).
+        x: Displacement along x [m]. Columns of shape (K, P) are in the order of `points`.
         y: Displacement along y [m].
         z: Displacement along z [m].
         angle: Angle [rad], a number or one per time, counter-clockwise seen against the axis; None for no turn.
@@ -92,9 +93,9 @@ class Motion(Support):
 
     points: Any
     times: Sequence[float]
-    x: float | Sequence[float] | None = None
-    y: float | Sequence[float] | None = None
-    z: float | Sequence[float] | None = None
+    x: float | Sequence[float] | Sequence[Sequence[float]] | None = None
+    y: float | Sequence[float] | Sequence[Sequence[float]] | None = None
+    z: float | Sequence[float] | Sequence[Sequence[float]] | None = None
     angle: float | Sequence[float] | None = None
     about: Sequence[float] = (0.0, 0.0, 0.0)
     axis: Sequence[float] = (0.0, 0.0, 1.0)
@@ -107,14 +108,26 @@ class Motion(Support):
             bits |= sum(1 << c for c in range(3) if abs(turn.axis[c]) < 1.0)
         if bits == 0:
             raise InputError("Motion x = y = z = angle = None: expected at least one prescribed component")
-        points = point_indices("Motion.points", self.points, sheet.size)
-        return [Constraint("Motion", points, bits, self.schedule(), turn)]
+        points, paths = point_indices("Motion.points", self.points, sheet.size), self.paths()
+        if len(paths) == 1:
+            return [Constraint("Motion", points, bits, paths[0], turn)]
+        # A path is evaluated once for all points that share it.
+        listed = np.asarray(self.points)
+        listed = np.flatnonzero(listed) if listed.dtype == bool else listed.ravel()
+        if len(points) != len(listed) or len(paths) != len(listed):
+            raise InputError(
+                f"Motion has paths of {len(paths)} points, and points = {said(self.points)}: expected {len(paths)}"
+            )
+        shared = np.unique([path.values.ravel() for path in paths], axis=0, return_inverse=True)[1].ravel()
+        alike = [np.flatnonzero(shared == k) for k in range(shared.max() + 1)]
+        return [Constraint("Motion", np.sort(listed[at]).astype(np.int32), bits, paths[at[0]], turn) for at in alike]
 
     def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
         """Whether it moves its points very far or fast, or turns them by degrees."""
-        path, turn = self.schedule(), self.turn()
-        found = scales.of_length("Motion moves its points by", float(np.linalg.norm(path.values, axis=1).max()))
-        found += scales.of_speed("Motion moves its points at", path.top_speed(math.inf))
+        paths, turn = self.paths(), self.turn()
+        furthest = max(float(np.linalg.norm(path.values, axis=1).max()) for path in paths)
+        found = scales.of_length("Motion moves its points by", furthest)
+        found += scales.of_speed("Motion moves its points at", max(path.top_speed(math.inf) for path in paths))
         angles = np.zeros(1) if turn is None else np.abs(turn.angle.values[:, 0])
         angle = float(angles.max())
         if angle >= DEGREES and not angle % 5.0:
@@ -123,8 +136,8 @@ class Motion(Support):
             )
         return found
 
-    def schedule(self) -> Schedule:
-        """The motion as a schedule; free components are zero."""
+    def paths(self) -> list[Schedule]:
+        """The motion as a schedule of all points, or one for each point; free components are zero."""
         return self._in_time({"x": self.x, "y": self.y, "z": self.z})
 
     def turn(self) -> Turn | None:
@@ -136,22 +149,34 @@ class Motion(Support):
         length = float(np.linalg.norm(axis))
         if length == 0.0:
             raise InputError(f"Motion.axis = {said(self.axis)}: expected a direction, such as (0, 0, 1)")
-        return Turn(self._in_time({"angle": self.angle}), np.array(vector("Motion.about", about, 3)), axis / length)
+        return Turn(self._in_time({"angle": self.angle})[0], np.array(vector("Motion.about", about, 3)), axis / length)
 
-    def _in_time(self, values: Mapping[str, float | Sequence[float] | None]) -> Schedule:
-        """Schedule of up to three values by name, each None, a number, or one number per time; others are zero."""
+    def _in_time(self, values: Mapping[str, Any]) -> list[Schedule]:
+        """Schedules of up to three values by name, each as the class says; others are zero."""
         times = np.atleast_1d(numbers("Motion.times", self.times))
         knots = times.size
-        columns = []
-        for name, value in values.items():
+        columns = [np.zeros((knots, 1))] * 3
+        for c, (name, value) in enumerate(values.items()):
             column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
             if column.shape == (1,):
                 column = np.repeat(column, knots)
-            if column.shape != (knots,):
-                raise InputError(f"Motion.{name} has {len(column)} values: expected 1 or {knots}, one per time")
-            columns.append(column)
-        columns += [np.zeros(knots)] * (3 - len(columns))
-        return schedule("Motion", times, np.column_stack(columns))
+            if column.ndim == 2 and name != "angle" and len(column) == knots and column.shape[1] > 0:
+                columns[c] = column
+            elif column.shape == (knots,):
+                columns[c] = column[:, None]
+            else:
+                by_point = "" if name == "angle" else f", or shape ({knots}, points)"
+                raise InputError(
+                    f"Motion.{name} has {len(column)} values, shape {column.shape}: expected 1 or {knots}, one per "
+                    f"time{by_point}"
+                )
+        paths = {column.shape[1] for column in columns} - {1}
+        if len(paths) > 1:
+            raise InputError(
+                f"Motion has paths of {' and '.join(map(str, sorted(paths)))} points: expected as many each"
+            )
+        whole = np.stack(np.broadcast_arrays(*columns), axis=2)
+        return [schedule("Motion", times, whole[:, point]) for point in range(whole.shape[1])]
 
 
 def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
