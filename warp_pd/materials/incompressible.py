@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -205,7 +206,7 @@ class Carroll(Incompressible):
     @property
     def shear_modulus(self) -> float:
         """2 a + 216 b + c / sqrt(3) [Pa]."""
-        return 2.0 * self.a + 216.0 * self.b + self.c / 3.0**0.5
+        return 2.0 * self.a + 216.0 * self.b + self.c / math.sqrt(3.0)
 
     @property
     def constants(self) -> tuple[float, ...]:
