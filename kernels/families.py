@@ -20,8 +20,7 @@ from typing import Any
 import warp as wp
 
 from .bits import bit_of
-from .entries import entry_of
-from .numeric import Numeric, numeric
+from .numeric import Numeric, entry_of, numeric
 
 WORD = 32
 

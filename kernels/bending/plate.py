@@ -26,8 +26,7 @@ from typing import Any
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..entries import entry_of, put_entry
-from ..numeric import numeric
+from ..numeric import entry_of, numeric, put_entry
 
 # With this factor the energy of a single row of points is that of the second difference over three adjacent points.
 STIFFENING = 4.0

@@ -23,10 +23,10 @@ import warp as wp
 
 from ..bits import bit_of, lowest_bit, without_lowest_bit
 from ..effects import Kernel, kernel
-from ..entries import entry_of, put_entry
 from ..factories import FunctionFactory, constants_of
 from ..families import WORD, Layout, family_functions
 from ..kinematics import kinematics
+from ..numeric import entry_of, put_entry
 from .grid_barrier import synchronize
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by

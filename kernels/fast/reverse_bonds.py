@@ -5,8 +5,8 @@ import functools
 import warp as wp
 
 from ..bits import bit_of
-from ..entries import entry_of
 from ..families import WORD, Layout, family_functions
+from ..numeric import entry_of
 from ..pointwise import Pointwise, pointwise
 from ..stiffness_left import stiffness_left
 

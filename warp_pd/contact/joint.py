@@ -19,7 +19,7 @@ from ..interfaces import BuiltLaw, BuiltPart, Columns, History, Part
 from ..interfaces.context import Context
 from ..kernels.contact.joint import joint
 from ..step import Phase
-from .self_contact import membrane_stiffness
+from .point_pairs import membrane_stiffness
 
 OWNER = "Joint"
 # Default stiffness over thickness times modulus in pure shear over squared spacing, largest initial gap in spacings,

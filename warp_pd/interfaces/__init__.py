@@ -13,8 +13,8 @@ from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .built_part import BuiltPart, Columns, History, StepLimit
+    from .frame import FrameReport, Writer
     from .law import BuiltLaw, Law
-    from .output import FrameReport, Writer
     from .part import (
         SLOPE,
         BuiltContact,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,3 +109,39 @@ class Frame:
         """Triangles that are not cut by a crack, shape (number of intact faces, 3)."""
         faces = np.asarray(surface.faces, np.int32)
         return faces if self.intact_faces is None else faces[self.intact_faces]
+
+
+@runtime_checkable
+class Writer(Protocol):
+    """Receives the frames of a run, for instance to write them to a file."""
+
+    def write(self, frame: Frame) -> None:
+        """Receive one frame."""
+        ...
+
+    def save(self) -> None:
+        """Flush everything written so far to disk, so that a restart can continue from here."""
+        ...
+
+    def close(self) -> None:
+        """The run is over."""
+        ...
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """Data for a reporter at a frame.
+
+    Attributes:
+        when: Text for the time, such as "t = 0.5 s".
+        fraction: Fraction of the run that is done, 0 to 1.
+        steps_per_second: Rate of the steps so far.
+        frames: Number of frames of the run.
+        row: Row of the history.
+    """
+
+    when: str
+    fraction: float
+    steps_per_second: float
+    frames: int
+    row: Mapping[str, float]

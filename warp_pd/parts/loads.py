@@ -15,7 +15,6 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import factor_schedule
 from ..families.partition import Partition
-from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.context import Context
@@ -229,10 +228,14 @@ class FollowerPressure(BuiltLoad):
             factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
         families = self.law.families
         pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)
+        from ..families.point_gradient import surface_vector_matrix
+
         return surface_vector_matrix(self._gradient, displacement, pressure)
 
     @functools.cached_property
     def _gradient(self) -> tuple[Any, Any]:
+        from ..families.point_gradient import point_gradient
+
         return point_gradient(self.law.families)
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:

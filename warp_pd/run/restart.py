@@ -18,7 +18,6 @@ import numpy as np
 
 from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import host_shape
-from ..device.npz import read_arrays
 from ..output.background import as_output_error
 from .built import Built
 from .recorder import Recorder
@@ -153,6 +152,8 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
 def load(path: Path, known: Identity, most: int) -> dict[str, Any]:
     """Load the arrays and numbers of a restart file of this run, of at most `most` bytes."""
     where = f"resume from {str(path)!r}"
+    from ..device.npz import read_arrays
+
     data: dict[str, Any] = read_arrays(where, path, most)
     with user_code(lambda error: f"{where}: the file is damaged ({type(error).__name__})"):
         numbers = dict(json.loads(bytes(data.pop("numbers"))))

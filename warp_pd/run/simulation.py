@@ -63,10 +63,11 @@ class Simulation(Scene):
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""
         from ..output.notebook import in_notebook
-        from ..output.progress import Progress
         from .runner import run
 
         if "reporter" not in options and in_notebook():
+            from ..output.progress import Progress
+
             options["reporter"] = Progress()
         return run(self, **options)
 

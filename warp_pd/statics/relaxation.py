@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -18,13 +18,13 @@ from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
-from ..kernels.statics.adaptive_damping import adaptive_damping
-from ..solvers.integrator import add_motion
 from ..solvers.retries import Snapshot
-from ..solvers.stable_step import StableStep
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .load_scale import LoadScale
 from .static_rounds import MIN_LOAD, StaticRounds
+
+if TYPE_CHECKING:
+    from ..solvers.stable_step import StableStep
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -155,9 +155,13 @@ class BuiltRelaxation(BuiltSolver):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add drift, kick, and the damping of the step."""
         context, state = self.context, self.context.state
+        from ..solvers.integrator import add_motion
+
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
+            from ..kernels.statics.adaptive_damping import adaptive_damping
+
             measure_motion, set_damping = adaptive_damping(context.bits, following)
             arrays = {
                 "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
@@ -176,6 +180,8 @@ class BuiltRelaxation(BuiltSolver):
         relaxation_step(system, step)
         join_steps(step)
         self.rounds = StaticRounds(system)
+        from ..solvers.stable_step import StableStep
+
         self.stable_step = StableStep(system, self.inertia())
         self._snapshot = Snapshot(context, OWNER, step)
         stage = context.stage("residual", f"every {CHECK_EVERY} steps of relaxation")
