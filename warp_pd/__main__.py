@@ -25,7 +25,6 @@ from .device.version import __version__
 from .run.scene_files import (
     build_scene,
     load_scene,
-    require_arguments,
     require_scene,
     require_settings,
     scene_names,
@@ -389,7 +388,7 @@ def sweep_values(
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     for name, values in choices.items():
         for value in values:
-            require_arguments(scene, {**{key: texts[0] for key, texts in choices.items()}, name: value})
+            require_settings(scene, {**{key: texts[0] for key, texts in choices.items()}, name: value}, values=False)
     # After the arguments, so that a mistyped one need not wait for these.
     from .command.sweep import run_sweep
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from helpers import refused
 
 from warp_pd.__main__ import build_scene, main
-from warp_pd.fitting import tearing_energy
+from warp_pd.fitting import data, tearing_energy
 from warp_pd.run.folder import claimed_folder
 
 SMALL = {"points": 9, "shape": "square", "lock": 20.0, "horizon": 2.015}
@@ -30,13 +30,16 @@ def bulge_csv(tmp_path_factory):
     return path
 
 
-def test_the_command_fits_a_scene_and_says_how_to_run_it(bulge_csv, tmp_path):
+def test_the_command_fits_a_scene_and_says_how_to_run_it(bulge_csv, tmp_path, monkeypatch):
+    read, reads = data._text_of, []
+    monkeypatch.setattr(data, "_text_of", lambda path: reads.append(path) or read(path))
     options = ["--set", "shape=square", "--set", "lock=20", "--set", "mu=4e5", "--points", 9, "--device", "cpu"]
     done = run(
         "bulge_test", bulge_csv, "--vary", "mu", "--measure", "center_deflection", "--bounds", "mu=1e5:1e6", *options,
         "--out", tmp_path / "out",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
+    assert reads == [bulge_csv]
     assert "line 5: height is missing: the row is left out" in done.output
     last = done.output.strip().splitlines()[-1]
     assert last.startswith("run the fitted scene: warp-pd run bulge_test --points 9 --set shape=square --set lock=20")

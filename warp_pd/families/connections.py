@@ -7,7 +7,6 @@ import numpy as np
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
 from ..geometry.topology import components, directed_edges
-from ..geometry.triangulation import doubled_normals
 from .tables import Families, inverse_shape
 
 # Shorter horizons rarely let corrected weights balance a cloud.
@@ -60,7 +59,7 @@ def require_unfolded(sheet: Sheet) -> None:
     Raises:
         InputError: with the place and the angle of the sharpest fold.
     """
-    turn = _folds(sheet)
+    turn = sheet.folds
     if turn.max(initial=0.0) > FOLD_REFUSED:
         point = int(np.argmax(turn))
         raise InputError(
@@ -73,7 +72,7 @@ def require_unfolded(sheet: Sheet) -> None:
 
 def notes_on_folds(sheet: Sheet) -> list[str]:
     """A note if families span edges at which a curved sheet turns much."""
-    turn = _folds(sheet)
+    turn = sheet.folds
     sharp = turn > FOLD_NOTED
     if not sharp.any():
         return []
@@ -83,19 +82,6 @@ def notes_on_folds(sheet: Sheet) -> list[str]:
         f"{_text(sheet.points[point].tolist())}; families across such an edge resist its opening and closing: round it "
         "over some spacings"
     ]
-
-
-def _folds(sheet: Sheet) -> np.ndarray:
-    """Twice the largest angle between the normal of a point and that of its triangles [degrees], shape (N,)."""
-    largest = np.ones(sheet.size)
-    if sheet.frames is None or not len(sheet.triangles):
-        return 0.0 * largest
-    triangles = np.asarray(sheet.triangles)
-    normals = doubled_normals(sheet.points, triangles)
-    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
-    for corner in range(3):
-        np.minimum.at(largest, triangles[:, corner], (normals * sheet.normals[triangles[:, corner]]).sum(axis=1))
-    return np.asarray(2.0 * np.degrees(np.arccos(np.clip(largest, -1.0, 1.0))))
 
 
 def _refuse_lines(sheet: Sheet, families: Families, bonds: np.ndarray, horizon: float) -> None:

@@ -31,9 +31,12 @@ CONTROLS = ("time", "load_factor")
 
 
 def read_tests(
-    path: str | Path, build: Callable[..., Simulation], measure: str | None, settings: Mapping[str, Any] | None = None
+    file: str | Path | Table,
+    build: Callable[..., Simulation],
+    measure: str | None,
+    settings: Mapping[str, Any] | None = None,
 ) -> tuple[list[Test], list[str]]:
-    """Read the tests in a file for a scene, and notes on skipped rows, one line each.
+    """Read the tests in a file (or its table) for a scene, and notes on skipped rows, one line each.
 
     A file with columns x, y (and z), u, v (and w) is a displacement field; another column may be an argument of the
     scene, which gives one field per value. Any other file is a curve: one column is the control, i.e. an argument of
@@ -42,7 +45,7 @@ def read_tests(
     Raises:
         InputError: if the names or units of columns do not fit the scene.
     """
-    table = read_table(path)
+    table = file if isinstance(file, Table) else read_table(file)
     arguments = tuple(inspect.signature(build).parameters)
     control = _control(table, arguments, measure)
     require_arguments(build, settings or {})

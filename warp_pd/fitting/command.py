@@ -33,8 +33,7 @@ def fit_scene(
     require_settings(scene, given)
     names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
     _require_constants(names, limits, written_parameters(scene))
-    for path in data:
-        read_table(path)
+    tables = [read_table(path) for path in data]
     # After what needs neither the scene nor Warp.
     build = load_scene(scene).build
     from .columns import read_tests
@@ -44,8 +43,8 @@ def fit_scene(
     parameters = inspect.signature(build).parameters
     settings = {key: converted(key, value, parameters) for key, value in given.items()}
     tests = []
-    for path in data:
-        found, notes = read_tests(path, build, measure, settings)
+    for table in tables:
+        found, notes = read_tests(table, build, measure, settings)
         tests += found
         yield from notes
     with _folder(Path("runs") / f"{Path(scene).stem}-fit" if out is None else Path(out), out is None) as folder:

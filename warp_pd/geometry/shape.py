@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .triangulation import Lattice, Segment
+from .triangulation import Lattice, Segment, doubled_normals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,3 +100,16 @@ class Shape:
         if self.frames is None:
             return np.tile([0.0, 0.0, 1.0], (self.size, 1))
         return np.cross(self.frames[..., 0], self.frames[..., 1])
+
+    @functools.cached_property
+    def folds(self) -> np.ndarray:
+        """Twice the largest angle between the normal of a point and that of its triangles [degrees], shape (N,)."""
+        largest = np.ones(self.size)
+        if self.frames is None or not len(self.triangles):
+            return 0.0 * largest
+        triangles = np.asarray(self.triangles)
+        normals = doubled_normals(self.points, triangles)
+        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+        for corner in range(3):
+            np.minimum.at(largest, triangles[:, corner], (normals * self.normals[triangles[:, corner]]).sum(axis=1))
+        return np.asarray(2.0 * np.degrees(np.arccos(np.clip(largest, -1.0, 1.0))))

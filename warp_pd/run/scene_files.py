@@ -15,7 +15,7 @@ import pkgutil
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -110,22 +110,19 @@ def _meant(error: Exception) -> str:
     return f" (did you mean {nearest[0]!r}?)" if nearest else f"; expected one of {', '.join(names)}"
 
 
-def require_arguments(name: str, settings: Mapping[str, Any]) -> Callable[[], None]:
-    """Check names and types of settings against the text of a scene's file, without importing it and with it Warp.
+def require_settings(name: str, settings: Mapping[str, Any], values: bool = True) -> None:
+    """Check settings against the text of a scene's file, without importing it and with it Warp.
 
-    A file whose parameters cannot be told from its text is checked by `build_scene` alone. Returns a function that also
-    makes the checks of values that the text makes: see `scene_text.WrittenBuild`.
+    Names and types are checked, and with `values` also what the text checks of them: see `scene_text.WrittenBuild`. A
+    file whose parameters cannot be told from its text is checked by `build_scene` alone.
     """
     require_scene(name)
     written = WrittenBuild.of(scene_file(name))
     if written is None:
-        return lambda: None
-    return functools.partial(written.check, _values(name, settings, written.parameters))
-
-
-def require_settings(name: str, settings: Mapping[str, Any]) -> None:
-    """Check names, types and values of settings against the text of a scene's file, without importing it."""
-    require_arguments(name, settings)()
+        return
+    given = _values(name, settings, written.parameters)
+    if values:
+        written.check(given)
 
 
 def written_parameters(name: str) -> Mapping[str, inspect.Parameter] | None:
