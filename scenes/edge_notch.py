@@ -10,8 +10,9 @@ stretch (tests/references/torn.json). They have the energy of this sheet, which 
 has k = 2.66 at a = w / 5 and a stretch of 1.2; 3 / sqrt(stretch) = 2.74 is Greensmith's (1963), for short notches. Here
 k is 3.3: where nothing is compressed, tension does not spread behind the notch, and the sheet there goes slack.
 
-The damage of a cut reaches beyond its tip, with the energy of a crack that is longer by pi / 4 damage lengths. That
-much is counted: a = notch + pi / 4 length. `onset_ratio` is G over the tearing energy when the load is largest.
+A notch runs when the damage that the load has made ahead of its tip has the energy of a crack that is longer by pi / 4
+damage lengths. That much is counted: a = notch + pi / 4 length. `onset_ratio` is G over the tearing energy when the
+load is largest.
 """
 
 import numpy as np
@@ -34,7 +35,7 @@ FACTORS = (
     (2.15, 2.15, 2.15, 2.14, 2.03, 1.81, 1.59),
     (1.88, 1.88, 1.88, 1.88, 1.85, 1.69, 1.52),
 )
-# Length of a crack with the energy that the damage of a cut has ahead of its tip, over the length of the field.
+# Length of a crack with the energy that the damage ahead of a tip has when it runs, over the length of the field.
 AHEAD = 0.25 * np.pi
 
 

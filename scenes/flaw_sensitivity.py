@@ -12,7 +12,7 @@ with a = flaw / 2. The factor C depends on a / b and the stretch; it is from pla
 divided by Gc, and `break_ratio` is the larger of the two. Between these limits, where 2 pi a C strength is about Gc,
 flaw and strength act together, and the sheet breaks before it reaches either: flaw sensitivity (Chen, Wang, Suo 2017).
 
-A cut with its damage acts like a crack that is longer by pi / 4 damage lengths at each end, see scene `edge_notch`. A
+A cut acts like a crack that is longer by pi / 4 damage lengths at each end, see scene `edge_notch`. A
 flaw shorter than the damage length is not a crack and starts as a cut without damage.
 """
 

@@ -1,4 +1,4 @@
-"""Damage at the start around cuts that face each other or an edge: a tear of the bridge takes its tearing energy."""
+"""Damage at the start around cuts: its energy is that of their length, and a tear of bridges takes theirs."""
 
 import re
 
@@ -7,7 +7,7 @@ import pytest
 from helpers import NEO, build, square
 
 from warp_pd import BondAssociated, Explicit, Sheet, Simulation, TearingEnergy, TensionField
-from warp_pd.tearing.cut_profiles import CAP, NEAR, Facing, damage_of_cuts
+from warp_pd.tearing.cut_profiles import CAP, CutEnds
 
 GC = 10.0
 
@@ -50,7 +50,7 @@ def test_slits_start_with_the_energy_of_their_length(points, slit, bridge, as_cl
     built = build(sheet, damage=TearingEnergy(GC))
     cut = slit * int(0.1 / (slit + bridge))
     assert cut_length(built, as_cloud) == pytest.approx(cut, rel=0.06)
-    assert not built.rupture._facing.notes(
+    assert not built.rupture._cuts.notes(
         built.rupture.length, 1.0, sheet.spacing, built.rupture._at_start, sheet.points
     )
 
@@ -61,7 +61,7 @@ def test_the_default_length_leaves_room_for_bridges_and_a_note_says_where_it_can
     built = build(narrow, damage=TearingEnergy(GC))
     assert built.rupture.length == pytest.approx(1.25 * built.law.families.horizon)
     start = narrow.spacing, built.rupture._at_start, narrow.points
-    (said,) = built.rupture._facing.notes(built.rupture.length, built.rupture.constants.bias, *start)
+    (said,) = built.rupture._cuts.notes(built.rupture.length, built.rupture.constants.bias, *start)
     assert "two cuts are 0.01 m apart, 1.2 lengths of the damage field" in said
     place = [float(x) for x in re.search(r"the bridge at \((\S+), (\S+)\) m starts", said).groups()]
     # Halfway between two slits, or on the edge halfway to the mirror image of one.
@@ -72,24 +72,28 @@ def test_the_default_length_leaves_room_for_bridges_and_a_note_says_where_it_can
     assert finer._at_start[np.argmin(np.linalg.norm(finer.context.sheet.points - [0.04, 0.05], axis=1))] < 0.2
 
 
-def test_cuts_that_face_nothing_have_the_profile_of_a_crack():
-    """Side by side, or far from each other and from edges."""
-    beside = square(81).cut((0.03, 0.0406), (0.07, 0.0406)).cut((0.03, 0.0594), (0.07, 0.0594))
-    length = 4.0 * beside.spacing
-    assert not len(Facing.of(beside, length, far=NEAR).ends)
-    damage, _ahead, _facing = damage_of_cuts(beside, length)
-    tip = np.argmin(np.linalg.norm(beside.points - [0.07 + length, 0.0406], axis=1))
-    apart = np.linalg.norm(beside.points[tip] - [0.07, 0.0406])
-    assert damage[tip] == pytest.approx((1.0 - apart / (2.0 * length)) ** 2)
+def test_cuts_that_face_nothing_start_with_the_energy_of_their_length():
+    """Side by side, far from edges; beside each the profile of a crack, whose end is as far from its tip as it must."""
+    sheet = square(81).cut((0.03, 0.0406), (0.07, 0.0406)).cut((0.03, 0.0594), (0.07, 0.0594))
+    built = build(sheet, damage=TearingEnergy(GC, length=3.0 * sheet.spacing))
+    cuts, field = built.rupture._cuts, built.rupture.field.numpy()
+    assert len(cuts.ends) == 4 and not cuts.facing.any()
+    assert cut_length(built, False) == pytest.approx(0.08, rel=0.02)
+    x, y = sheet.points.T
+    recess = cuts.recesses(built.rupture.length, sheet.spacing)[0]
+    beyond = np.maximum(abs(x - 0.05) - 0.02 + recess, 0.0)
+    near = (abs(y - 0.0406) < 0.009) & (y < 0.05)
+    profile = np.maximum(1.0 - np.hypot(beyond, y - 0.0406) / (2.0 * built.rupture.length), 0.0) ** 2
+    np.testing.assert_allclose(field[near], profile[near], atol=1e-7)
 
 
 def test_an_end_near_an_edge_faces_its_mirror_image():
     sheet = square(81).cut((-0.01, 0.0506), (0.07, 0.0506))
-    facing = Facing.of(sheet, 0.0125)
-    assert facing.ends.tolist() == [[0.07, 0.0506]]
-    assert facing.gaps == pytest.approx([0.06])
-    assert facing.recesses(2.0e-3, 1e-5) == pytest.approx([CAP * 2.0e-3], rel=1e-2)
-    assert facing.recesses(2.0e-3, 0.5e-3) == pytest.approx([0.845 * 2.0e-3], rel=1e-2)
+    cuts = CutEnds.of(sheet, 0.0125)
+    assert cuts.ends.tolist() == [[0.07, 0.0506]]
+    assert cuts.gaps == pytest.approx([0.06])
+    assert cuts.recesses(2.0e-3, 1e-5) == pytest.approx([CAP * 2.0e-3], rel=1e-2)
+    assert cuts.recesses(2.0e-3, 0.5e-3) == pytest.approx([0.845 * 2.0e-3], rel=1e-2)
 
 
 def test_the_energy_of_the_field_is_never_negative_as_bridges_tear():

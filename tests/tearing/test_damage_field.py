@@ -28,6 +28,7 @@ from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
 from warp_pd.scenes import running_crack
 from warp_pd.tearing import tearing_energy
+from warp_pd.tearing.cut_profiles import CutEnds
 
 LAWS = [
     BondAssociated(NEO, weights="plain"), BondAssociated(TensionField(NEO), weights="corrected", horizon=3.15),
@@ -335,7 +336,8 @@ def test_the_cut_of_a_sheet_breaks_no_bonds_while_nothing_pulls():
 
 def test_cuts_have_the_profile_of_a_crack_unless_they_are_notches():
     sheet = square(21).cut((-0.01, 0.0475), (0.05, 0.0475))
-    apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.0475)
+    tip = 0.05 - CutEnds.of(sheet, 0.01).recesses(0.01, sheet.spacing)[0]
+    apart = np.hypot(np.maximum(sheet.points[:, 0] - tip, 0.0), sheet.points[:, 1] - 0.0475)
     crack, notch = (build(sheet, damage=TearingEnergy(5.0, length=0.01, cut_profile=p)).rupture for p in (True, False))
     np.testing.assert_allclose(crack.field.numpy(), np.maximum(1.0 - apart / 0.02, 0.0) ** 2, atol=1e-12)
     assert (notch.field.numpy() == 0.0).all()
@@ -346,7 +348,8 @@ def test_a_crack_of_an_outline_has_the_profile_too():
         [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], spacing=0.005, thickness=1e-3, density=1e3,
         cracks={"slit": [(0.0, 0.05), (0.05, 0.05)]}, holes={"hole": [(0.08, 0.08), (0.095, 0.08), (0.095, 0.095)]},
     )  # fmt: skip
-    apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.05)
+    tip = 0.05 - CutEnds.of(sheet, 0.01).recesses(0.01, sheet.spacing)[0]
+    apart = np.hypot(np.maximum(sheet.points[:, 0] - tip, 0.0), sheet.points[:, 1] - 0.05)
     field = build(sheet, damage=TearingEnergy(5.0, length=0.01)).rupture.field.numpy()
     np.testing.assert_allclose(field, np.minimum(np.maximum(1.0 - apart / 0.02, 0.0) ** 2, 0.98), atol=1e-9)
 

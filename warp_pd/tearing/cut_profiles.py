@@ -1,10 +1,11 @@
 """Damage at the start around the cuts of a sheet with a damage field: the profile of a crack, shared by near cuts.
 
 A crack of length a has the damage d = (1 - r / 2 l)^2 at the distance r. Its energy is Gc a and, around each end, that
-of half a disc: a cap of pi l / 4 times Gc. A tear from one cut to another, or to an edge, needs no caps, so it would
-take theirs less than Gc times its way. Where the ends of two cuts face each other or an edge, the damage therefore ends
-before the cut does, by the recess with which the tear takes Gc times its way. Caps that overlap are counted once; an
-edge counts as the mirror image of the cut. Energies are those on rows of points: `_cap`.
+of half a disc: a cap of pi l / 4 times Gc. With the cap a tear begins at 0.94 of the energy release rate at which it
+goes on (tools/tip_problem.py), and a tear from one cut to another, or to an edge, would take Gc times its way less two
+caps. The damage therefore ends before the cut does, by a recess with which the cut has the energy of its length. Where
+the ends of two cuts face each other or an edge, caps that overlap are counted once; an edge counts as the mirror image
+of the cut. Energies are those on rows of points: `_cap`.
 """
 
 from __future__ import annotations
@@ -39,14 +40,15 @@ SETTLED = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Facing:
-    """The ends of cuts that face other cuts or an edge.
+class CutEnds:
+    """The ends of cuts inside a sheet.
 
     Attributes:
         segments: Segments of all cuts [m], shape (S, 2, dimensions).
-        ends: Ends of cuts that face another cut or an edge [m], shape (E, dimensions).
-        gaps: Distance of each from that cut, or twice that from the edge [m], shape (E,).
-        rooms: Length of its cut [m], divided by the number of its ends that face others, shape (E,).
+        ends: Ends of cuts [m], shape (E, dimensions).
+        gaps: Distance of each from the cut that it faces, or twice that from the edge that it faces [m]; infinite where
+            it faces none. Shape (E,).
+        rooms: Length of its cut [m], divided by the number of its ends, shape (E,).
         between: Whether cuts run between points; otherwise points lie on both faces.
     """
 
@@ -57,8 +59,8 @@ class Facing:
     between: bool
 
     @staticmethod
-    def of(sheet: Sheet, length: float, far: float = FAR) -> Facing:
-        """The ends whose gap is less than `far` lengths of a field [m], of mirror images less than NEAR lengths."""
+    def of(sheet: Sheet, length: float, far: float = FAR) -> CutEnds:
+        """The ends; one faces a cut less than `far` lengths of a field [m] away, a mirror image less than NEAR."""
         segments = crack_segments(sheet)
         dimensions = segments.shape[-1]
         found = []
@@ -71,18 +73,24 @@ class Facing:
                 which, direction = _tip(segments, end)
                 others = segments[cut != cut[which]]
                 between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
-                if between < far * length or mirrored < NEAR * length:
-                    found.append((end, min(between, mirrored), int(cut[which])))
+                faces = between < far * length or mirrored < NEAR * length
+                found.append((end, min(between, mirrored) if faces else np.inf, int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
         ends = np.array([end for end, *_ in found]).reshape(-1, dimensions)
-        return Facing(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms), bool(sheet.cuts))
+        return CutEnds(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms), bool(sheet.cuts))
+
+    @property
+    def facing(self) -> np.ndarray:
+        """Whether each end faces a cut or an edge, shape (E,)."""
+        return np.asarray(np.isfinite(self.gaps))
 
     @property
     def length(self) -> float:
-        """Largest length of a field that every cut has room for, and with which bridges start nearly intact [m]."""
-        return float(np.min([self.rooms / CAP, self.gaps / OPEN], initial=np.inf))
+        """Largest length of a field that cuts with bridges have room for, with which these start nearly intact [m]."""
+        near = self.facing
+        return float(np.min([self.rooms[near] / CAP, self.gaps[near] / OPEN], initial=np.inf))
 
     def cap(self, length: float, spacing: float) -> float:
         """Recess of an end far from others, in lengths of a field of a length [m] on points of a spacing [m]."""
@@ -124,12 +132,13 @@ class Facing:
             damage: Damage at the start, (N,).
             points: Points of the sheet [m], (N, dimensions).
         """
-        if not len(self.ends):
+        if not self.facing.any():
             return []
         recesses = self.recesses(length, spacing)
         gaps, ways = _ways()
         apart = self.gaps + 2.0 * recesses * CAP / self.cap(length, spacing)
-        taken = length * np.interp(apart / length, gaps, ways) / self.gaps / bias
+        taken = np.full(len(self.ends), np.inf)
+        taken[self.facing] = (length * np.interp(apart / length, gaps, ways) / self.gaps / bias)[self.facing]
         worst = int(np.argmin(taken))
         middle = self.ends[worst] + 0.5 * self.gaps[worst] * _tip(self.segments, self.ends[worst])[1]
         hurt = float(damage[np.argmin(np.linalg.norm(points - middle, axis=1))])
@@ -145,24 +154,24 @@ class Facing:
         ]
 
 
-def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray, Facing]:
-    """Damage around the cuts of a sheet, (N,), a mask of the points beyond their ends, and the ends that face cuts."""
-    facing = Facing.of(sheet, length)
+def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray, CutEnds]:
+    """Damage around the cuts of a sheet, (N,), a mask of the points beyond their ends, and these ends."""
+    cuts = CutEnds.of(sheet, length)
     damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
-    if len(facing.segments):
-        segments = facing.shortened(length, sheet.spacing) if len(facing.ends) else facing.segments
+    if len(cuts.segments):
+        segments = cuts.shortened(length, sheet.spacing) if len(cuts.ends) else cuts.segments
         apart = distance_from_segments(sheet.points, segments, 2.0 * length)
         damage = np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2
         from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), length)
         ahead = from_end <= apart * (1.0 + 1e-9)
-    if len(facing.ends):
+    if cuts.facing.any():
         damage = _at_rest(sheet, damage, length)
-    return damage, ahead, facing
+    return damage, ahead, cuts
 
 
 def longest_between_cuts(sheet: Sheet) -> float:
     """Largest length that cuts near each other have room for [m]."""
-    return Facing.of(sheet, DEFAULT_LENGTH * sheet.spacing, far=NEAR).length
+    return CutEnds.of(sheet, DEFAULT_LENGTH * sheet.spacing, far=NEAR).length
 
 
 def initial_damage(given: np.ndarray, size: int) -> np.ndarray:

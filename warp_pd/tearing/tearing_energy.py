@@ -25,7 +25,7 @@ from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
 from ..materials import largest_energy_density
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
-from .cut_profiles import Facing, damage_of_cuts, initial_damage, longest_between_cuts
+from .cut_profiles import CutEnds, damage_of_cuts, initial_damage, longest_between_cuts
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import Density, FieldConstants, relaxations
 from .field_screen import screen_of
@@ -208,7 +208,7 @@ class DamageField(Damaged):
         weak = self._fastest > 2.0
         self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
         self._own = slice(0, context.sheet.size) if self._ghosts is None else self._ghosts.own
-        self._facing: Facing | None = None
+        self._cuts: CutEnds | None = None
         self._at_start, ahead = self._profile(whole)
         self._least = context.here(self._at_start)
         self._declare(self._least)
@@ -348,7 +348,7 @@ class DamageField(Damaged):
         """Initial damage, (N,), including that around cuts, and a mask of the points beyond the ends of cuts."""
         damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         if self.rupture.cut_profile:
-            damage, ahead, self._facing = damage_of_cuts(sheet, self.length)
+            damage, ahead, self._cuts = damage_of_cuts(sheet, self.length)
         if self.rupture.initial_damage is not None:
             damage = np.maximum(damage, initial_damage(self.rupture.initial_damage, sheet.size))
         damage = np.minimum(damage, MOST_AT_START)
@@ -578,8 +578,8 @@ class DamageField(Damaged):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
         said = self.constants.notes()
-        if self._facing is not None:
-            said += self._facing.notes(
+        if self._cuts is not None:
+            said += self._cuts.notes(
                 self.length, self.constants.bias, self.context.whole.spacing, self._at_start, self.context.whole.points
             )
         if isinstance(self._energy, np.ndarray):
