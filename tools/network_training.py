@@ -180,9 +180,26 @@ def train(
     Returns:
         The network with the smallest validation error, and the data by name: "training", "validation", "test".
     """
-    torch.manual_seed(training.seed)
     data = training_data(material, sampled_states(training.stretches, training.samples, training.seed))
-    rows = split(training.samples, training.seed)
+    return train_on(data, material, training, progress)
+
+
+def train_on(
+    data: TrainingData,
+    material: Material,
+    training: Training,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> tuple[Network, dict[str, TrainingData]]:
+    """As `train`, on data of any origin.
+
+    Args:
+        data: The rows.
+        material: The material that the network is for: it gives C33, and the unit of the forces.
+        training: Training parameters; its `samples` are not used.
+        progress: As for `train`.
+    """
+    torch.manual_seed(training.seed)
+    rows = split(len(data.states), training.seed)
     parts = {name: data.part(r) for name, r in zip(("training", "validation", "test"), rows, strict=True)}
     empty = _empty(material, training, parts["training"])
     module = bond_network(_layers(training.hidden))
