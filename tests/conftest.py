@@ -9,8 +9,8 @@ import warp as wp
 from helpers import play_gpu, tune_paths
 from small_runs import BALL, cli
 
+from warp_pd.context import find_device
 from warp_pd.device import launches
-from warp_pd.interfaces.context import find_device
 
 FOLDER = Path(__file__).parent
 # The files that take longest, longest first: begun last, one of them would run alone at the end.

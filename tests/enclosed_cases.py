@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from warp_pd import Sheet
+from warp_pd.context import Context, find_device
 from warp_pd.device.clock import Clock
 from warp_pd.device.fields import FieldRegister
 from warp_pd.geometry.shape import Shape
-from warp_pd.interfaces.context import Context, find_device
 from warp_pd.kernels.families import Layout
 from warp_pd.kernels.integrate import StepOptions
 from warp_pd.kernels.numeric import numeric

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Gent, InputError, NeoHookean, Sheet, Simulation, context
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.fast import force_paths as fast_paths
 from warp_pd.geometry.triangulation import crosses
-from warp_pd.interfaces import context
 from warp_pd.laws import force_paths
 from warp_pd.statics import bond_associated_tangent
 

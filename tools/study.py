@@ -23,9 +23,9 @@ from typing import Any
 
 import warp_pd.scenes
 from warp_pd import InputError
+from warp_pd.context import find_device
 from warp_pd.device.checks import DIVERGED, WRONG_INPUT
 from warp_pd.interfaces import DivergedError
-from warp_pd.interfaces.context import find_device
 from warp_pd.run.folder import write_atomically
 from warp_pd.run.scene_files import build_scene
 

@@ -57,8 +57,8 @@ class OneLineGroup(click.Group):
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
             ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
         except RuntimeError as error:
+            from .communicator import LAUNCHER_REPORTS, LostError
             from .device.checks import LOST
-            from .interfaces.communicator import LAUNCHER_REPORTS, LostError
 
             if not isinstance(error, LostError):
                 raise

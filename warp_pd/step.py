@@ -45,7 +45,7 @@ class Phase(enum.Enum):
 
 # Phases without a place in relaxation, and in Newton's method, which takes the forces alone and sets prescribed
 # components itself. Both break bonds in equilibrium, in stages of their own.
-NOT_IN_RELAXATION = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
+NOT_IN_RELAXATION = (Phase.FOLLOW, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
 NOT_IN_EQUILIBRIUM = (*NOT_IN_RELAXATION, Phase.RIGID_DRIFT, Phase.RIGID_KICK)
 
 

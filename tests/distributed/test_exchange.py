@@ -24,7 +24,6 @@ from warp_pd import (
     Sphere,
 )
 from warp_pd.device.launches import Launch
-from warp_pd.distributed.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
 
 
@@ -130,4 +129,4 @@ def test_a_launch_that_looks_too_far_is_refused():
         stage.launch("test", far(), n, values=values, out=out)
         values = out
     with refused(match=r"^test: look_far uses points up to 3 horizons away"):
-        add_exchanges(context)
+        context.communicator.add_exchanges(list(context.stages.values()), context.fields)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
 from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
-from ..interfaces.context import Context
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.sparse import factorised

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..context import Context
 from ..device.checks import InputError, positive
 from ..interfaces import BuiltLaw, BuiltPart, Part
-from ..interfaces.context import Context
 from .law import BendingForce
 
 

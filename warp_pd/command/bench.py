@@ -18,9 +18,9 @@ import warp as wp
 
 from ..bending.plate import Plate
 from ..contact.rigid_ball import RigidBall
+from ..context import find_device
 from ..device.checks import InputError, finite, one_of
 from ..interfaces import Law, Part, Rupture
-from ..interfaces.context import find_device
 from ..laws.bond_associated import BondAssociated
 from ..materials import Gent
 from ..papers.bond_based import BondBased

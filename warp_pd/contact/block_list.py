@@ -6,9 +6,9 @@ from typing import Any
 
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces.context import Context
 from ..kernels.contact.block_lists import list_marked
 from ..kernels.effects import Kernel
 

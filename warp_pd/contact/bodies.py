@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, BuiltPart, Columns, Contact, History, StepLimit
-from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact

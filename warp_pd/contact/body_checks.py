@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..interfaces import BuiltLaw, BuiltPart, History
-from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from .body_shapes import BodyShape
 

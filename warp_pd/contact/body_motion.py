@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces.context import Context
 from ..kernels.contact.body_contact import PointContact, body_contact
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, turn_between
 from ..kernels.pointwise import NEAR_BLOCK

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.cores import load_kernel
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..kernels.contact import narrow_phase
 from ..kernels.contact import surface_contact as kernels
 from ..kernels.contact.body_motion import vec6d

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
-from ..interfaces.context import Context
 from ..kernels.contact.body_contact import Given, PointContact
 from ..kernels.contact.body_motion import free_motion, vec6d
 from ..kernels.contact.free_contact import Equations, FreeBody, free_contact

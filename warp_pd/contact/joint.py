@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, by_point, point_indices, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import ByPoint
 from ..geometry.triangulation import doubled_normals, places_on_triangles
 from ..interfaces import BuiltLaw, BuiltPart, Columns, History, Part
-from ..interfaces.context import Context
 from ..kernels.contact.joint import joint
 from ..step import Phase
 from .point_pairs import membrane_stiffness

@@ -15,12 +15,12 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, positive, said
 from ..device.fields import Array
 from ..device.graph import no_collection
 from ..device.launches import Call, Touched
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
-from ..interfaces.context import Context
 from ..kernels.checks import frame_checks
 from ..kernels.contact.newton_world import lead_shape, load_bodies, take_impulses
 from .bodies import RigidBody

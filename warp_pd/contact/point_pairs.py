@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Columns
-from ..interfaces.context import Context
 from ..kernels.contact.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.contact.self_contact import repulsion
 from ..kernels.integrate import RIGID

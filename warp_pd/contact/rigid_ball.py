@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..context import Context
 from ..device.checks import positive, resolved, vector
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact
-from ..interfaces.context import Context
 from ..interfaces.scales import Scales
 from .bodies import RigidBody, only_one_named
 from .body_checks import MIN_DIAMETER

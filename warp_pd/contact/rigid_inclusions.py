@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Columns, Constraint, Part
-from ..interfaces.context import Context
 from ..kernels.contact.rigid import rigid_inclusions
 from ..kernels.integrate import RIGID
 from ..step import Phase

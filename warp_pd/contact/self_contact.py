@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..context import Context
 from ..device.checks import InputError, not_negative, positive, said
 from ..interfaces import BuiltContact, BuiltLaw, Contact
-from ..interfaces.context import Context
 
 
 @dataclass(frozen=True)

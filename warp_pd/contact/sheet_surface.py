@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..geometry.topology import directed_edges, undirected
 from ..interfaces import BuiltContact, BuiltLaw, Columns
-from ..interfaces.context import Context
 from ..kernels.contact import sheet_contact as kernels
 from ..kernels.contact.face_tree import FaceTree, merge_boxes
 from ..kernels.contact.sheet_pairs import Surface

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..run import COMMUNICATORS
 
 if TYPE_CHECKING:
-    from ..interfaces.communicator import Communicator
+    from ..communicator import Communicator
 
 
 def processes_here() -> int:

@@ -18,13 +18,13 @@ import torch
 import torch.distributed as dist
 import warp as wp
 
+from ..communicator import LostError
 from ..device.checks import InputError
 from ..device.cores import start_warp
 from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
 from ..families.partition import Partition
 from ..geometry.triangulation import CoarseLattice
-from ..interfaces.communicator import LostError
 from ..kernels.block_sums import BLOCK
 from ..papers.neural.torch_step import capture, release_graphs
 from .divided import DividedSheet

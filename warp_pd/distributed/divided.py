@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from ..communicator import Communicator
+from ..device.fields import FieldRegister
+from ..device.launches import Stage
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces.communicator import Communicator
-from ..interfaces.context import Context
 from ..laws.weight_tables import Tables, plain_weights, weight_tables
 from .exchange import add_exchanges
 from .local_families import builds_alone, local_cloud_families, local_rows
@@ -39,6 +41,7 @@ class DividedSheet(Communicator):
         here = local_rows(families, partition)
         return here.families, here.table(inverse), here.table(found), correction
 
-    def add_exchanges(self, context: Context) -> None:
+    def add_exchanges(self, stages: Sequence[Stage], fields: FieldRegister) -> None:
         """Let the stages exchange halos where they need them."""
-        add_exchanges(context)
+        assert self.partition is not None
+        add_exchanges(stages, fields, self.exchange, self.partition)

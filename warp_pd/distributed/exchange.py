@@ -9,13 +9,13 @@ of the first horizon outside are computed twice, and forces are summed in the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 from ..device.checks import InputError
-from ..device.fields import Stored
-from ..device.launches import Call, Item, Launch, complete_later
-from ..interfaces.context import Context
+from ..device.fields import FieldRegister, Stored
+from ..device.launches import Call, Item, Launch, Stage, complete_later
+from ..families.partition import Partition
 from ..kernels.pointwise import Pointwise
 from .overlap import has_streams, overlap_exchanges
 from .partition import HALO
@@ -42,14 +42,14 @@ class Exchanges:
         of_own: Identities of the launches on own points alone.
     """
 
-    def __init__(self, context: Context) -> None:
-        self.stages = list(context.stages.values())
+    def __init__(self, stages: Sequence[Stage], fields: FieldRegister) -> None:
+        self.stages = stages
         self._places = sorted(
             (int(s.array.ptr), int(s.array.ptr) + int(s.array.capacity), k)
-            for k, s in enumerate(context.fields)
+            for k, s in enumerate(fields)
             if s.field.per in ("point", "bond") and s.array.ptr and not s.field.own_exchange
         )
-        self.fields: dict[int, Stored] = dict(enumerate(context.fields))
+        self.fields: dict[int, Stored] = dict(enumerate(fields))
         launches = [launch for stage in self.stages for launch in stage.launches()]
         written = {k for launch in launches for k in self._numbers(launch.touched.writes)}
         self._access = {id(launch): self._access_of(launch, written) for launch in launches}
@@ -182,21 +182,22 @@ def _depth_of(stored: Stored) -> int:
     return HALO if stored.field.per == "point" else HALO - 1
 
 
-def add_exchanges(context: Context) -> None:
+def add_exchanges(
+    stages: Sequence[Stage], fields: FieldRegister, exchange: Callable[[Sequence[Stored], Partition], Call],
+    partition: Partition,
+) -> None:  # fmt: skip
     """Insert halo exchanges into all stages; launches that may complete a list go behind the one that fills it."""
-    partition = context.partition
-    assert partition is not None
-    exchanges, owned = Exchanges(context), partition.owned
+    exchanges, owned = Exchanges(stages, fields), partition.owned
     exchanges.leave_ghosts_out(owned)
     found = exchanges.find()
-    for stage in context.stages.values():
+    for stage in stages:
         rounds: list[list[Item]] = []
         for number, places in enumerate(found[stage.name]):
             items: list[Item] = []
             added: set[int] = set()
             for place, item in enumerate(stage.round(number)):
                 if place in places:
-                    call: Call = context.communicator.exchange(places[place], partition)
+                    call = exchange(places[place], partition)
                     items.append(call)
                     added.add(id(call))
                 items.append(exchanges.on_own(item, owned) if isinstance(item, Launch) else item)
@@ -204,7 +205,7 @@ def add_exchanges(context: Context) -> None:
                 stage.wraparound = None
             if stage.wraparound is not None:
                 stage.wraparound = exchanges.on_own(stage.wraparound, owned)
-            if has_streams(context.device):
+            if has_streams(stage.device):
                 items = overlap_exchanges(
                     complete_later(items), added, partition, exchanges.of_points, exchanges.numbered
                 )

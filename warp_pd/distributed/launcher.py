@@ -13,8 +13,8 @@ from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
+from ..communicator import LAUNCHER_REPORTS
 from ..device.checks import LOST
-from ..interfaces.communicator import LAUNCHER_REPORTS
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:

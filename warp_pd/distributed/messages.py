@@ -12,8 +12,8 @@ import torch
 import torch.distributed as dist
 import warp as wp
 
+from ..communicator import LostError
 from ..device.fields import Array
-from ..interfaces.communicator import LostError
 
 SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
 

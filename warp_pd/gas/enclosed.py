@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, finite, not_negative, positive, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Columns, Load
-from ..interfaces.context import Context
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.damage import face_damage

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ..context import Context
 from ..device.checks import InputError, below_one, count, not_negative, one_of, positive
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver
-from ..interfaces.context import Context
 from ..solvers.frame_times import FramesInTime
 from ..statics.newton_settings import NewtonSettings
 

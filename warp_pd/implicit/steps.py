@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, DivergedError, FrameSink, System
-from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
 from ..statics.descent import Descent

@@ -1,4 +1,4 @@
-"""Interfaces between the parts of a simulation: protocols, the context of a scene, frames.
+"""Interfaces between the parts of a simulation: protocols of parts, laws and solvers; frames.
 
 Supports, loads, contact, rupture, force laws, solvers and writers implement the protocols.
 

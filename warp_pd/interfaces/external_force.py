@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.loads import begin_loads
 from ..step import Phase
 from .built_part import BuiltPart
-from .context import Context
 from .part import BuiltLoad
 
 

@@ -8,11 +8,11 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
 from .built_part import BuiltPart
-from .context import Context
 
 
 class BuiltLaw(BuiltPart, Protocol):

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -15,7 +16,6 @@ from ..device.schedules import Schedule
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
-from .context import Context
 from .frame import Body
 from .law import BuiltLaw, Law
 from .scales import Scales

@@ -8,13 +8,13 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..device.schedules import Schedule
 from ..step import Phase
 from .built_part import BuiltPart
-from .context import Context
 from .external_force import ExternalForce
 from .law import BuiltLaw
 from .part import BuiltRupture, Constraint

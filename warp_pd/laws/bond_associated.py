@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
 from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, notes_on_folds, pack
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History, Law
-from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
 from ..materials import Material, capabilities, padded_constants

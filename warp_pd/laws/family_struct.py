@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..families import Families, pack
 from ..families.tables import in_blocks
-from ..interfaces.context import Context
 from ..kernels.families import family_functions
 
 # Tables are read with indices of 32 bits.

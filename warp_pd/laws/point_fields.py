@@ -7,11 +7,11 @@ from typing import Any
 
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, one_of
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory, PairFactory

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError, point_indices
 from ..families import Families, InfluenceFunction, pack, unpack
 from ..geometry.sheet import Sheet
 from ..geometry.topology import boundary_edges
 from ..geometry.triangulation import voronoi_areas
-from ..interfaces.context import Context
 from ..materials import Material
 from .weight_tables import Tables, weight_tables
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..families import (
     Families,
@@ -20,7 +21,6 @@ from ..families import (
 )
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import local_spacings
-from ..interfaces.context import Context
 
 if TYPE_CHECKING:
     from ..families.weights import CorrectedWeights, RectangleWeights

@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.papers.bond_based import bond_based, pull_of_bond
 from ..kernels.papers.bonds_once import BondsOnce, bonds_once

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import unpack
-from ..interfaces.context import Context
 from ..kernels.papers.bond_based import bond_based_tangent
 from ..laws.family_law import FamilyLaw
 from ..materials import PairwiseMaterial, capabilities

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, not_negative, one_of, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..geometry.topology import boundary_edges
 from ..interfaces import BuiltLaw, BuiltLoad, Load
-from ..interfaces.context import Context
 from ..kernels.papers.boundary_force import boundary_force
 
 FORMS = ("normal", "printed")

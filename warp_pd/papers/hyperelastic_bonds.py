@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..kernels.papers.hyperelastic_bonds import hyperelastic_bonds
 from ..laws.family_law import FamilyLaw, whole_sheet
 from .bond_neo_hookean import BondNeoHookean, bond_energy, bond_traction, deformed, round_family

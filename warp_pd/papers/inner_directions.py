@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..context import Context
 from ..families import Families
 from ..geometry.sheet import Sheet
 from ..geometry.topology import boundary_edges
-from ..interfaces.context import Context
 
 # Points whose families are looked at, number of directions kept apart, and angle between different ones over pi.
 LOOKED_AT, DIRECTIONS, DIFFERENT = 500, 64, 1e-7

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
-from ..interfaces.context import Context
 from ..kernels.papers.nodal import nodal
 from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
 from ..laws.weight_tables import point_tables

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..kernels.papers.visco_bonds import visco_bonds
 from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
 from ..materials import Yeoh

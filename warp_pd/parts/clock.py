@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltPart
-from ..interfaces.context import Context
 from ..step import Phase
 
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.cores import begin_loading
 from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Columns
-from ..interfaces.context import Context
 from ..kernels.block_sums import BLOCK
 from ..kernels.checks import frame_checks
 from ..kernels.clock import clock

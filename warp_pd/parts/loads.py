@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import finite, one_of, point_indices, vector
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -17,7 +18,6 @@ from ..device.schedules import factor_schedule
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
-from ..interfaces.context import Context
 from ..interfaces.scales import LIGHTEST, Scales, largest_factor
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import dead_load

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import to_host
 from ..device.launches import Stage
 from ..device.schedules import factor_schedule
 from ..interfaces import BuiltLaw, BuiltPart, Part
-from ..interfaces.context import Context
 from ..kernels.loads import scaled_values
 from ..step import Phase
 from .loads import Ramp

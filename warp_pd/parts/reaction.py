@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, point_indices
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Columns, Part
-from ..interfaces.context import Context
 from ..kernels.integrate import RIGID
 from ..kernels.loads import support_forces
 from ..step import Phase

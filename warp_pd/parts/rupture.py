@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, finite, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, Rupture
-from ..interfaces.context import Context
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
 from ..step import Phase

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, numbers, one_of, point_indices, said, vector
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
-from ..interfaces.context import Context
 from ..interfaces.scales import Scales
 from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ..communicator import Communicator
     from ..interfaces import Part
-    from ..interfaces.communicator import Communicator
     from .scene import Scene
     from .views import Viewer
 

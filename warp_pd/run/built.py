@@ -9,11 +9,11 @@ from typing import cast
 
 import numpy as np
 
+from ..communicator import Communicator
+from ..context import State, find_device, with_material
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Columns, Part, System
-from ..interfaces.communicator import Communicator
-from ..interfaces.context import State, find_device, with_material
 from ..interfaces.external_force import ExternalForce
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
@@ -126,7 +126,7 @@ def compose(
     _check_columns(scene, made)
     _require_divisible(made)
     _add_stages(made)
-    context.communicator.add_exchanges(context)
+    context.communicator.add_exchanges(list(context.stages.values()), context.fields)
     return made
 
 

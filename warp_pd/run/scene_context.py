@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ..communicator import Communicator
+from ..context import BLOCK, SMALL, SMALL_BLOCK, Context, State
 from ..device.clock import Clock
 from ..device.fields import FieldRegister
 from ..families.partition import Partition
 from ..interfaces import Constraint, Part
-from ..interfaces.communicator import Communicator
-from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, State
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
 from ..kernels.numeric import numeric

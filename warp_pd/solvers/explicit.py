@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError, count, not_negative, positive
 from ..device.fields import assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
-from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from ..step import Phase, explicit_step, join_steps
 from .frame_times import FramesInTime

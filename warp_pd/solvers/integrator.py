@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces.context import Context
 from ..kernels.integrate import integration
 from ..step import Phase
 

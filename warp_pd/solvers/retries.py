@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array, Stored
 from ..device.launches import Stage
-from ..interfaces.context import Context
 
 # Number of sound frames after which a step that was halved is doubled.
 SOUND_FRAMES = 8

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
-from ..interfaces.context import Context
 from ..kernels.statics.bond_associated_tangent import bond_associated_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.variational import BondAssociatedLaw

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..context import Context
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, FrameSink
-from ..interfaces.context import Context
 from ..interfaces.solver import ENDED, NOT_CONVERGED
 from .descent import UNTURNED
 from .newton_settings import PathSettings

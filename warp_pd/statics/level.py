@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array, assign, on_cpu
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad
-from ..interfaces.context import Context
 from ..interfaces.part import StaticContact
 from ..kernels.statics.equilibrium import equilibrium
 from .load_scale import LoadScale

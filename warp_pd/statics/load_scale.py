@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
-from ..interfaces.context import Context
 from ..kernels.statics.residual import residual
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..context import Context, State
 from ..device.fields import Array, assign
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
 from ..interfaces import BuiltLaw, System
-from ..interfaces.context import Context, State
 from ..kernels.loads import begin_loads
 from ..kernels.statics.equilibrium import lattice_transfer
 from .level import OWNER, Level

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import count, one_of
 from ..device.fields import assign
 from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
-from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER
 from .newton_settings import StaticSolver

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, Columns, FrameSink, History, System
-from ..interfaces.context import Context
 from ..interfaces.solver import FINISHED
 from .corrector import Origin, mean_product, norm
 from .newton_settings import PathSettings

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import below_one, count, positive
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
-from ..interfaces.context import Context
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step

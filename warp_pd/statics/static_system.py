@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
-from ..interfaces.context import Context
 from ..solvers.retries import Snapshot
 from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .aggregates import MAX_COARSEST, Aggregates

@@ -7,11 +7,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 from ..laws.bond_associated import BondAssociatedForce
 
 

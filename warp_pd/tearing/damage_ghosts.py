@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.fields import Array, to_host
 from ..device.launches import Call, Stage
 from ..geometry.couplings import gradient_couplings
-from ..interfaces.context import Context
 from ..kernels.tearing.damage_list import ghost_kernel
 
 # Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.

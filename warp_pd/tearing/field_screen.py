@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8

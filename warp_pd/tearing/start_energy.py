@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..context import Context
 from ..interfaces import BuiltLaw
-from ..interfaces.context import Context
 
 
 def principal_stretches(context: Context) -> tuple[np.ndarray, np.ndarray]:

@@ -10,13 +10,13 @@ from typing import Any, ClassVar, cast
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, by_point, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
 from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Law, Rupture
-from ..interfaces.context import Context
 from ..kernels.fast.lanes import lanes_of
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ..context import Context
 from ..device.checks import InputError, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
-from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
 from ..kernels.visco.in_step import maxwell_moduli, prony_moduli
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response

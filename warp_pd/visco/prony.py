@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
-from ..interfaces.context import Context
 from .viscous import Maxwell, Prony
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.

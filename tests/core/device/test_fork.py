@@ -7,8 +7,8 @@ import pytest
 from helpers import NEO, square
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Newton, Simulation
+from warp_pd.context import find_device
 from warp_pd.device import cores
-from warp_pd.interfaces.context import find_device
 
 
 def status(solver):

@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from ...context import Context
 from ...device.checks import InputError, one_of, positive
 from ...device.fields import Array
 from ...device.launches import Call, Stage, Touched
 from ...families import InfluenceFunction, influence_function
 from ...interfaces import BuiltLaw, Columns, History
-from ...interfaces.context import Context
 from ...interfaces.frame import format_time
 from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
 from ...laws.weight_tables import MAX_CORRECTED

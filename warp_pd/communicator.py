@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ..device.fields import Array, Stored
-from ..device.launches import Call, complete_later
-from ..families.partition import Partition
-from ..geometry.sheet import Sheet
-from ..geometry.triangulation import CoarseLattice
-
-if TYPE_CHECKING:
-    from .context import Context
+from .device.fields import Array, FieldRegister, Stored
+from .device.launches import Call, Stage, complete_later
+from .families.partition import Partition
+from .geometry.sheet import Sheet
+from .geometry.triangulation import CoarseLattice
 
 T = TypeVar("T")
 
@@ -96,9 +93,9 @@ class Communicator:
         """Families and weights of the points of a partition; settings and result as for `laws.weight_tables`."""
         raise NotImplementedError("a single process has the whole sheet")
 
-    def add_exchanges(self, context: Context) -> None:
+    def add_exchanges(self, stages: Sequence[Stage], fields: FieldRegister) -> None:
         """Let the stages of a simulation exchange what they need, once all are composed."""
-        for stage in context.stages.values():
+        for stage in stages:
             stage.items = complete_later(stage.items)
 
     def register_fields(self, fields: list[Stored]) -> None:

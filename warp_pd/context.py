@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError
-from ..device.clock import Clock
-from ..device.cores import require_no_cuda_of_parent, start_warp
-from ..device.fields import Array, Field, FieldRegister, Stored, to_host
-from ..device.graph import LaunchSequence, run_once
-from ..device.launches import Launch, Stage, compile_launches
-from ..families.partition import Partition
-from ..geometry.sheet import Sheet
-from ..geometry.triangulation import CoarseLattice
-from ..kernels import block_sums
-from ..kernels.effects import Kernel
-from ..kernels.families import Layout
-from ..kernels.integrate import StepOptions
-from ..kernels.numeric import Numeric
-from ..materials import capabilities
 from .communicator import Communicator
+from .device.checks import InputError
+from .device.clock import Clock
+from .device.cores import require_no_cuda_of_parent, start_warp
+from .device.fields import Array, Field, FieldRegister, Stored, to_host
+from .device.graph import LaunchSequence, run_once
+from .device.launches import Launch, Stage, compile_launches
+from .families.partition import Partition
+from .geometry.sheet import Sheet
+from .geometry.triangulation import CoarseLattice
+from .kernels import block_sums
+from .kernels.effects import Kernel
+from .kernels.families import Layout
+from .kernels.integrate import StepOptions
+from .kernels.numeric import Numeric
+from .materials import capabilities
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
 SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
