@@ -110,7 +110,7 @@ def test_a_balance_that_is_off_is_a_note():
     history = [row, {**row, "rupture": 0.5, "balance_error": -0.03}, {**row, "rupture": 0.4}]
     notes = _energy_notes(type("Recorder", (), {"history": history}))
     assert notes == [
-        "energy: the balance is off by -3 %; try a smaller safety or step",
+        "energy: the balance is off by -3 %; try smaller steps",
         "energy: breaking bonds added 0.1 J between two frames; expected only losses",
     ]
     assert not _energy_notes(type("Recorder", (), {"history": [row, row]}))

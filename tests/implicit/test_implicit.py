@@ -195,6 +195,18 @@ def test_steps_adapt_to_a_tolerance():
     assert steps[0] < steps[1] < steps[2] < 2000
 
 
+def test_steps_adapt_to_a_load_that_grows_from_nothing():
+    """The displacement then begins with the third power of the time, as the error of a step: no step is short enough."""
+    loads = [Fixed(LEFT), PointForce(RIGHT, (2e-3, 0.0, 0.0), ramp=((0.0, 0.0), (0.2, 1.0)))]
+    found, expected = (
+        run(SHEET, solver, loads=loads)
+        for solver in (Implicit(0.2, frames=1, tolerance=1e-4, radius=1.0), Explicit(0.2, frames=1, safety=0.2))
+    )
+    wanted = expected.frame.displacement
+    assert np.abs(found.frame.displacement - wanted).max() < 1e-2 * np.abs(wanted).max()
+    assert found.summary["steps"] < 250
+
+
 def test_a_run_continues_from_the_middle(tmp_path):
     def parts(duration, frames):
         return Simulation(SHEET, VISCOUS["branches"], Implicit(duration, frames=frames, steps=20), loads=[

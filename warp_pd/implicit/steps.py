@@ -37,6 +37,8 @@ AIM, SHORTEN, LENGTHEN, WORTH = 0.8, 0.2, 2.0, 1.25
 # Error of a step over its displacement from which the next one is not predicted by the acceleration; and the residual
 # of a prediction above which a step begins at the displacement before.
 SMOOTH, FAR = 0.05, 0.5
+# Displacement that counts as some, over the spacing: what begins at rest has no displacement to which an error relates.
+SOME = 1e-5
 # First adapted step over the duration, and times that count as one, over it.
 FIRST, SAME = 1e-4, 1e-10
 
@@ -68,7 +70,8 @@ class BuiltImplicit(StaticSystem):
         # The last step [s], and whether its acceleration was smooth.
         self._last, self._smooth = 0.0, True
         self._set: tuple[float, bool, float] | None = None
-        self._largest = 0.0
+        sheet = context.sheet
+        self._largest = SOME * sheet.spacing * math.sqrt(sheet.size)
         self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused"), 0)
 
     def prepare(self, system: System) -> None:
@@ -220,10 +223,12 @@ class BuiltImplicit(StaticSystem):
             self.kept.restore()
             self._wanted = dt
             if cuts > self.settings.most_cuts:
+                cause = "the load is far too large"
+                if not self.settings.inertia:
+                    cause += ", or there is no equilibrium nearby (a limit point), which takes inertia = True to pass"
                 raise DivergedError(
                     f"diverged: Newton's method does not converge at t = {now:.6g} s with a step of {2.0 * dt:.3g} s; "
-                    "likely cause: there is no equilibrium nearby (a limit point), which a sheet without inertia "
-                    "cannot pass, or the load is far too large"
+                    f"likely cause: {cause}"
                 )
         if self.settings.steps is not None:
             # Steps that were halved become longer again.
@@ -250,7 +255,7 @@ class BuiltImplicit(StaticSystem):
         size = self.levels[0].displacement.numpy() - self.context.initial_displacement
         largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
         error = math.sqrt(total(self._error))
-        found = error / (self.settings.tolerance * largest) if largest > 0.0 else 0.0
+        found = error / (self.settings.tolerance * largest)
         if found <= 1.0:
             self._largest = largest
             return max(1.0, AIM / math.cbrt(max(found, 1e-6)))

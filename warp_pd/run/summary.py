@@ -65,7 +65,7 @@ def _energy_notes(recorder: Recorder) -> list[str]:
     errors = [row["balance_error"] for row in history if "balance_error" in row]
     worst = max(errors, key=abs, default=0.0)
     if abs(worst) > WORST_BALANCE:
-        notes.append(f"energy: the balance is off by {100.0 * worst:+.2g} %; try a smaller safety or step")
+        notes.append(f"energy: the balance is off by {100.0 * worst:+.2g} %; try smaller steps")
     lost = [row["rupture"] for row in history if "rupture" in row]
     gained = max((before - after for before, after in itertools.pairwise(lost)), default=0.0)
     scale = max((abs(row["kinetic"] + row.get("strain", 0.0)) for row in history), default=0.0)
