@@ -52,6 +52,11 @@ MATERIALS: dict[str, tuple[Callable[..., Any], dict[str, float]]] = {
     "Carroll": (Carroll, {"a": 0.15e6, "b": 0.3, "c": 0.1e6}),
     "extended tube": (ExtendedTube, {"gc": 0.2e6, "delta": 0.09, "ge": 0.2e6, "beta": 0.2}),
 }
+# What the laws take; a search that is refused beyond ends before the best fit.
+BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
+    "Carroll": dict.fromkeys("abc", (0.0, np.inf)),
+    "extended tube": {"gc": (0.0, np.inf), "delta": (0.0, 0.7), "ge": (0.0, np.inf), "beta": (1e-3, 1.0)},
+}
 Stress = Callable[[str, np.ndarray], np.ndarray]
 
 
@@ -69,7 +74,7 @@ def tests(path: Path = DATA) -> list[Curve]:
 def fitted(name: str, curves: Sequence[Curve]) -> Fit:
     """A material, fitted to all curves."""
     material, start = MATERIALS[name]
-    return fit(UniformTests(material, curves), list(start), start=start, max_evaluations=200)
+    return fit(UniformTests(material, curves), list(start), start=start, bounds=BOUNDS.get(name), max_evaluations=200)
 
 
 def ogden_1972(loading: str, stretch: np.ndarray) -> np.ndarray:

@@ -196,7 +196,7 @@ def test_steps_adapt_to_a_tolerance():
 
 
 def test_steps_adapt_to_a_load_that_grows_from_nothing():
-    """The displacement then begins with the third power of the time, as the error of a step: no step is short enough."""
+    """The displacement begins with the third power of the time, as the error of a step: no step is short enough."""
     loads = [Fixed(LEFT), PointForce(RIGHT, (2e-3, 0.0, 0.0), ramp=((0.0, 0.0), (0.2, 1.0)))]
     found, expected = (
         run(SHEET, solver, loads=loads)

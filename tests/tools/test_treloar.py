@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import treloar
+from validation import spread
 
-from warp_pd import ArrudaBoyce, Ogden
-from warp_pd.fitting import nominal_stress
+from warp_pd import ArrudaBoyce, ExtendedTube, Ogden
+from warp_pd.fitting import UniformTests, fit, nominal_stress
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,18 @@ def test_fit_is_a_least_one(curves, name):
 def test_laws_of_both_invariants_fit_all_three_tests(curves, name):
     """Three and four constants; Yeoh's three, of the first invariant alone, are 4.2 % off."""
     assert max(treloar.errors(curves, treloar.fitted(name, curves).model)) < 0.015
+
+
+def test_a_fit_that_refused_constants_stopped_says_so():
+    """The best extended tube for this rubber has a beta near 0; without bounds the search runs into negative ones."""
+    tests = [spread.curves("james")["uniaxial"]]
+    start = {"gc": 187e3, "delta": 0.09, "ge": 187e3, "beta": 0.2}
+    notes = [
+        fit(UniformTests(ExtendedTube, tests), list(start), start=start, bounds=bounds, max_evaluations=200).notes
+        for bounds in (None, treloar.BOUNDS["extended tube"])
+    ]
+    assert any(note.startswith("not the best fit: it still improves with gc, ") for note in notes[0])
+    assert notes[1] == ["beta = 0.001 is at its bound"]
 
 
 def test_fits_are_no_worse_than_published_constants(curves):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from study import Row, picture, provenance, table
-from treloar import DATA, MATERIALS
+from treloar import BOUNDS, DATA, MATERIALS
 
 from validation.comparison import deviations
 from warp_pd.fitting import Curve, UniformTests, fit, nominal_stress, read_table
@@ -52,7 +52,8 @@ def fitted(tests: Mapping[str, Curve], law: str, known: Iterable[str]) -> Any:
     softer = modulus(tests["uniaxial"]) / TYPICAL
     begin = {name: value if name in PURE else value * softer for name, value in start.items()}
     chosen = UniformTests(material, [tests[loading] for loading in known])
-    return material(*map(float, fit(chosen, list(begin), start=begin, max_evaluations=200).values))
+    found = fit(chosen, list(begin), start=begin, bounds=BOUNDS.get(law), max_evaluations=200)
+    return material(*map(float, found.values))
 
 
 def predictions(rubber: str, laws: Iterable[str] = LAWS) -> list[Row]:

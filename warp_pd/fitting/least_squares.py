@@ -28,6 +28,8 @@ MOST_HALVINGS = 8
 # Size of a constant that starts at zero, before derivatives tell; change of the residuals by a change of the size of a
 # constant below which the size is raised, and to which; the largest and smallest factor at once, and most times.
 TINY, UNFELT, FELT, MOST_RAISED, LEAST_RAISED, MOST_RAISES = 1e-6, 1e-4, 1e-2, 1e4, 10.0, 8
+# Cosine between the residuals and their change by a constant above which a search has not found the least residuals.
+STEEP = 0.05
 # Ratio of the medians of data and model above which a wrong unit is likely.
 UNLIKELY = 50.0
 # The largest stress of a uniform test [Pa] below which MPa were likely meant: soft gels carry more.
@@ -114,15 +116,29 @@ def fit(
     residuals, jacobian = problem.residuals(best), problem.jacobian(best)
     weights, values = weights_of(residuals), best * sizes
     judgement = Judgement.of(vary, values, sizes, residuals, jacobian / sizes, weights)
-    for name, value, least, most in zip(vary, values, low, high, strict=True):
-        if min(value - least, most - value) <= 1e-6 * abs(value):
-            notes.append(f"{name} = {value:.6g} is at its bound")
+    bounded = np.minimum(values - low, high - values) <= 1e-6 * np.abs(values)
+    for name, value in ((name, value) for name, value, at in zip(vary, values, bounded, strict=True) if at):
+        notes.append(f"{name} = {value:.6g} is at its bound")
+    falling = [name for name, falls in zip(vary, _falls(jacobian, residuals, weights) & ~bounded, strict=True) if falls]
+    if problem.refused and falling:
+        notes.append(
+            f"not the best fit: it still improves with {', '.join(falling)}, but trials were refused: expected bounds "
+            "(--bounds) that keep to what the material takes"
+        )
     constants = dict(zip(vary, values.tolist(), strict=True))
     notes += dict.fromkeys(note for experiment in listed for note in stability_notes(experiment.made_of(constants)))
     return Fit(
         tuple(vary), values, first, judgement, listed, problem.tests, problem.shaped(residuals), problem.shown(best),
         notes, problem.evaluations, perf_counter() - begin, bool(found.success),
     )  # fmt: skip
+
+
+def _falls(jacobian: np.ndarray, residuals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Whether the residuals still fall with each constant, (P,)."""
+    root = np.sqrt(weights)
+    slopes = np.abs((weights * residuals) @ jacobian)
+    lengths = np.linalg.norm(root[:, None] * jacobian, axis=0) * np.linalg.norm(root * residuals)
+    return np.asarray(slopes > STEEP * lengths)
 
 
 def _start(name: str, experiments: Sequence[Experiment], start: Mapping[str, float]) -> float:
