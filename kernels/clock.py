@@ -33,11 +33,17 @@ def clock(bits: int) -> Kernel:
         result = values[left]
         if time >= knots[last]:
             result = values[last]
-        else:
-            for k in range(left, last):
-                if time >= knots[k] and time < knots[k + 1]:
-                    fraction = (time - knots[k]) / (knots[k + 1] - knots[k])
-                    result = values[k] + fraction * (values[k + 1] - values[k])
+        elif time >= knots[left]:
+            k = int(left)
+            after = int(last)
+            while after - k > 1:
+                middle = (k + after) // 2
+                if time >= knots[middle]:
+                    k = middle
+                else:
+                    after = middle
+            fraction = (time - knots[k]) / (knots[k + 1] - knots[k])
+            result = values[k] + fraction * (values[k + 1] - values[k])
         return result
 
     @kernel(per="once")

@@ -120,7 +120,13 @@ SCENES: dict[str, Shown] = {
     "visco_sheet": Shown({"points": 21, "horizon": 2.015}),
 }
 # Scenes whose picture is on another page, which keeps docs/ small.
-ELSEWHERE = {"wrinkles": "bending", "lap_joint": "joints", "patched_sheet": "joints", "peel": "joints"}
+ELSEWHERE = {
+    "cyclic_strip": "visco",
+    "wrinkles": "bending",
+    "lap_joint": "joints",
+    "patched_sheet": "joints",
+    "peel": "joints",
+}
 
 
 def command(scene: str) -> str:

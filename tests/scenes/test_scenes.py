@@ -29,6 +29,7 @@ SMALL = {
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 2.0},
     "balloon_paths": {"points": 12},
     "balloon_burst": {"points": 10, "duration": 6e-3, "frames": 12},
+    "cyclic_strip": {"columns": 13, "cycles": 8},
     "cutting": {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.1, "safety": 0.7},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
@@ -118,6 +119,15 @@ def test_joined_stages_leave_the_bits_of_stages_apart(name, monkeypatch):
     assert len(joined.built.context.stages["step"]) < len(apart.built.context.stages["step"])
     assert joined.history == apart.history
     np.testing.assert_array_equal(joined.frame.displacement, apart.frame.displacement)
+
+
+@pytest.mark.parametrize("settings", [{}, {"wave": "sine", "steps": 60, "cycles": 4}, {"inertia": True, "steps": 20}])
+def test_a_cyclic_test_finds_loss_and_moduli(settings):
+    result = ran("cyclic_strip") if not settings else build_scene(
+        "cyclic_strip", {**SMALL["cyclic_strip"], **settings}
+    ).run(device="cpu")  # fmt: skip
+    for name in ("loss", "storage_modulus", "loss_modulus"):
+        assert abs(result.summary["measures"][name]["error"]) < 1e-3
 
 
 def test_a_pricked_balloon_tears_from_there_and_snaps_back():

@@ -26,7 +26,29 @@ class Schedule:
 
     def at(self, time: float) -> np.ndarray:
         """Values at a time [s], shape (3,)."""
-        return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
+        k = int(np.searchsorted(self.times, time, side="right")) - 1
+        if k < 0 or k + 1 == len(self.times):
+            return np.array(self.values[max(k, 0)])
+        slope = (self.values[k + 1] - self.values[k]) / (self.times[k + 1] - self.times[k])
+        return np.asarray(self.values[k] + slope * (time - self.times[k]))
+
+    def repeated(self, number: int) -> Schedule:
+        """The same from its first to its last time, so often one after the other.
+
+        Raises:
+            InputError: if its values at the last time are not those at the first.
+        """
+        if number == 1:
+            return self
+        first, last = self.values[0], self.values[-1]
+        if len(self.times) < 2 or np.abs(last - first).max() > 1e-12 * np.abs(self.values).max():
+            raise InputError(
+                f"{self.name}.repeat = {number}: expected the values of the first time at the last time, got "
+                f"{first.tolist()} and {last.tolist()}"
+            )
+        cycle = self.times[1:] - self.times[0]
+        times = np.concatenate([self.times[:1], *(self.times[0] + n * cycle[-1] + cycle for n in range(number))])
+        return Schedule(times, np.concatenate([self.values[:1], np.tile(self.values[1:], (number, 1))]), self.name)
 
     def changes_after(self, time: float) -> bool:
         """Whether its values change after a time [s]."""

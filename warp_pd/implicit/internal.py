@@ -11,12 +11,19 @@ from ..interfaces import BuiltLaw
 class InternalVariables(Protocol):
     """Internal variables of a law in implicit time steps; they belong to the displacement at the end of a step."""
 
-    def begin_step(self, dt: float) -> None:
-        """At the displacement before a step of dt [s]: let the force respond as at its end."""
+    def begin_step(self, dt: float, again: bool) -> None:
+        """At the displacement before a step of dt [s]: let the force respond as at its end.
+
+        `again`: the last step failed, and the arrays of a restart file are what they were before it.
+        """
         ...
 
     def end_step(self) -> None:
-        """At the displacement after the step: advance to it."""
+        """At the displacement after the step: advance to it, at the latest when `settle` or the next step asks."""
+        ...
+
+    def settle(self) -> None:
+        """Let the arrays belong to the displacement, for frames."""
         ...
 
 

@@ -31,7 +31,8 @@ class Implicit(FramesInTime, NewtonSettings):
         steps: Number of equal steps, or more where knots and frames divide them.
         tolerance: Error of the displacement in a step, over its largest so far (root mean squares), to which steps are
             adapted instead; 1e-4 is a good value.
-        inertia: Whether the sheet has inertia. Without it every step ends in equilibrium, for slow processes.
+        inertia: Whether the sheet has inertia. Without it and damping every step ends in equilibrium, for slow
+            processes, and the run begins with that under the loads at time 0.
         radius: Spectral radius of the steps for the highest frequencies: 1 conserves, 0 damps in one step.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         residual: Relative residual of a step; by default 1e-6 in float64 and 1e-4 in float32.

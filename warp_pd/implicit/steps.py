@@ -20,6 +20,7 @@ from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
 from ..statics.descent import Descent
 from ..statics.level import Level, total
+from ..statics.secants import Secants
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
 from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .internal import InternalVariables, internal_variables_of
@@ -113,6 +114,7 @@ class BuiltImplicit(StaticSystem):
         context.stage("first acceleration", "once at the start").launch(
             OWNER, self._kernels.first, n, **common, **forces, **kept, moves=int(self.settings.inertia)
         )
+        self._secants = Secants() if self.solvers[0].kind == "direct" and not self.levels[0].following else None
         self._masses = [self._mass_of(level) for level in self.levels]
         self._stops = self._all_stops()
 
@@ -154,11 +156,27 @@ class BuiltImplicit(StaticSystem):
     # A run ----------------------------------------------------------------------------------------------
 
     def first_step(self, sink: FrameSink) -> float:
-        """Find the acceleration at the start, and return the step that follows [s]."""
+        """Find the acceleration at the start, or equilibrium there; return the step that follows [s]."""
+        if not self.moves:
+            self._begin_in_equilibrium(sink)
         self._set_coefficients(self._next(0.0, float(self._stops[0])))
         self.levels[0].scale.begin()
         self.context.run("first acceleration")
         return self._dt
+
+    def _begin_in_equilibrium(self, sink: FrameSink) -> None:
+        """Find the displacement under the loads at time 0, to which internal variables have not begun to respond."""
+        if self.internal is not None:
+            self.internal.begin_step(SAME * self.settings.duration, False)
+        self.system.set_clock(0.0, self.settings.duration, 0.0)
+        if not self._descent(self.system.prescribed(0.0), False, sink):
+            raise DivergedError(
+                "diverged: Newton's method does not converge at t = 0; likely cause: the loads there are too large for "
+                "one step from the initial displacement; expected loads that grow in time (ramp)"
+            )
+        if self.internal is not None:
+            self.internal.end_step()
+            self.internal.settle()
 
     def run(self, sink: FrameSink) -> str:
         """Run to the end, passing every frame to the sink; return the final status."""
@@ -168,11 +186,16 @@ class BuiltImplicit(StaticSystem):
             self._counts = {name: sink.solve[name] for name in self._counts}
         for index in range(sink.frame_index + 1, self.settings.frame_count + 1):
             steps = self._advance(self.settings.frame_time(index), sink)
+            self._settle()
             sink.solve = self._account()
             # A resumed run has no tangent of an earlier step.
             self._known = self._known and not sink.restarts
             sink.frame(index, self.settings.frame_time(index), steps, self._dt)
         return FINISHED
+
+    def _settle(self) -> None:
+        if self.internal is not None:
+            self.internal.settle()
 
     def _account(self) -> dict[str, Any]:
         return {
@@ -193,6 +216,7 @@ class BuiltImplicit(StaticSystem):
             taken += 1
             sink.stepped(now, dt, taken)
             if every is not None and now - row >= every * (1.0 - 1e-9):
+                self._settle()
                 sink.row(now, self._dt)
                 row = now
         return taken
@@ -205,12 +229,12 @@ class BuiltImplicit(StaticSystem):
 
     def _step(self, now: float, dt: float, stop: float, sink: FrameSink) -> float:
         """Take a step of at most dt [s]; return the time at its end [s]."""
-        planned, cuts = self._wanted, 0
+        planned, cuts, refused = self._wanted, 0, False
         self.kept.keep()
         while True:
             then = stop if now + dt > stop - 0.5 * dt else now + dt
             self._set_coefficients(dt)
-            if self._solve(then, sink):
+            if self._solve(then, sink, refused):
                 factor = self._factor(dt)
                 if factor >= 1.0:
                     break
@@ -221,7 +245,7 @@ class BuiltImplicit(StaticSystem):
                 self._counts["halved"] += 1
                 dt *= 0.5
             self.kept.restore()
-            self._wanted = dt
+            self._wanted, refused = dt, True
             if cuts > self.settings.most_cuts:
                 cause = "the load is far too large"
                 if not self.settings.inertia:
@@ -278,11 +302,11 @@ class BuiltImplicit(StaticSystem):
                 factor = scheme["at_end"] * scheme["A"] + scheme["damping"] * scheme["B"]
                 assign(level.inertia, factor * mass)
 
-    def _solve(self, then: float, sink: FrameSink) -> bool:
+    def _solve(self, then: float, sink: FrameSink, again: bool) -> bool:
         """Find the displacement at the end of a step, at the time `then` [s]; return whether it was found."""
         level = self.levels[0]
         if self.internal is not None:
-            self.internal.begin_step(self._dt)
+            self.internal.begin_step(self._dt, again)
         self.system.set_clock(0.0, self.settings.duration, then)
         level.run("begin step")
         target = self.system.prescribed(then) if level.held.any() else None
@@ -305,15 +329,16 @@ class BuiltImplicit(StaticSystem):
             sink.keep_going()
 
         slowest = SLOWEST[solver.kind]
-        known = predicted and self._known and solver.prepared
+        known = self._known and solver.prepared
         found = Descent(
             self.settings, level, solver, partial(self.linearise, 0),
             np.zeros((level.points, 3)) if target is None else target, self.sizes, self.tolerance, report,
-            slowest if known else None, FAR if predicted else math.inf,
+            slowest if known else None, FAR if predicted else math.inf, self._secants,
         ).run()  # fmt: skip
         self._counts["iterations"] += len(found["shares"])
         self._counts["products"] += found["products"]
-        self._known = found["converged"]
+        # A prediction that is too far leaves the tangent as it was.
+        self._known = found["converged"] or (known and not found["shares"])
         return bool(found["converged"])
 
     # Restarts -------------------------------------------------------------------------------------------

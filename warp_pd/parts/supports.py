@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, numbers, one_of, point_indices, said, vector
+from ..device.checks import InputError, called, count, numbers, one_of, point_indices, said, vector
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
@@ -22,6 +22,8 @@ from ..kernels.integrate import RIGID
 from ..step import Phase
 
 AXES = "xyz"
+# A value of a motion.
+InTime = float | Sequence[float] | Sequence[Sequence[float]] | Callable[[np.ndarray], np.ndarray] | None
 # Angle [rad] from which a multiple of 5 is in degrees.
 DEGREES = 30.0
 
@@ -77,8 +79,9 @@ class Motion(Support):
     """Points that move as one body on a prescribed path, component by component, and may turn.
 
     Each of x, y, z is None (free), a number (constant displacement [m]), one displacement per time, or one per time and
-    point, shape (K, P): each point then has its own path. With an `angle` the points also turn about an axis, which
-    moves with them; None then means 0 for the components that turn.
+    point, shape (K, P): each point then has its own path. A function of the times may give these, such as
+    lambda t: 0.01 * numpy.sin(t). With an `angle` the points also turn about an axis, which moves with them; None then
+    means 0 for the components that turn.
 
     Attributes:
         points: Point indices, or a mask of all points.
@@ -89,16 +92,18 @@ class Motion(Support):
         angle: Angle [rad], a number or one per time, counter-clockwise seen against the axis; None for no turn.
         about: A point of the axis [m], (x, y, z), or (x, y) for z = 0.
         axis: Direction of the axis, any length.
+        repeat: How often the motion is repeated from the last time on, where it must be as at the first time.
     """
 
     points: Any
     times: Sequence[float]
-    x: float | Sequence[float] | Sequence[Sequence[float]] | None = None
-    y: float | Sequence[float] | Sequence[Sequence[float]] | None = None
-    z: float | Sequence[float] | Sequence[Sequence[float]] | None = None
-    angle: float | Sequence[float] | None = None
+    x: InTime = None
+    y: InTime = None
+    z: InTime = None
+    angle: InTime = None
     about: Sequence[float] = (0.0, 0.0, 0.0)
     axis: Sequence[float] = (0.0, 0.0, 1.0)
+    repeat: int = 1
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The moved components."""
@@ -157,7 +162,8 @@ class Motion(Support):
         knots = times.size
         columns = [np.zeros((knots, 1))] * 3
         for c, (name, value) in enumerate(values.items()):
-            column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
+            given = called(f"Motion.{name}", value, [times]) if callable(value) else value
+            column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if given is None else given))
             if column.shape == (1,):
                 column = np.repeat(column, knots)
             if column.ndim == 2 and name != "angle" and len(column) == knots and column.shape[1] > 0:
@@ -176,7 +182,8 @@ class Motion(Support):
                 f"Motion has paths of {' and '.join(map(str, sorted(paths)))} points: expected as many each"
             )
         whole = np.stack(np.broadcast_arrays(*columns), axis=2)
-        return [schedule("Motion", times, whole[:, point]) for point in range(whole.shape[1])]
+        repeat = count("Motion.repeat", self.repeat, 1)
+        return [schedule("Motion", times, whole[:, point]).repeated(repeat) for point in range(whole.shape[1])]
 
 
 def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
@@ -189,7 +196,7 @@ def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretche
     for axis, name in enumerate("xy"):
         across = sheet.points[outside, axis]
         for place in np.unique(across.round(12)):
-            path = [float((stretch - 1.0) * place) for stretch in stretches]
+            path: Any = [float((stretch - 1.0) * place) for stretch in stretches]
             points = outside[np.abs(across - place) < 1e-3 * sheet.spacing]
             motions.append(Motion(points, times, **{name: path}))
     return motions

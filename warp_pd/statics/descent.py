@@ -14,6 +14,7 @@ from ..device.fields import assign
 from .level import Level, dot
 from .linear import LinearSolver
 from .newton_settings import NewtonSettings
+from .secants import Secants
 from .static_rounds import MIN_LOAD
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
@@ -69,12 +70,13 @@ class Descent:
         slowest: Residual over the last one up to which the next step takes the same tangent; None for steps that may
             not begin with an earlier tangent.
         farthest: Relative residual above which it does not begin.
+        secants: Those of the tangent; None for none.
     """
 
     def __init__(
         self, settings: NewtonSettings, level: Level, solver: LinearSolver, linearise: Callable[[float, bool], bool],
         target: np.ndarray, sizes: Sizes, tolerance: float, report: Callable[[int, float], None] | None,
-        slowest: float | None = None, farthest: float = math.inf,
+        slowest: float | None = None, farthest: float = math.inf, secants: Secants | None = None,
     ) -> None:  # fmt: skip
         self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise
         self.sizes, self.tolerance, self.report = sizes, tolerance, report
@@ -85,11 +87,13 @@ class Descent:
             here = self.level.displacement.numpy().astype(np.float64)
             self.lift = np.where(held, target - here, 0.0)
             self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
-        self.lifting = bool(self.lift.any())
+        self.lifting = self._lifts = bool(self.lift.any())
         self.tension = 0.0
         # Whether the next step takes the tangent of the last one; whether there are aggregates of an earlier one.
         self._kept = self._aggregated = slowest is not None
-        self._slowest, self._farthest = slowest, farthest
+        self._slowest, self._farthest, self._secants = slowest, farthest, secants
+        if secants is not None:
+            secants.begin()
         self.residuals: list[float] = []
         self.step_lengths: list[float] = []
 
@@ -128,7 +132,7 @@ class Descent:
         level, sizes = self.level, self.sizes
         while True:
             least = level.tangent.min_tension(relative)
-            usable = self._kept or self.linearise(max(self.tension, least), self._aggregated)
+            usable = self._kept or self._renew(max(self.tension, least))
             self._aggregated = usable
             earlier, self._kept = self._kept, usable and self.tension == 0.0 and self._keeps(relative)
             if not sizes.modulus:
@@ -156,10 +160,18 @@ class Descent:
             if self.tension > MAX_TENSION * sizes.modulus:
                 return None
 
+    def _renew(self, tension: float) -> bool:
+        """Compute the tangent; return whether it is of use."""
+        if self._secants is not None:
+            self._secants.clear()
+        return self.linearise(tension, self._aggregated)
+
     def _keeps(self, relative: float) -> bool:
         """Whether the next step takes this tangent: the last one reduced the residual enough."""
         if self._slowest is not None:
-            return len(self.residuals) < 2 or self.residuals[-1] < self._slowest * self.residuals[-2]
+            # The residual before supports move tells nothing.
+            first = 1 + int(self._lifts)
+            return len(self.residuals) <= first or self.residuals[-1] < self._slowest * self.residuals[-2]
         return relative <= KEPT and len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
 
     def _direct(self, relative: float) -> None:
@@ -178,6 +190,13 @@ class Descent:
         self.solver.solve(right_side, accuracy)
         if self.lifting:
             assign(level.direction, level.direction.numpy() + self.lift)
+        elif self._secants is not None:
+            raw = level.direction.numpy().astype(np.float64)
+            better = self._secants.improved(raw)
+            if np.einsum("ic,ic->", better, right_side) > 0.0:
+                assign(level.direction, better)
+            else:
+                self._secants.begin()
 
     def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
         """Move by an accepted fraction of the direction; None, with the state reset, if none is accepted."""
@@ -206,6 +225,8 @@ class Descent:
     def _accept(self, step_length: float, relative: float) -> None:
         wp.copy(self.level.base, self.level.displacement)
         self.step_lengths.append(step_length)
+        if self._secants is not None and step_length < 1.0:
+            self._secants.begin()
         if self.lifting:
             self.lift *= 1.0 - step_length
             self.lifting = bool(self.lift.any())

@@ -25,6 +25,10 @@ OWNER = "Newton"
 ACCURACY, ROUND_OFF = {64: 1e-5, 32: 1e-3}, {64: 1e-12, 32: 1e-5}
 
 
+# A step of so many spacings turns no family inside out that is not compressed to a hundredth.
+TINY = 5e-4
+
+
 class Level:
     """The sheet, or a coarser lattice over it, with the stages "evaluate", "advance", "linearise", "product".
 
@@ -148,6 +152,8 @@ class Level:
     def longest_step(self) -> float:
         """Fraction of the direction at which the first family turns inside out; infinite if families may."""
         if self._longest is None:
+            return math.inf
+        if on_cpu(self.direction) and np.abs(self.direction.numpy()).max() < TINY * self.context.sheet.spacing:
             return math.inf
         self.run("turning")
         return float(self._longest.numpy().min())

@@ -21,7 +21,8 @@ class MaxwellInStep(InternalVariables):
 
     With x = dt / tau that is M <- (1 - k) M + (k - b) C^-1(n) + b C^-1(n+1), k = 1 - exp(-x), b = 1 - k / x. It is
     taken as two steps at constant C, one at each end, that are x - ln(x / k) and ln(x / k) long, so that what is lost
-    is known exactly. What forms during the step is free of stress at its end: b weakens the branch, no more.
+    is known exactly. What forms during the step is free of stress at its end: b weakens the branch, no more. The second
+    and the first of the next step, at the same C, are one.
     """
 
     def __init__(self, force: BranchedForce, branches: Sequence[Maxwell]) -> None:
@@ -29,36 +30,49 @@ class MaxwellInStep(InternalVariables):
         self._force, context = force, force.context
         self._exact = np.array([term.constants for term in branches])
         one = context.array("unit_step", force.owner, context.types.real, np.ones(1), per="table")
-        self._terms = {
-            name: context.array(f"branches_{name}", force.owner, context.types.parameters, self._exact, per="table")
-            for name in ("before", "trial", "after")
-        }
-        for name in ("before", "after"):
-            stage = context.stage(f"relax {name}", "every implicit step")
-            force.add_pairs(stage, context.state.displacement, one, self._terms[name])
-        self._dt, self.trial_terms, self.trial_state = 0.0, self._terms["trial"], force.state
+        self._relaxing, self.trial_terms = (
+            context.array(f"branches_{name}", force.owner, context.types.parameters, self._exact, per="table")
+            for name in ("relaxing", "in_step")
+        )
+        self.trial_state = force.state
+        force.add_pairs(context.stage("relax", "every implicit step"), context.state.displacement, one, self._relaxing)
+        self._dt = 0.0
+        # Time over relaxation time at the end of a step, by branch; what is still to relax, and was before the step.
+        self._after = self._left = self._was_left = np.zeros(len(branches))
+        self._set = self._left
 
-    def begin_step(self, dt: float) -> None:
-        """Relax at the displacement before a step of dt [s]."""
+    def begin_step(self, dt: float, again: bool) -> None:
+        """Relax at the displacement before a step of dt [s], also what the last step has left."""
         if dt != self._dt:
-            self._dt = dt
+            self._dt, values = dt, self._exact.copy()
             x = dt / self._exact[:, 1]
-            left = -np.expm1(-x) / x
-            after = -np.log(left)
-            for name, values in (("before", {1: 1.0 / (x - after)}), ("after", {1: 1.0 / after})):
-                self._set(name, values)
-            self._set("trial", {0: self._exact[:, 0] * left})
-        self._force.context.sequence("relax before").run()
+            weaker = -np.expm1(-x) / x
+            values[:, 0] *= weaker
+            assign(self.trial_terms, values)
+            self._after = -np.log(weaker)
+        if again:
+            self._left = self._was_left
+        self._was_left = self._left
+        self._relax(self._left + dt / self._exact[:, 1] - self._after)
 
     def end_step(self) -> None:
-        """Relax at the displacement after the step."""
-        self._force.context.sequence("relax after").run()
+        """Leave the rest to the next step, which begins at the same displacement."""
+        self._left = self._after
 
-    def _set(self, name: str, columns: dict[int, np.ndarray]) -> None:
-        values = self._exact.copy()
-        for column, value in columns.items():
-            values[:, column] = value
-        assign(self._terms[name], values)
+    def settle(self) -> None:
+        """Relax what the last step has left."""
+        if self._left.any():
+            self._relax(self._left)
+
+    def _relax(self, x: np.ndarray) -> None:
+        """Relax at the present displacement for x times the relaxation time of each branch."""
+        if not np.array_equal(x, self._set):
+            values = self._exact.copy()
+            values[:, 1] = 1.0 / x
+            assign(self._relaxing, values)
+            self._set = x
+        self._force.context.sequence("relax").run()
+        self._left = np.zeros_like(x)
 
 
 class PronyInStep(InternalVariables):
@@ -84,7 +98,7 @@ class PronyInStep(InternalVariables):
         force.add_pairs(stage, context.state.displacement, self._step, force.terms)
         self._dt = 0.0
 
-    def begin_step(self, dt: float) -> None:
+    def begin_step(self, dt: float, again: bool) -> None:
         """Find what is left of the stresses after a step of dt [s], and what remains of those that it adds."""
         if dt != self._dt:
             self._dt = dt
@@ -98,3 +112,6 @@ class PronyInStep(InternalVariables):
     def end_step(self) -> None:
         """Advance to the displacement after the step."""
         self._force.context.sequence("relax after").run()
+
+    def settle(self) -> None:
+        """Nothing is left."""

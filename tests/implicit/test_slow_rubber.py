@@ -1,0 +1,71 @@
+"""Slow rubber in implicit steps: creep against its differential equation, and what cyclic tests measure."""
+
+import numpy as np
+import pytest
+from helpers import NEO
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from warp_pd import (
+    Fixed,
+    Implicit,
+    InputError,
+    Maxwell,
+    MooneyRivlin,
+    Motion,
+    PointForce,
+    Sheet,
+    Simulation,
+    Visco,
+)
+from warp_pd.visco.cycles import loss_per_cycle
+
+MU = NEO.mu
+
+
+def test_motions_that_do_not_close_are_not_repeated():
+    with pytest.raises(InputError, match="repeat = 2: expected the values of the first time"):
+        Motion([0], (0.0, 1.0), x=(0.0, 0.1), repeat=2).paths()
+    turning = Motion([0], (0.0, 1.0), x=0.0, angle=(0.0, 1.0))
+    with pytest.raises(InputError, match="without an angle"):
+        loss_per_cycle([{"time": 0.0}], turning, 1.0)
+    one = Motion([0], (0.0, 1.0), x=0.0)
+    with pytest.raises(InputError, match="rows in the last cycle"):
+        loss_per_cycle([{"time": 0.0}, {"time": 1.0}], one, 1.0)
+    assert loss_per_cycle([{"time": 0.0}, {"time": 1.0}], one, 2.0) is None
+
+
+def test_creep_over_a_day():
+    """A strip under a dead load for 10^5 s, with three branches: the stretch of its middle."""
+    sheet = Sheet.rectangle(0.1, 0.015, thickness=1e-3, density=1000.0, points=(41, 7))
+    left, right = sheet.edges("left"), sheet.edges("right")
+    branches = [(0.6 * MU, 20.0), (0.4 * MU, 1e3), (0.3 * MU, 4e4)]
+    load = 0.6 * MU
+    law = Visco(MooneyRivlin(0.5 * MU, 0.0), horizon=2.015, branches=[Maxwell(*branch) for branch in branches])
+    simulation = Simulation(
+        sheet, law, Implicit(1e5, frames=[10.0, 100.0, 1e3, 1e4, 1e5], tolerance=1e-4, inertia=False),
+        loads=[
+            Fixed(left, "x"), Fixed([sheet.nearest(0.0, 0.0075)], "y"), Fixed(np.arange(sheet.size), "z"),
+            PointForce(right, (load * 0.015 * 1e-3, 0.0, 0.0)),
+        ],
+    )  # fmt: skip
+    ends = [sheet.nearest(0.03, 0.0075), sheet.nearest(0.07, 0.0075)]
+    found = []
+    watch = type("Watch", (), {"write": lambda s, f: found.append(1.0 + np.ptp(f.displacement[ends, 0]) / 0.04),
+                               "save": lambda s: None, "close": lambda s: None})  # fmt: skip
+    result = simulation.run(device="cpu", writers=[watch()])
+    assert result.status == "finished"
+    assert result.summary["steps"] < 400
+    moduli, times = np.array(branches).T
+
+    def stretch(M):
+        P, Q = MU + moduli @ M[:3], MU + moduli @ M[3:]
+        return brentq(lambda s: P * s - Q / s**2 - load, 0.5, 5.0)
+
+    def rate(t, M):
+        s = stretch(M)
+        return np.concatenate([(s**-2 - M[:3]) / times, (s - M[3:]) / times])
+
+    exact = solve_ivp(rate, (0.0, 1e5), np.ones(6), "LSODA", [10.0, 100.0, 1e3, 1e4, 1e5], rtol=1e-9, atol=1e-11)
+    wanted = [stretch(M) for M in exact.y.T]
+    np.testing.assert_allclose(np.array(found[1:]) - 1.0, np.array(wanted) - 1.0, rtol=2e-3)
