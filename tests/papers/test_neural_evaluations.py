@@ -20,7 +20,8 @@ from helpers import (
 )
 from point_laws import build, exact_module, tiny
 
-from warp_pd import ArrudaBoyce, CriticalStretch, MooneyRivlin, Neural, Nodal, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, CriticalStretch, InputError, MooneyRivlin, Neural, Nodal, Ogden, Yeoh
+from warp_pd.papers import force_law
 from warp_pd.papers.neural import networks
 
 CLOSED = [Nodal(NEO), Neural(NEO, evaluation="closed_form"), Neural(GENT, evaluation="closed_form")]
@@ -81,6 +82,34 @@ def test_a_users_module_with_the_closed_form_gives_the_closed_form(sheet, precis
     exact = internal_force(build(sheet, Neural(NEO, evaluation="closed_form"), precision), u)
     hooked = internal_force(build(sheet, Neural(NEO, network=exact_module()), precision), u)
     assert np.abs(exact - hooked).max() < (1e-13 if precision == 64 else 3e-6) * np.abs(exact).max()
+
+
+def test_a_plain_network_with_the_papers_inputs_runs_from_its_file(tmp_path):
+    """Weights as any tool writes them, with the scaling of MATLAB's mapminmax."""
+    random = np.random.default_rng(0)
+    arrays = {
+        "w0": random.normal(size=(5, 4)), "b0": random.normal(size=(5, 1)),
+        "w1": random.normal(size=(2, 5)), "b1": random.normal(size=2),
+        "input_mean": [2.4, 0.0, 0.5, 8.0], "input_scale": [1.6, 0.5, 0.5, 7.5], "output_mean": [1.0, 0.0],
+        "output_scale": [2.0, 0.3],
+    }  # fmt: skip
+    np.savez(tmp_path / "law.npz", **arrays)
+
+    def same(features):
+        x = (features.numpy() - arrays["input_mean"]) / arrays["input_scale"]
+        hidden = np.tanh(x @ arrays["w0"].T + arrays["b0"].ravel())
+        out = hidden @ arrays["w1"].T + arrays["b1"]
+        return features.new_tensor(out * arrays["output_scale"] + arrays["output_mean"])
+
+    sheet = square(9)
+    laws = Neural(NEO, 2.015, network=same), force_law(str(tmp_path / "law.npz"), NEO, 2.015)
+    found = [internal_force(build(sheet, law), rough(sheet)) for law in laws]
+    assert np.abs(found[0] - found[1]).max() < 1e-12 * np.abs(found[0]).max()
+    with pytest.raises(InputError, match="expected evaluation 'torch'"):
+        Neural(NEO, evaluation="fused", network=tmp_path / "law.npz")
+    np.savez(tmp_path / "wide.npz", **{**arrays, "w0": random.normal(size=(5, 3))})
+    with pytest.raises(InputError, match="layer"):
+        Neural(NEO, network=tmp_path / "wide.npz")
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,10 @@ EVALUATIONS = ("torch", "fused", "closed_form")
 WEIGHTS = ("auto", "published", "corrected")
 # Maximum number of network weights that are compiled into a kernel as constants; more compile slowly.
 MAX_WEIGHTS = 10_000
+NO_TORCH = (
+    "evaluation = 'torch': the package torch is not installed (pip install 'warp-pd[neural]'); or use 'fused' or "
+    "'closed_form'"
+)
 
 
 @dataclass(frozen=True)
@@ -50,9 +54,9 @@ class Neural:
         network: A Network, a network file, or None for the network of the package (neo-Hookean, K / mu = 100). For
             "torch" also any callable, such as a torch.nn.Module, that maps a tensor (bonds, 4) of (lambda, theta, C33,
             det F) to a tensor (bonds, 2) of the force along and across the bond divided by mu (by the shear modulus, of
-            materials without mu). A module is copied and cast to the precision and device of the run; other callables
-            get tensors of that precision and device. It runs without gradients. On CUDA it is captured in a graph, so
-            it must not read values on the host.
+            materials without mu), or the file of a `networks.PlainNetwork`. A module is copied and cast to the
+            precision and device of the run; other callables get tensors of that precision and device. It runs without
+            gradients. On CUDA it is captured in a graph, so it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
         weights: "published", 2 / tr K of each family (NN eq. 36), which treats families at edges as round; "corrected",
             one weight per bond, such that a uniform stress is in equilibrium up to the edges
@@ -87,12 +91,23 @@ class Neural:
         if self.evaluation == "closed_form":
             if self.network is not None:
                 raise InputError("network: expected None with evaluation 'closed_form'")
+        elif isinstance(self.network, str | Path) and (plain := networks.plain(self.network)) is not None:
+            object.__setattr__(self, "network", self._module(plain))
         elif self.network is None or isinstance(self.network, str | Path | Network):
             object.__setattr__(self, "loaded", self._load())
         elif not callable(self.network):
             raise InputError(f"network = {self.network!r}: expected a Network, a file, a callable or None")
         elif self.evaluation == "fused":
             raise InputError("network: expected a Network, a file or None with evaluation 'fused'")
+
+    def _module(self, plain: networks.PlainNetwork) -> Any:
+        if self.evaluation == "fused":
+            raise InputError(f"network = {str(self.network)!r}: expected evaluation 'torch' with a plain network")
+        try:
+            from .torch_network import plain_module
+        except ImportError:
+            raise InputError(NO_TORCH) from None
+        return plain_module(plain)
 
     def _load(self) -> Network:
         name = "the default" if self.network is None else str(self.network)
@@ -237,10 +252,7 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tup
     try:
         from .torch_step import TorchStep, capture
     except ImportError:
-        raise InputError(
-            "evaluation = 'torch': the package torch is not installed (pip install 'warp-pd[neural]'); "
-            "or use 'fused' or 'closed_form'"
-        ) from None
+        raise InputError(NO_TORCH) from None
     step = TorchStep(law.loaded, law.network, features, results)
     touched = Touched(gathers=frozenset([features.ptr]), writes=frozenset([results.ptr]))
     return Call("network", owner, len(features), step, capture, touched), step.fingerprint

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -174,13 +175,73 @@ def load(path: str | Path) -> Network:
     return network
 
 
+@dataclass(frozen=True, eq=False)
+class PlainNetwork:
+    """A multilayer perceptron with tanh between its layers and the inputs and outputs of the paper (NN figure 4).
+
+    Its file is an .npz of arrays `w0`, `b0`, `w1` and so on, as any tool can write them, and of the means and scales
+    below, which may be left out.
+
+    Attributes:
+        weights: One matrix per layer, shape (outputs, inputs).
+        biases: One vector per layer, shape (outputs,).
+        input_mean: Subtracted from (lambda, theta, C33, det F), shape (4,).
+        input_scale: Divisor of the difference, shape (4,).
+        output_mean: Added to the scaled outputs, shape (2,).
+        output_scale: Factor on the outputs, the force along and across the bond over mu, shape (2,).
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    input_mean: np.ndarray
+    input_scale: np.ndarray
+    output_mean: np.ndarray
+    output_scale: np.ndarray
+
+    def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Layers (weights, biases) that include the scaling of inputs and outputs."""
+        layers = list(zip(self.weights, self.biases, strict=True))
+        w, b = layers[0]
+        layers[0] = (w / self.input_scale, b - w @ (self.input_mean / self.input_scale))
+        w, b = layers[-1]
+        layers[-1] = (w * self.output_scale[:, None], b * self.output_scale + self.output_mean)
+        return layers
+
+
+def plain(path: str | Path) -> PlainNetwork | None:
+    """Load a plain network; None for a file that is none, such as one of `Network.save`.
+
+    Raises:
+        InputError: if a weight is not finite, or the layers do not fit together.
+    """
+    path = Path(path)
+    if not path.is_file():
+        return None
+    said = f"network = {str(path)!r}"
+    arrays = read_arrays(said, path, MOST_BYTES)
+    if "w0" not in arrays:
+        return None
+    layers = sum(re.fullmatch(r"w\d+", name) is not None for name in arrays)
+    with user_code(lambda error: f"{said}: the file is damaged or not a network ({type(error).__name__})"):
+        found = PlainNetwork(
+            weights=tuple(np.asarray(arrays[f"w{k}"], dtype=float) for k in range(layers)),
+            biases=tuple(np.asarray(arrays[f"b{k}"], dtype=float).ravel() for k in range(layers)),
+            input_mean=np.broadcast_to(arrays.get("input_mean", 0.0), INPUTS),
+            input_scale=np.broadcast_to(arrays.get("input_scale", 1.0), INPUTS),
+            output_mean=np.broadcast_to(arrays.get("output_mean", 0.0), OUTPUTS),
+            output_scale=np.broadcast_to(arrays.get("output_scale", 1.0), OUTPUTS),
+        )
+        require_sound(found, said)
+    return found
+
+
 @cache
 def default() -> Network:
     """The network of the package: neo-Hookean, bulk/mu 100, principal stretches 0.8 to 4."""
     return load(DEFAULT)
 
 
-def require_sound(network: Network, said: str) -> None:
+def require_sound(network: Network | PlainNetwork, said: str) -> None:
     """Check that layers fit together and numbers are finite. Raises InputError if they do not."""
     width = INPUTS
     if len(network.weights) < 2:

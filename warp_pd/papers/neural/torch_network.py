@@ -5,22 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import torch
 
 from ...device.checks import InputError
-from .networks import OUTPUTS, Network
+from .networks import OUTPUTS, Network, PlainNetwork
 
 
 def torch_module(network: Network) -> Any:
     """The network as a float64 torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2)."""
     layers: list[Any] = []
     for w, b in network.folded():
-        layer = torch.nn.Linear(w.shape[1], w.shape[0], dtype=torch.float64)
-        with torch.no_grad():
-            layer.weight.copy_(torch.from_numpy(w))
-            layer.bias.copy_(torch.from_numpy(b))
-        layers += [layer, torch.nn.Tanh()]
+        layers += [_linear(w, b), torch.nn.Tanh()]
     return bond_network(torch.nn.Sequential(*layers[:-1]))
+
+
+def plain_module(plain: PlainNetwork) -> Any:
+    """A plain network as a float64 torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2)."""
+    layers: list[Any] = []
+    for w, b in plain.folded():
+        layers += [_linear(w, b), torch.nn.Tanh()]
+    return torch.nn.Sequential(*layers[:-1])
+
+
+def _linear(w: np.ndarray, b: np.ndarray) -> Any:
+    layer = torch.nn.Linear(w.shape[1], w.shape[0], dtype=torch.float64)
+    with torch.no_grad():
+        layer.weight.copy_(torch.from_numpy(w))
+        layer.bias.copy_(torch.from_numpy(b))
+    return layer
 
 
 def bond_network(layers: Any) -> Any:
