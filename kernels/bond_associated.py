@@ -34,8 +34,8 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
-from .fast.lanes import value_of_lane
 from .kinematics import kinematics
+from .lanes import value_of_lane
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ class Layout:
             kernels/tearing/damage_field.py.
         regions: Whether bonds have several materials, see kernels/by_region.py.
         by_point: Whether the last constant of the material is a value of the point.
-        remembers: Whether it is a value of the intersection instead, see kernels/visco/memory.py.
+        remembers: Whether it is a value of the intersection instead, see kernels/memory.py.
     """
 
     kind: str

@@ -90,32 +90,6 @@ def critical_stretch(layout: Layout) -> Criterion:
 
 
 @functools.cache
-def critical_energy(layout: Layout) -> Criterion:
-    """Criterion: the energy release of an interaction exceeds its critical value (kernels/papers/energy_release.py)."""
-    types = layout.types
-    real, vec3 = types.real, types.vec3
-    Family = family_functions(layout).struct
-
-    @wp.struct
-    class CriticalEnergy:
-        energy_release: wp.array2d(dtype=real)
-        critical: real
-
-    @wp.func
-    def exceeds_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        criterion: CriticalEnergy,
-        i: int,
-        k: int,
-        m: int,
-    ):
-        return criterion.energy_release[k, i] > criterion.critical
-
-    return Criterion(exceeds_energy, CriticalEnergy)
-
-
-@functools.cache
 def screening(layout: Layout, criterion: Criterion) -> Kernel:
     """CPU kernel that flags the blocks of points of a lattice in which a bond ahead of a point exceeds the criterion.
 

@@ -16,8 +16,8 @@ import warp as wp
 
 from .block_sums import BLOCK
 from .effects import Kernel, kernel
-from .fast.lanes import value_of_lane
 from .integrate import RIGID, free_components
+from .lanes import value_of_lane
 from .numeric import numeric
 
 # Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to

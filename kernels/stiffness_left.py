@@ -1,9 +1,11 @@
 """Degradation functions: by what factor damage reduces the stiffness of a family (kernels/tearing/damage_field.py)."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
+from .effects import Kernel, kernel
 from .numeric import numeric
 
 
@@ -70,3 +72,16 @@ def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Fun
         return m * (real(2.0) * top * bottom_slope - top_slope * bottom) / (bottom * bottom * bottom)
 
     return left, fall, curvature
+
+
+@functools.cache
+def soften(bits: int, value: Any) -> Kernel:
+    """Kernel that reduces a value of each family, such as an energy or a stress, by the damage of its point."""
+    real, left = numeric(bits).real, stiffness_left(bits)
+
+    @kernel()
+    def soften(damage: wp.array(dtype=real), first: int, values: wp.array(dtype=value)):
+        i = wp.tid() + first
+        values[i] = value(left(damage[i])) * values[i]
+
+    return soften

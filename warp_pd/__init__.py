@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .papers.bond_based import BondBased
     from .papers.bond_neo_hookean import BondNeoHookean
     from .papers.boundary_force import BoundaryForce
+    from .papers.critical_energy import CriticalEnergy
     from .papers.hyperelastic_bonds import HyperelasticBonds
     from .papers.neural.law import Neural
     from .papers.nodal import Nodal
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from .parts.loads import BodyForce, PointForce, Pressure
     from .parts.point_values import ValuesInTime
     from .parts.reaction import Reaction
-    from .parts.rupture import CriticalEnergy, CriticalStretch
+    from .parts.rupture import CriticalStretch
     from .parts.supports import Fixed, Motion
     from .run.built import Built
     from .run.result import Result

@@ -14,6 +14,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..families import Layout, family_functions
+from ..rupture import Criterion
 
 
 @functools.cache
@@ -43,3 +44,29 @@ def energy_release(layout: Layout) -> Kernel:
                 energy_release[k, i] = energy_release[k, i] + inverse_surface * work
 
     return add_release
+
+
+@functools.cache
+def critical_energy(layout: Layout) -> Criterion:
+    """Criterion: the energy release of an interaction exceeds its critical value."""
+    types = layout.types
+    real, vec3 = types.real, types.vec3
+    Family = family_functions(layout).struct
+
+    @wp.struct
+    class CriticalEnergy:
+        energy_release: wp.array2d(dtype=real)
+        critical: real
+
+    @wp.func
+    def exceeds_energy(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: CriticalEnergy,
+        i: int,
+        k: int,
+        m: int,
+    ):
+        return criterion.energy_release[k, i] > criterion.critical
+
+    return Criterion(exceeds_energy, CriticalEnergy)

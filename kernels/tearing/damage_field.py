@@ -37,19 +37,16 @@ the end of a cut, where half of the members belong to the cut, the fraction PASS
 """
 
 import functools
-from typing import Any
 
 import warp as wp
 
 from ..bits import bit_of, number_of_bits
-from ..effects import Kernel, kernel
 from ..factories import constants_of
 from ..families import WORD, Layout, family_functions
 from ..fast.grid_barrier import wait_for_blocks
-from ..fast.lanes import sum_of_lanes
-from ..numeric import numeric
+from ..lanes import sum_of_lanes
 from ..rupture import energy_over_step
-from ..stiffness_left import degradation, stiffness_left
+from ..stiffness_left import degradation
 from .damage_list import field_tables
 
 NEAR = 0.55
@@ -386,16 +383,3 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 
     return finish_points
-
-
-@functools.cache
-def soften(bits: int, value: Any) -> Kernel:
-    """Kernel that reduces a value of each family, such as an energy or a stress, by the damage of its point."""
-    real, left = numeric(bits).real, stiffness_left(bits)
-
-    @kernel()
-    def soften(damage: wp.array(dtype=real), first: int, values: wp.array(dtype=value)):
-        i = wp.tid() + first
-        values[i] = value(left(damage[i])) * values[i]
-
-    return soften

@@ -84,6 +84,13 @@ def test_no_file_is_longer_than_its_subject_may_be():
     assert {path.name: n for path, n in lines.items() if n > 600} == {}
 
 
+def test_kernels_of_the_core_use_none_of_a_subject():
+    of_subjects = re.compile(rf"^from \.({'|'.join(subjects())})\b", re.MULTILINE)
+    assert not [path.name for path in KERNELS.glob("*.py") if of_subjects.search(path.read_text())]
+    named = next(c for c in contracts() if c["name"] == "The core uses no kernel of a subject")["forbidden_modules"]
+    assert sorted(named) == sorted(f"warp_pd.kernels.{p.parent.name}" for p in KERNELS.glob("*/__init__.py"))
+
+
 def test_kernels_import_warp_alone():
     for path in KERNELS.rglob("*.py"):
         imported = set(re.findall(r"^(?:import|from) (\w+)", path.read_text(), re.MULTILINE))

@@ -23,7 +23,7 @@ from warp_pd import (
 from warp_pd.device import graph, launches
 from warp_pd.families import unpack
 from warp_pd.kernels import block_sums
-from warp_pd.kernels.fast.lanes import WARP
+from warp_pd.kernels.lanes import WARP
 from warp_pd.kernels.numeric import numeric
 from warp_pd.kernels.stable_step import power_iteration
 from warp_pd.tearing import tearing_energy

@@ -5,7 +5,7 @@ from helpers import array, square
 from visco_laws import LAWS, POLYUREA, flight
 
 from warp_pd import CriticalEnergy, Explicit, Simulation, ViscoBondBased
-from warp_pd.parts.rupture import crossing_bonds
+from warp_pd.papers.critical_energy import crossing_bonds
 
 
 def test_the_energy_released_by_a_bond_is_its_work():

@@ -18,6 +18,7 @@ from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
+from ..statics.fictitious_mass import fictitious_mass
 from ..statics.sparse import factorised
 from ..statics.tangent import Solve, SparseTangent, Tangent, tangent_of
 from ..step import Phase
@@ -35,7 +36,7 @@ OF_THE_LAW = (
     "label", "weights", "has_energy", "families", "struct", "intact", "constants", "energy_constants", "point_values",
     "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
     "partial_energy", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
-    "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density", "fictitious_mass",
+    "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density",
     "request_fields", "field_names", "notes", "fingerprint", "likely_cause",
 )  # fmt: skip
 # Numbers of tables that differ by less count as the same: the round-off of a lattice.
@@ -320,6 +321,11 @@ class BendingForce(BuiltLaw):
 @internal_variables_of.register
 def _(law: BendingForce) -> InternalVariables | None:
     return internal_variables_of(law.law)
+
+
+@fictitious_mass.register(BendingForce)
+def _(law: BendingForce, stage: Stage) -> Array | None:
+    return fictitious_mass(law.law, stage)
 
 
 @tangent_of.register

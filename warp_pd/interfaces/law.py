@@ -126,10 +126,6 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches that fill and return an array (N,) with a fictitious mass; None if the law has none."""
-        ...
-
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
         """Build the law on a coarser sheet, with the horizon in its spacings, for multigrid; None if not supported."""
         return None

@@ -16,7 +16,7 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
-from ..materials import Material, capabilities, check_material, largest_energy_density, modulus_in_tension
+from ..materials import Material, capabilities, check_material, largest_energy_density
 from ..step import Phase
 from .family_law import require_one_material
 from .force_paths import Reference, force_path, paths_on
@@ -25,11 +25,6 @@ from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
-# Strain at which a sheet is taut everywhere; its largest frequency with the fictitious mass, 0.30 to 0.32 at every
-# horizon.
-TAUT, TAUT_FREQUENCY = 0.05, 0.3
-# Strain of a strip of one spacing whose force counts as none where all is slack.
-SLACK_STRAIN = 1e-2
 
 
 @dataclass(frozen=True)
@@ -193,7 +188,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Add the launches of a phase, and those of what the material remembers."""
         super().add(phase, stage)
         if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
-            from ..kernels.visco.memory import remembered
+            from ..kernels.memory import remembered
 
             kernel = remembered(self.layout, self.material.functions, self.remembered)
             self.add_launch(stage, kernel, self.context.state.displacement, largest=self.struct.remembered)
@@ -221,48 +216,6 @@ class BondAssociatedForce(BondAssociatedLaw):
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
         """Energy density of the material, of several the largest [J/m^3], in pure shear by default."""
         return largest_energy_density(self.material, stretch, across, self.context.device)
-
-    def _stiffness_scale(self) -> float:
-        """A positive modulus of the material [Pa]."""
-        first = float(next(iter(self.material.constants), 0.0))
-        return first if first > 0.0 else modulus_in_tension(self.material, self.context.device)
-
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches that fill an array with the row sums of the stiffness [N/m].
-
-        Returns None for a material without `response`.
-        """
-        material, context = self.material, self.context
-        response = capabilities(material).response
-        if response is None:
-            return None
-        from ..kernels.statics.relaxation import row_sums
-
-        rows, total = row_sums(self.layout, response, self.law.form)
-        own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
-        least = 1e-3 * self._stiffness_scale() * self.thickness
-
-        def add_density(name: str, displacement: Array, taut: Array | None) -> Array:
-            density = context.array(name, "Relaxation", context.types.real, shape=self.points)
-            stage.launch(
-                "Relaxation", rows, self.points,
-                family=self.struct, displacement=displacement, constants=self.constants,
-                unit_stiffness=self.unit_stiffness, damage=self.damage, row=self.pairs, own=own,
-            )  # fmt: skip
-            stage.launch(
-                "Relaxation", total, self.points, family=self.struct, row=self.pairs, own=own, least=least, taut=taut,
-                density=density,
-            )  # fmt: skip
-            return density
-
-        taut = None
-        if self.goes_slack and not self.slack_stiffness:
-            # What is slack may be taut a step later, and would then be too stiff for its density.
-            stretched = context.array("stretched", "Relaxation", context.types.vec3, TAUT * context.sheet.positions)
-            taut = add_density("taut_mass", stretched, None)
-            self.slack_frequency = TAUT_FREQUENCY
-            self.slack_force = 1e3 * least * SLACK_STRAIN * context.whole.spacing
-        return add_density("fictitious_mass", context.state.displacement, taut)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
         """Build the law with plain weights on a coarser lattice."""

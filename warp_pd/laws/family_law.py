@@ -223,7 +223,7 @@ class FamilyLaw(BuiltLaw):
     def _add_softened(self, stage: Stage, values: Array) -> None:
         """Add the launch that reduces a value of each family by the damage of its point, if there is a damage field."""
         if self.damage is not None:
-            from ..kernels.tearing.damage_field import soften
+            from ..kernels.stiffness_left import soften
 
             kernel = soften(self.context.bits, values.dtype)
             stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)
@@ -290,20 +290,6 @@ class FamilyLaw(BuiltLaw):
             InputError: if the law has none.
         """
         raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
-
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add launches for the fictitious mass; None if the law has none, the default."""
-        return None
-
-    def add_row_sums(self, stage: Stage, kernel: Kernel, least: float, **more: Any) -> Array:
-        """Add the launch that fills an array (N,) with the row sums of the stiffness, at least `least` [N/m]."""
-        context = self.context
-        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
-        self.add_launch(
-            stage, kernel, context.state.displacement, unit_stiffness=self.unit_stiffness,
-            least=least, density=density, **more,
-        )  # fmt: skip
-        return density
 
     def fingerprint(self) -> str:
         """A hash of some values of the influence function."""

@@ -24,6 +24,7 @@ from ..kernels.rupture import NEARLY
 from ..laws.family_law import FamilyLaw, whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
+from ..statics.fictitious_mass import add_row_sums, fictitious_mass
 from ..statics.tangent import Tangent, tangent_of
 from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
@@ -195,11 +196,6 @@ class BondBasedForce(FamilyLaw):
         """Description of the force path: bonds computed once, or from both ends."""
         return "reference" if self.once is None else "each bond once"
 
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
-        least = 1e-3 * (max(self.law.material.constants) * self.thickness)
-        return self.add_row_sums(stage, self.kernels.row_sums, least)
-
     def request_fields(self, names: Sequence[str]) -> None:
         """Add point fields to the frames.
 
@@ -254,3 +250,9 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
 @tangent_of.register
 def _(law: BondBasedForce, context: Context, geometric: bool) -> Tangent:
     return BondBasedTangent(law, law.law.material, context, geometric)
+
+
+@fictitious_mass.register(BondBasedForce)
+def _(law: BondBasedForce, stage: Stage) -> Array:
+    least = 1e-3 * (max(law.law.material.constants) * law.thickness)
+    return add_row_sums(law, stage, law.kernels.row_sums, least)

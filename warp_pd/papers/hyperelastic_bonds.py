@@ -15,6 +15,7 @@ from ..families import Families, build_families
 from ..interfaces import BuiltLaw
 from ..kernels.papers.hyperelastic_bonds import hyperelastic_bonds
 from ..laws.family_law import FamilyLaw, whole_sheet
+from ..statics.fictitious_mass import add_row_sums, fictitious_mass
 from .bond_neo_hookean import BondNeoHookean, bond_energy, bond_traction, deformed, round_family
 
 # Stretch at which the surface correction compares energies (HE, chapter 5).
@@ -94,11 +95,6 @@ class HyperelasticBondsForce(FamilyLaw):
             force=out,
         )  # fmt: skip
 
-    def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launch that fills an array (N,) with the row sums of the stiffness [N/m]."""
-        least = 1e-3 * self.law.material.mu * self.thickness
-        return self.add_row_sums(stage, self.kernels.row_sums, least, constants=self.bond_constants)
-
 
 def _bond_weights(families: Families) -> np.ndarray:
     """W_ik = (2/pi) (a_ref / delta^2) a_i a_k by row, areas divided by the reference area, shape (R, n)."""
@@ -128,3 +124,9 @@ def surface_factors(families: Families, material: BondNeoHookean) -> np.ndarray:
     for c in range(1 if material.mode == "planar" and published else 2):
         factors[:, c] = measured(round_family(), c).mean() / (weight * measured(directions, c)).sum(axis=1)
     return factors
+
+
+@fictitious_mass.register(HyperelasticBondsForce)
+def _(law: HyperelasticBondsForce, stage: Stage) -> Array:
+    least = 1e-3 * law.law.material.mu * law.thickness
+    return add_row_sums(law, stage, law.kernels.row_sums, least, constants=law.bond_constants)

@@ -9,7 +9,7 @@ from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
-from ..kernels.fast.lanes import WARP
+from ..kernels.lanes import WARP
 from ..kernels.stable_step import PowerIteration, power_iteration
 
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the

@@ -20,6 +20,7 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
+from .fictitious_mass import fictitious_mass
 from .load_scale import LoadScale
 from .static_rounds import MIN_LOAD, StaticRounds
 
@@ -148,7 +149,7 @@ class BuiltRelaxation(BuiltSolver):
         """The fictitious mass, or the true mass if there is none; adds the stage that updates it."""
         if self._inertia is None:
             stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
-            found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)
+            found = None if self.context.sheet.inclusions else fictitious_mass(self.law, stage)
             self._inertia = self.context.state.mass if found is None else found
         return self._inertia
 

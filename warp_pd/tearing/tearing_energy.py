@@ -17,7 +17,7 @@ from ..device.launches import Span, Stage, with_values
 from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Law, Rupture
-from ..kernels.fast.lanes import lanes_of
+from ..kernels.lanes import lanes_of
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies
 from ..kernels.tearing.damage_list import TOGETHER, field_tables

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from ..numeric import numeric
+from .numeric import numeric
 
 # Threads that share a family: a warp, or half of one if the family has no more members.
 WARP = 32

@@ -4,11 +4,11 @@ import functools
 
 import warp as wp
 
-from ..bond_associated import family_mechanics
-from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, PairFactory, constants_of
-from ..families import Layout, family_functions
-from ..kinematics import kinematics
+from .bond_associated import family_mechanics
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory, constants_of
+from .families import Layout, family_functions
+from .kinematics import kinematics
 
 
 @functools.cache
