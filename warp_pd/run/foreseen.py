@@ -21,6 +21,8 @@ from .scene_context import held_by_loads
 WIDEST, THICKEST, SOFTEST, STIFFEST = 50.0, 0.5, 10.0, 1e11
 # Step over the time in which a wave passes a spacing, below which a note tells the cause.
 TINY_STEP = 1e-3
+# Passages of waves and steps from which a run is said to be slow.
+MANY_PASSAGES, MANY_STEPS = 300.0, 20_000
 
 
 def foreseen(built: Built) -> list[str]:
@@ -35,7 +37,7 @@ def foreseen(built: Built) -> list[str]:
 
 
 def step_note(built: Built, dt: float) -> str:
-    """A note with the cause of a step [s] that is far shorter than that of waves, or ""."""
+    """A note on a step [s] that is far shorter than that of waves, or than what the run is about; or ""."""
     material: Any = getattr(built.simulation.force, "material", None)
     if not built.simulation.solver.dynamic or not hasattr(material, "functions"):
         return ""
@@ -43,12 +45,40 @@ def step_note(built: Built, dt: float) -> str:
     finest = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
     wave = finest * math.sqrt(float(np.mean(sheet.density)) / (4.0 * shear_modulus(material)))
     if not 0.0 < dt < TINY_STEP * wave:
-        return ""
+        return _other_solver(built, dt, wave / finest * float(np.ptp(sheet.points, axis=0).max()), wave)
     cause = built.solver.cause_of_step(dt)
     light = float(np.min(sheet.density)) / float(np.mean(sheet.density))
     if not cause:
         cause = "its density varies much" if light < 0.01 else "its stiffness or thickness varies much"
     return f"step: {dt:.3g} s is {wave / dt:.3g} times shorter than a wave takes from point to point: {cause}"
+
+
+def _other_solver(built: Built, dt: float, passage: float, wave: float) -> str:
+    """A note on a solver that is faster by far, or "".
+
+    Args:
+        built: The simulation.
+        dt: Its step [s].
+        passage: Time in which a wave passes the sheet [s].
+        wave: Time in which it passes a spacing [s].
+    """
+    scene = built.simulation
+    duration, explicit = scene.solver.duration, scene.solver.steps_explicitly
+    if explicit and duration > MANY_PASSAGES * passage and duration > MANY_STEPS * dt:
+        if scene.damage is None and not scene.contacts and not scene.sheet.inclusions:
+            return (
+                f"step: {count_text(duration / dt)} steps of {dt:.3g} s follow waves, which pass the sheet in "
+                f"{passage:.2g} s; the run takes {duration:g} s: Implicit({duration:g}, tolerance=1e-4) follows what "
+                "is slow"
+            )
+    if not explicit and dt < wave and getattr(scene.solver, "tolerance", None) is None:
+        return f"step: {dt:.3g} s is shorter than a wave takes from point to point, {wave:.2g} s: Explicit is faster"
+    return ""
+
+
+def count_text(number: float) -> str:
+    """A large number for people, such as "12 000" or "4.9e+07"."""
+    return f"{number:,.0f}".replace(",", " ") if number < 1e7 else f"{number:.2g}"
 
 
 def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:

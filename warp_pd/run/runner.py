@@ -43,6 +43,7 @@ from .scene import Scene, check_writers
 from .scene_context import communicator_here, partition_of
 from .stopping import stopping_at_frames
 from .summary import Seconds, summary_of
+from .trial import steps_text
 from .views import viewer
 
 if TYPE_CHECKING:
@@ -287,14 +288,8 @@ def _say_what_comes(recorder: Recorder) -> None:
     if recorder.reporter is None:
         return
     if built.simulation.solver.dynamic and dt > 0.0:
-        duration = built.simulation.solver.duration
-        recorder.reporter.say(f"step {dt:.3g} s, about {count_text(duration / dt)} steps for {duration:g} s")
+        recorder.reporter.say(steps_text(built, dt))
     recorder.reporter.say(*recorder.notes)
-
-
-def count_text(number: float) -> str:
-    """A large number for people, such as "12 000" or "4.9e+07"."""
-    return f"{number:,.0f}".replace(",", " ") if number < 1e7 else f"{number:.2g}"
 
 
 def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:

@@ -6,7 +6,8 @@ import pytest
 from helpers import NEO, square
 from small_runs import cli
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Pressure, RigidBall, Simulation
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Implicit, Newton, Pressure, RigidBall, Simulation
+from warp_pd.run import trial
 
 
 def column(table, name):
@@ -51,3 +52,22 @@ def test_the_plan_counts_bytes():
     # Three numbers of four bytes.
     assert dict(zip(column(table, "name"), column(table, "bytes"), strict=True))["displacement"] == str(12 * 841)
     assert "break_bonds" in column(launches, "kernel")
+
+
+@pytest.mark.parametrize(
+    ("solver", "told"),
+    [
+        (Explicit(0.5, frames=2), r"step \S+ s, about \d+ steps for 0.5 s, about .+ on this machine, \S+ MB"),
+        (Explicit(400.0, frames=2), r"steps of \S+ s follow waves, .*: Implicit\(400, tolerance=1e-4\) follows"),
+        (Implicit(0.1, frames=1, steps=10), r"step 0.01 s, about 10 steps for 0.1 s, about .+, \S+ MB$"),
+        (Implicit(1.0, tolerance=1e-3), r"step \S+ s at first, then as the tolerance allows"),
+        (Implicit(0.01, frames=1, steps=10), r"shorter than a wave takes .*, \S+ s: Explicit is faster"),
+        (Newton(), r"^$"),
+    ],
+)  # fmt: skip
+def test_a_plan_tells_how_long_a_run_takes_and_what_is_faster(solver, told, monkeypatch):
+    monkeypatch.setattr(trial, "TIMED", 0.01)
+    sheet = square(7)
+    law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    simulation = Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("left"))])
+    assert re.search(told, trial.foretold(simulation.build("cpu")), re.MULTILINE)
