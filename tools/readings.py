@@ -23,6 +23,7 @@ from study import (
     save_rows,
     study_parser,
     table,
+    whole,
 )
 
 # Name, scene, measure or outcome, number that the paper prints, other settings.
@@ -42,7 +43,7 @@ READINGS = {
 
 def run(scene: str, name: str, settings: dict[str, Any], device: str | None) -> Row:
     """One run: its number, and how far this is from the finite elements."""
-    result = build_scene(scene, settings).run(device=device, usd=False, pictures=False)
+    result = whole(build_scene(scene, settings).run(device=device, usd=False, pictures=False))
     found = result.summary["measures"][name]
     return {"scene": scene, "settings": settings, "status": result.status, **found}
 

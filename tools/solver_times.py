@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from study import build_scene, device_title, provenance, run_tool, study_parser, table, table_row
+from study import build_scene, device_title, provenance, run_tool, study_parser, table, table_row, whole
 
 from warp_pd import Result, Simulation
 
@@ -42,7 +42,7 @@ def row(scene: str, points: int, solver: str, device: str, tolerance: float, clo
 
 def run(scene: Simulation, device: str, cloud: bool) -> Result:
     """Run a scene, with its lattice or as a cloud."""
-    return (replace(scene, sheet=scene.sheet.as_cloud()) if cloud else scene).run(device=device)
+    return whole((replace(scene, sheet=scene.sheet.as_cloud()) if cloud else scene).run(device=device))
 
 
 def main() -> None:

@@ -35,6 +35,7 @@ from study import (
     save_rows,
     study_parser,
     table,
+    whole,
 )
 
 from warp_pd import (
@@ -190,7 +191,7 @@ def simulation(case: str, law: str) -> Simulation:
 def outcome(case: str, law: str, device: str | None) -> str:
     """How the run ends: its worst energy balance, "finished" for laws without energy, or why it does not."""
     try:
-        result = simulation(case, law).run(device=device)
+        result = whole(simulation(case, law).run(device=device))
     except InputError:
         return "refused"
     except DivergedError as error:
@@ -208,7 +209,7 @@ def _diverged(message: str) -> str:
 
 def ball(law: str, settings: dict[str, Any], device: str | None) -> str:
     """The ball of NN 6.4 on bonds that break: its end and worst energy balance."""
-    result = build_scene("ball_penetration", settings).run(device=device, usd=False, pictures=False)
+    result = whole(build_scene("ball_penetration", settings).run(device=device, usd=False, pictures=False))
     if result.status != "finished":
         return _diverged(result.summary["message"] or result.status)
     worst = result.summary["measures"].get("worst_energy_balance", {}).get("value")

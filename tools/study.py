@@ -22,12 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import warp_pd.scenes
-from warp_pd import InputError
+from warp_pd import InputError, Result
 from warp_pd.context import find_device
 from warp_pd.device.checks import DIVERGED, WRONG_INPUT
 from warp_pd.interfaces import DivergedError
+from warp_pd.interfaces.solver import STOPPED
 from warp_pd.run.folder import write_atomically
 from warp_pd.run.scene_files import build_scene
+from warp_pd.run.stopping import deadline
 
 __all__ = ["DivergedError", "InputError", "build_scene"]
 ROOT = Path(__file__).resolve().parents[1]
@@ -224,10 +226,24 @@ def _file_in(text: str, name: str) -> Path:
     return path if path.suffix == Path(name).suffix else path / name
 
 
+def whole(result: Result) -> Result:
+    """The result of a run, unless it was interrupted: numbers of a part of a run must not look like others.
+
+    Raises:
+        KeyboardInterrupt: if it was.
+    """
+    if result.status == STOPPED:
+        raise KeyboardInterrupt
+    return result
+
+
 def run_tool(main: Callable[[], object]) -> None:
-    """Run a tool. Wrong input and diverged runs end it with one line and the exit code of `warp-pd`."""
+    """Run a tool. Wrong input, diverged and interrupted runs end it with one line and the exit code of `warp-pd`."""
     try:
         main()
+    except KeyboardInterrupt:
+        print(f"{Path(sys.argv[0]).name}: interrupted; what ended before is kept", file=sys.stderr)
+        sys.exit(deadline.exit_code)
     except (InputError, DivergedError) as error:
         print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
         sys.exit(WRONG_INPUT if isinstance(error, InputError) else DIVERGED)

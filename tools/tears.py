@@ -39,6 +39,7 @@ from study import (
     save_rows,
     study_parser,
     table,
+    whole,
 )
 
 from warp_pd.scenes import pure_shear_tear
@@ -175,7 +176,7 @@ def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
     """One run: its status, the values of its measures, and the onset of a strip. Others go on if one fails."""
     simulation = build_scene(scene, settings)
     try:
-        result = simulation.run(device=device, usd=False, pictures=False)
+        result = whole(simulation.run(device=device, usd=False, pictures=False))
     except (InputError, DivergedError) as error:
         return {"scene": scene, "settings": settings, "status": "failed", "notes": [str(error)]}
     measures = {name: found["value"] for name, found in result.summary["measures"].items()}

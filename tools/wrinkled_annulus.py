@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from study import DOCS, Row, device_title, in_processes, picture, provenance, run_tool, study_parser, table
+from study import DOCS, Row, device_title, in_processes, picture, provenance, run_tool, study_parser, table, whole
 
 from warp_pd import (
     BondAssociated,
@@ -143,7 +143,7 @@ def profile(result: Result, around: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def run(around: int, thickness: float, relaxed: bool, device: str | None) -> Row:
     """One sheet, its displacements and its last state."""
-    result = simulation(around, thickness, relaxed).run(device=device, precision=32)
+    result = whole(simulation(around, thickness, relaxed).run(device=device, precision=32))
     assert result.status == "finished", result.summary["message"]
     radius, across, along = profile(result, around)
     points, height = result.built.context.sheet.points, result.frame.displacement[:, 2]

@@ -3,11 +3,13 @@
 import runpy
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import study
 
 from warp_pd import InputError
+from warp_pd.interfaces.solver import FINISHED, STOPPED
 
 
 @pytest.mark.parametrize(("error", "code"), [(InputError("points = 1"), 2), (study.DivergedError("points = 1"), 3)])
@@ -45,3 +47,13 @@ def test_every_tool_says_what_it_does(capsys, monkeypatch):
             runpy.run_path(str(script), run_name="__main__")
         assert ended.value.code == 0, script.name
         assert capsys.readouterr().out.startswith("usage:"), script.name
+
+
+def test_an_interrupted_run_leaves_no_number(capsys):
+    """The numbers of a run so far, when SIGTERM or Ctrl-C ends it, are not those of the run."""
+    whole, part = (SimpleNamespace(status=status) for status in (FINISHED, STOPPED))
+    assert study.whole(whole) is whole
+    with pytest.raises(SystemExit) as caught:
+        study.run_tool(lambda: study.whole(part))
+    assert caught.value.code == 130
+    assert "interrupted; what ended before is kept" in capsys.readouterr().err

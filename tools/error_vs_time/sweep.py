@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from time import process_time
 
-from study import Row, device_title, load_rows, provenance, save_rows
+from study import Row, device_title, load_rows, provenance, save_rows, whole
 
 from warp_pd import Frame, InputError
 from warp_pd.interfaces import DivergedError, Writer
@@ -62,7 +62,9 @@ def measure(study: Study, run: Configuration, options: argparse.Namespace) -> Ro
 
     def solve() -> tuple[float, Row]:
         collector, begin = Collector(study.times), process_time()
-        result = simulation_of(study, run).run(device=options.device, precision=run.precision, writers=[collector])
+        result = whole(
+            simulation_of(study, run).run(device=options.device, precision=run.precision, writers=[collector])
+        )
         summary = result.summary
         seconds = process_time() - begin if options.cpu_time else summary["wall_s"] - summary["compile_s"]
         ended = result.status == "finished"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from study import build_scene
+from study import build_scene, whole
 
 from warp_pd.interfaces import DivergedError
 from warp_pd.interfaces.solver import STOPPED
@@ -74,7 +74,7 @@ def run_scene(scene: str, device: str | None, **settings: Any) -> tuple[Values, 
     "NAME, error" is relative to finite elements or an exact solution. `why` says why a run did not end.
     """
     try:
-        result = build_scene(scene, as_published(scene, settings)).run(device=device, usd=False, pictures=False)
+        result = whole(build_scene(scene, as_published(scene, settings)).run(device=device, usd=False, pictures=False))
     except DivergedError as error:
         return {"why": str(error)}, None
     if result.status == STOPPED:

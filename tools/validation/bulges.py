@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from study import whole
 from treloar import DATA, tests
 
 from validation import spread
@@ -75,16 +76,18 @@ def bulge(material: Yeoh, points: int, most: float, device: str | None) -> tuple
         stretch, curvature = pole(built, frame)
         return load * frame.time * stretch / (2.0 * curvature * THICKNESS) if frame.time else 0.0
 
-    result = Simulation(
-        sheet,
-        force=BondAssociated(material, horizon=1.5, weights="corrected"),
-        loads=[Fixed(sheet.edges("all")), Pressure(load)],
-        solver=ArcLength(increment=0.04, most_steps=80, modes=0),
-        measures=[
-            Measure("stretch", "-", lambda built, frame: pole(built, frame)[0]),
-            Measure("stress", "Pa", stress),
-        ],
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            force=BondAssociated(material, horizon=1.5, weights="corrected"),
+            loads=[Fixed(sheet.edges("all")), Pressure(load)],
+            solver=ArcLength(increment=0.04, most_steps=80, modes=0),
+            measures=[
+                Measure("stretch", "-", lambda built, frame: pole(built, frame)[0]),
+                Measure("stress", "Pa", stress),
+            ],
+        ).run(device=device, usd=False, pictures=False)
+    )
     rows = np.array([(row["stretch"], row["stress"]) for row in result.history])
     return rows[:, 0], rows[:, 1]
 
@@ -121,19 +124,21 @@ def square(name: str, points: int, device: str | None) -> Sequence[float]:
     sheet = Sheet.rectangle(side, side, thickness=THICKNESS, density=1000.0, points=points)
     travel = [0.0, *(side * (np.asarray(spread.curves(name)["equibiaxial"].at) - 1.0)).tolist()]
     times, right = np.linspace(0.0, 1.0, len(travel)), sheet.edges("right")
-    result = Simulation(
-        sheet,
-        force=BondAssociated(uniaxial_rubber(name), horizon=2.015),
-        loads=[
-            Fixed(np.arange(sheet.size), "z"),
-            Fixed(sheet.edges("left"), "x"),
-            Fixed(sheet.edges("bottom"), "y"),
-            Motion(right, times=times, x=travel),
-            Motion(sheet.edges("top"), times=times, y=travel),
-        ],
-        solver=Newton(load_steps=len(travel) - 1),
-        measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, right)[0]))],
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            force=BondAssociated(uniaxial_rubber(name), horizon=2.015),
+            loads=[
+                Fixed(np.arange(sheet.size), "z"),
+                Fixed(sheet.edges("left"), "x"),
+                Fixed(sheet.edges("bottom"), "y"),
+                Motion(right, times=times, x=travel),
+                Motion(sheet.edges("top"), times=times, y=travel),
+            ],
+            solver=Newton(load_steps=len(travel) - 1),
+            measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, right)[0]))],
+        ).run(device=device, usd=False, pictures=False)
+    )
     # A law that softens may have no uniform equilibrium that is stable: stresses that are not reached have no value.
     found = [1e-6 * row["pull"] / (side * THICKNESS) for row in result.history[1:]]
     return [*found, *[float("nan")] * (len(travel) - 1 - len(found))]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import Row, build_scene, device_title, provenance
+from study import Row, build_scene, device_title, provenance, whole
 
 from warp_pd import Simulation
 
@@ -121,7 +121,7 @@ def finished(simulation: Simulation, device: str | None, what: str) -> Sequence[
     Raises:
         UnfinishedError: if it ended early, or Newton's method may have jumped to another equilibrium.
     """
-    result = simulation.run(device=device, usd=False, pictures=False)
+    result = whole(simulation.run(device=device, usd=False, pictures=False))
     if result.status != "finished":
         raise UnfinishedError(f"{what}: the run ended {result.status!r} after {len(result.history) - 1} frames")
     jumps = [note for note in result.summary["notes"] if "may have jumped" in note]
@@ -132,6 +132,6 @@ def finished(simulation: Simulation, device: str | None, what: str) -> Sequence[
 
 def outcome(scene: str, name: str, settings: Mapping[str, Any], device: str | None) -> float:
     """An outcome of a scene; NaN if the run does not have it."""
-    result = build_scene(scene, settings).run(device=device, usd=False, pictures=False)
+    result = whole(build_scene(scene, settings).run(device=device, usd=False, pictures=False))
     value = result.summary["measures"][name]["value"]
     return float("nan") if value is None else float(value)

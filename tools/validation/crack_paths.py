@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from study import whole
 
 from validation.comparison import Comparison, UnfinishedError
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation, TearingEnergy
@@ -55,17 +56,19 @@ def torn(
     top, bottom = sheet.edges("top"), sheet.edges("bottom")
     times = [0.0, *(np.cumsum(load_steps) / np.sum(load_steps)).tolist()]
     way = [0.0, *(0.5 * travel for travel in travels)]
-    result = Simulation(
-        sheet,
-        force=BondAssociated(NeoHookean(MU, BULK), horizon=1.5),
-        loads=[
-            Fixed(np.arange(sheet.size), "z"),
-            Motion(top, times=times, x=0.0, y=way),
-            Motion(bottom, times=times, x=0.0, y=[-y for y in way]),
-        ],
-        damage=TearingEnergy(TEARING_ENERGY, length=length, spared=spared),
-        solver=Newton(load_steps=int(np.sum(load_steps))),
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            force=BondAssociated(NeoHookean(MU, BULK), horizon=1.5),
+            loads=[
+                Fixed(np.arange(sheet.size), "z"),
+                Motion(top, times=times, x=0.0, y=way),
+                Motion(bottom, times=times, x=0.0, y=[-y for y in way]),
+            ],
+            damage=TearingEnergy(TEARING_ENERGY, length=length, spared=spared),
+            solver=Newton(load_steps=int(np.sum(load_steps))),
+        ).run(device=device, usd=False, pictures=False)
+    )
     if result.status != "finished":
         raise UnfinishedError(f"a sheet of {sheet.size} points: the run ended {result.status!r}")
     return result.frame.damage, result.frame.intact_faces

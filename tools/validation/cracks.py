@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import takewhile
 
 import numpy as np
-from study import build_scene
+from study import build_scene, whole
 
 from validation.bulges import rubber
 from validation.comparison import Comparison, UnfinishedError
@@ -77,7 +77,7 @@ def running(
     if light:
         loads, solver = [*simulation.loads, LightBand()], replace(simulation.solver, safety=0.25)
         simulation = replace(simulation, loads=loads, solver=solver)
-    result = simulation.run(device=device, usd=False, pictures=False)
+    result = whole(simulation.run(device=device, usd=False, pictures=False))
     tip, time = (np.array([row[name] for row in result.history]) for name in ("tip", "time"))
     end = min(tip.max(), running_crack.END)
     last = (tip > end - HEIGHT) & (tip < end)
@@ -94,13 +94,15 @@ def at_rest(simulation: Simulation, device: str | None) -> np.ndarray:
     Waves cross the strip four times in the duration, and nearly critical damping takes them.
     """
     damage = simulation.damage
-    result = replace(
-        simulation,
-        damage=replace(damage, energy=1e3 * damage.energy, every_step=False),
-        solver=Explicit(duration=0.15, frames=2, damping=100.0),
-        measures=(),
-        outcomes=(),
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        replace(
+            simulation,
+            damage=replace(damage, energy=1e3 * damage.energy, every_step=False),
+            solver=Explicit(duration=0.15, frames=2, damping=100.0),
+            measures=(),
+            outcomes=(),
+        ).run(device=device, usd=False, pictures=False)
+    )
     if result.status != "finished":
         raise UnfinishedError(f"a strip of {simulation.sheet.size} points at rest: the run ended {result.status!r}")
     return result.frame.displacement
@@ -167,15 +169,17 @@ def stretched_sheet_speed(
     apart = rough_surface(sheet, 1e-3, 0, edges)
     apart[:, :2] += (stretch - 1.0) * sheet.points
     line = TearLine(sheet)
-    result = Simulation(
-        sheet,
-        force=BondAssociated(TensionField(rest), horizon=2.015),
-        loads=[Fixed(np.concatenate([edges, left]))],
-        initial_displacement=apart,
-        damage=TearingEnergy(energy, length=RUBBER_FIELD, spared=spared, every_step=every_step),
-        solver=Explicit(duration=4e-3 * size, frames=160, damping=50.0, safety=0.2),
-        measures=[Measure("tip", "m", lambda b, f: line.reach(f.intact_faces, (cut, middle), (long, middle)))],
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            force=BondAssociated(TensionField(rest), horizon=2.015),
+            loads=[Fixed(np.concatenate([edges, left]))],
+            initial_displacement=apart,
+            damage=TearingEnergy(energy, length=RUBBER_FIELD, spared=spared, every_step=every_step),
+            solver=Explicit(duration=4e-3 * size, frames=160, damping=50.0, safety=0.2),
+            measures=[Measure("tip", "m", lambda b, f: line.reach(f.intact_faces, (cut, middle), (long, middle)))],
+        ).run(device=device, usd=False, pictures=False)
+    )
     rows = [(row["time"], row["tip"]) for row in result.history if 0.3 * tall < row["tip"] < 1.1 * tall]
     return (
         float(np.polyfit(*np.transpose(rows), 1)[0]) if result.status == "finished" and len(rows) > 3 else float("nan")

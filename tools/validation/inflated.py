@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from study import whole
+
 from validation.comparison import Comparison, UnfinishedError
 from warp_pd import BondAssociated, Fixed, NeoHookean, Newton, Pressure, Sheet, Simulation, TensionField
 
@@ -21,18 +23,20 @@ def bag(points: int, device: str | None) -> Sequence[float]:
     middle = 0.5 * SIDE
     sheet = Sheet.rectangle(SIDE, SIDE, thickness=THICKNESS, density=1000.0, points=points)
     material = NeoHookean(YOUNG / (2.0 + 2.0 * POISSON), YOUNG / (3.0 - 6.0 * POISSON))
-    result = Simulation(
-        sheet,
-        force=BondAssociated(TensionField(material), horizon=2.015),
-        loads=[
-            Fixed(sheet.edges("all"), "z"),
-            Fixed([sheet.nearest(middle, 0.0), sheet.nearest(middle, SIDE)], "x"),
-            Fixed([sheet.nearest(0.0, middle), sheet.nearest(SIDE, middle)], "y"),
-            Pressure(PRESSURE),
-        ],
-        solver=Newton(preconditioner="algebraic", most_iterations=60),
-        fields=("cauchy",),
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            force=BondAssociated(TensionField(material), horizon=2.015),
+            loads=[
+                Fixed(sheet.edges("all"), "z"),
+                Fixed([sheet.nearest(middle, 0.0), sheet.nearest(middle, SIDE)], "x"),
+                Fixed([sheet.nearest(0.0, middle), sheet.nearest(SIDE, middle)], "y"),
+                Pressure(PRESSURE),
+            ],
+            solver=Newton(preconditioner="algebraic", most_iterations=60),
+            fields=("cauchy",),
+        ).run(device=device, usd=False, pictures=False)
+    )
     if result.status != "finished":
         raise UnfinishedError(f"bag of {points} points: the run ended {result.status!r}")
     u, centre = result.frame.displacement, sheet.nearest(middle, middle)

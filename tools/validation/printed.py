@@ -12,6 +12,7 @@ from functools import lru_cache, partial
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
+from study import whole
 from treloar import DATA
 
 from validation.comparison import Comparison, finished, median_deviation
@@ -229,7 +230,7 @@ def torn(points: int, notch: float, energy: float, modulus: float, device: str |
         damage=TearingEnergy(energy, length, spared=ends),
         solver=Explicit(duration, frames=200, damping=20.0),
     )
-    rows = strip.run(device=device, usd=False, pictures=False).history[1:]
+    rows = whole(strip.run(device=device, usd=False, pictures=False)).history[1:]
     # Waves shake the grips once the strip has broken; the mean over a frame of the force on them does not count these.
     work, times = ([row[name] for row in rows] for name in ("external", "time"))
     forces = np.diff(work) / np.diff(times) * duration / STROKES[-1]

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import nnls
+from study import whole
 from treloar import DATA
 
 from validation.comparison import Comparison, median_deviation
@@ -53,23 +54,27 @@ def forces(points: int, rate: float, device: str | None) -> np.ndarray:
         LENGTH, width, thickness=SECTION / width, density=density, points=(points, max(3, (points + 3) // 4))
     )
     left, right = sheet.edges("left"), sheet.edges("right")
-    result = Simulation(
-        sheet,
-        Visco(
-            TensionField(NeoHookean(network, 1e3 * network)),
-            horizon=2.015,
-            branches=[Maxwell(modulus, time) for modulus, time in zip(branches, TIMES, strict=True) if modulus > 0.0],
-        ),
-        Explicit(duration, frames=140, damping=20.0 / duration),
-        loads=[
-            Fixed(left, "x"),
-            Fixed(np.arange(sheet.size), "z"),
-            Fixed([sheet.nearest(0.0, 0.5 * width)], "y"),
-            Motion(right, times=[0.0, duration], x=[0.0, (stretches[-1] - 1.0) * LENGTH]),
-        ],
-        initial_velocity=np.column_stack([rate * sheet.points[:, 0], np.zeros((sheet.size, 2))]),
-        measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, left)[0]))],
-    ).run(device=device, usd=False, pictures=False)
+    result = whole(
+        Simulation(
+            sheet,
+            Visco(
+                TensionField(NeoHookean(network, 1e3 * network)),
+                horizon=2.015,
+                branches=[
+                    Maxwell(modulus, time) for modulus, time in zip(branches, TIMES, strict=True) if modulus > 0.0
+                ],
+            ),
+            Explicit(duration, frames=140, damping=20.0 / duration),
+            loads=[
+                Fixed(left, "x"),
+                Fixed(np.arange(sheet.size), "z"),
+                Fixed([sheet.nearest(0.0, 0.5 * width)], "y"),
+                Motion(right, times=[0.0, duration], x=[0.0, (stretches[-1] - 1.0) * LENGTH]),
+            ],
+            initial_velocity=np.column_stack([rate * sheet.points[:, 0], np.zeros((sheet.size, 2))]),
+            measures=[Measure("pull", "N", lambda built, frame: abs(support_force(built, left)[0]))],
+        ).run(device=device, usd=False, pictures=False)
+    )
     at = [1.0 + rate * row["time"] for row in result.history]
     return np.interp(stretches, at, [row["pull"] for row in result.history])
 

@@ -14,11 +14,26 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..interfaces.solver import FINISHED, STOPPED
+from ..run.result import Result
 from .data import Curve, Test
 from .derivatives import Build
 from .experiment import Model
 
 STEP = 1e-2
+
+
+def finished(result: Result) -> Result:
+    """The result of a run to its end.
+
+    Raises:
+        InputError: if the run failed, with its reason.
+        KeyboardInterrupt: if it was interrupted.
+    """
+    if result.status == STOPPED:
+        raise KeyboardInterrupt
+    if result.status != FINISHED:
+        raise InputError(f"the run of the scene {result.status}: {result.summary['message']}")
+    return result
 
 
 class RunsModel(Model):
@@ -54,11 +69,7 @@ class RunsModel(Model):
 
     def _history(self, constants: Mapping[str, Any]) -> tuple[list[dict[str, float]], float]:
         scene = self.build(**{**self.settings, **constants})
-        result = scene.run(device=self.device, precision=self.precision)
-        if result.status == STOPPED:
-            raise KeyboardInterrupt
-        if result.status != FINISHED:
-            raise InputError(f"the run of the scene {result.status}: {result.summary['message']}")
+        result = finished(scene.run(device=self.device, precision=self.precision))
         return result.history, scene.solver.duration
 
     def jacobian(self, values: np.ndarray) -> list[np.ndarray]:

@@ -17,6 +17,7 @@ import numpy as np
 from ..device.checks import InputError, positive
 from ..interfaces import History
 from .derivatives import Build
+from .runs import finished
 
 # Runs after which the last one is the answer.
 MOST_RUNS = 5
@@ -61,7 +62,8 @@ def tearing_energy(
         device: As for `Simulation.run`.
 
     Raises:
-        InputError: if the scene lacks these, or the strip does not tear.
+        InputError: if the scene lacks these, its run fails, or the strip does not tear.
+        KeyboardInterrupt: if a run was interrupted.
     """
     positive("load", load)
     given = dict(settings or {})
@@ -86,7 +88,7 @@ def tearing_energy(
 
 def _run(build: Build, settings: Mapping[str, Any], device: str | None) -> tuple[History, float]:
     """History of a run, and the release ratio at which its tear begins."""
-    result = build(**settings).run(device=device)
+    result = finished(build(**settings).run(device=device))
     missing = {"load", "release_ratio"} - set(result.history[-1])
     if missing:
         raise InputError(f"measures: expected {' and '.join(sorted(missing))} in the scene")
