@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers import NEO, square
+from own_parts import recipe
 from scipy.integrate import quad
 from small_runs import run, simulate
 
@@ -12,18 +13,23 @@ from warp_pd import (
     Fixed,
     Implicit,
     InputError,
+    Joint,
     Maxwell,
     MooneyRivlin,
     Motion,
     Newton,
+    Place,
     PointForce,
     Pressure,
     Prony,
     Reaction,
     RigidBall,
+    SelfContact,
     Simulation,
     TensionField,
     Visco,
+    placed,
+    together,
 )
 from warp_pd.command.modes import natural_modes
 
@@ -245,6 +251,38 @@ def test_a_run_continues_from_the_middle(tmp_path):
 def test_what_implicit_steps_do_not_take_is_refused(parts, message):
     with pytest.raises(InputError, match=message):
         run(SHEET, Implicit(1.0, steps=10), **parts)
+
+
+def test_parts_with_forces_of_their_own_are_refused():
+    pair = together(square(5), square(5))
+    there = placed(pair, Place(), Place((0.0, 0.0, 2e-3)))
+    joint = Joint(
+        pair.edges("sheet 2"), pair.edges("sheet 1"), energy=8.0, shear_energy=24.0, strength=4e3, shear_strength=6e3,
+        stiffness=4e6,
+    )  # fmt: skip
+    for part in ({"loads": [joint]}, {"contact": SelfContact()}):
+        with pytest.raises(InputError, match="not supported by the solver Implicit"):
+            run(pair, Implicit(1.0, steps=10), initial_displacement=there, **part)
+
+
+def test_a_material_remembers_its_largest_energy():
+    """A Mullins rubber that is pulled, let go and pulled again, beside steps five times as short."""
+    rubber, tube = recipe("mullins").Mullins(MU, 1.5, 0.1 * MU), SHEET.as_cloud()
+    left, right = tube.edges("left"), tube.edges("right")
+    back = Motion(right, (0.0, 1.0, 2.0), x=(0.0, 0.08, 0.02), y=0.0, z=0.0)
+    loads = [Fixed(left), back, Reaction(right, "pull")]
+    forces = [
+        run(tube, Implicit(2.0, frames=2, steps=steps, inertia=False), material=rubber, loads=loads).history[-1][
+            "pull_x"
+        ]
+        for steps in (10, 50)
+    ]
+    virgin = run(
+        tube, Implicit(2.0, frames=2, steps=10, inertia=False), material=rubber,
+        loads=[Fixed(left), Motion(right, (0.0, 2.0), x=(0.0, 0.02), y=0.0, z=0.0), Reaction(right, "pull")],
+    ).history[-1]["pull_x"]  # fmt: skip
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6)
+    assert forces[0] < 0.9 * virgin
 
 
 def test_viscous_laws_that_implicit_steps_do_not_take():

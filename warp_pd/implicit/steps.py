@@ -81,6 +81,8 @@ class BuiltImplicit(StaticSystem):
             raise InputError(f"{system.rupture.label}: not supported by the solver Implicit; expected Explicit")
         for contact in system.external.contacts:
             raise InputError(f"{contact.label}: not supported by the solver Implicit; expected Explicit")
+        # Forces of other parts that are no loads have no tangent.
+        system.refuse_phases(self.name, [Phase.INTERNAL_FORCE], besides=system.law)
         context, state = self.context, self.context.state
         if not self.settings.inertia and state.velocity.numpy().any():
             raise InputError("initial_velocity: expected None with inertia = False")
@@ -114,6 +116,8 @@ class BuiltImplicit(StaticSystem):
         context.stage("first acceleration", "once at the start").launch(
             OWNER, self._kernels.first, n, **common, **forces, **kept, moves=int(self.settings.inertia)
         )
+        if context.layout.remembers:
+            system.law.add(Phase.RUPTURE, context.stage("remember", "every implicit step"))
         self._secants = Secants() if self.solvers[0].kind == "direct" and not self.levels[0].following else None
         self._masses = [self._mass_of(level) for level in self.levels]
         self._stops = self._all_stops()
@@ -317,6 +321,8 @@ class BuiltImplicit(StaticSystem):
         if self.internal is not None:
             self.internal.end_step()
         level.run("finish step")
+        if self.context.layout.remembers:
+            level.run("remember")
         return True
 
     def _descent(self, target: np.ndarray | None, predicted: bool, sink: FrameSink) -> bool:

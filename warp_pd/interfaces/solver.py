@@ -117,11 +117,11 @@ class System:
         for part in self.parts:
             part.add(phase, stage)
 
-    def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
-        """Check that no part acts in phases that the solver does not have."""
+    def refuse_phases(self, solver: str, phases: Iterable[Phase], besides: BuiltPart | None = None) -> None:
+        """Check that no part, besides one, acts in phases that the solver does not have."""
         context = self.context
         for phase in phases:
-            for part in self.parts:
+            for part in (part for part in self.parts if part is not besides):
                 trial = Stage("trial", "", context.device, context.block_dim, [])
                 part.add(phase, trial)
                 if len(trial):
