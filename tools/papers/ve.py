@@ -155,6 +155,10 @@ EXAMPLES: dict[str, Example] = {
     **{f"ve.6.3.{s:g}.free": partial(opened, s, **FREE) for s in (1.5, 4.0)},
     "ve.6.3.runs": partial(failing, "visco_crack", RUNNING),
     "ve.6.3.runs.meant": partial(failing, "visco_crack", RUNNING, **MEANT),
+    **{
+        f"ve.6.3.runs.{points}": partial(failing, "visco_crack", RUNNING, points=points, **MEANT)
+        for points in (40, 60, 140, 200)
+    },
     "ve.6.3.runs.free": partial(failing, "visco_crack", RUNNING, **MEANT, **FREE),
     "ve.6.4": partial(scene_values, "metamaterial"),
     "ve.6.4.crack": partial(scene_values, "metamaterial", crack=True),
@@ -209,6 +213,11 @@ ROWS = [
         value=0.022, within=0.05, scale=1e3),
     Row("ve.6.3.runs.meant", "6.3, figure 14", "damage begins (ms)", "at 22", "damage_begins",
         "Gc = 6.69 MN/m, as moduli in MPa", value=0.022, within=0.05, scale=1e3),
+    *(
+        Row(f"ve.6.3.runs.{points}", "6.3, figure 14", f"damage begins (ms), {points} points", "at 22", "damage_begins",
+            "Gc = 6.69 MN/m", value=0.022, within=0.05, scale=1e3)
+        for points in (40, 60, 140, 200)
+    ),
     Row("ve.6.3.runs.free", "6.3, figure 14", "damage begins (ms)", "at 22", "damage_begins",
         "the same, stress-free law", value=0.022, within=0.05, scale=1e3),
     *(
