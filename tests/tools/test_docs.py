@@ -69,6 +69,7 @@ def test_examples_of_a_page_can_be_built(page):
         assert "settle_contact" in names["indentation"].plan("cpu")
     if page == "solvers":
         assert "TearingEnergy" in names["tear"].plan("cpu")
+        assert "every implicit step" in names["relaxing"].plan("cpu")
 
 
 def test_every_page_is_in_the_navigation():
