@@ -57,7 +57,7 @@ class Kinematics:
 
 @functools.cache
 def kinematics(bits: int, curved: bool = False) -> Kinematics:
-    """The functions in one precision."""
+    """Make the functions in one precision, 32 or 64 bits, for flat or curved sheets."""
     types = numeric(bits)
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     degenerate, sample = DEGENERATE, SAMPLE

@@ -52,12 +52,9 @@ def rows(x: np.ndarray, y: np.ndarray, along: np.ndarray, across: np.ndarray, an
 
 def curve_data(curve: Curve, unit: float) -> TrainingData:
     """Bonds in the states of a curve, undeformed ones too."""
-    at, values = (
-        np.concatenate([[1.0], curve.at[curve.at > 1.0]]),
-        np.concatenate([[0.0], curve.values[curve.at > 1.0]]),
-    )
+    above = curve.at > 1.0
+    at, values = np.append(1.0, curve.at[above]), np.append(0.0, curve.values[above])
     stress = PchipInterpolator(at, values / unit)
-    # Evenly in the logarithm.
     s = np.exp(np.linspace(0.0, np.log(at[-1]), STATES))
     angle = np.zeros(1) if curve.control == "planar" else np.linspace(0.0, 0.5 * np.pi, DIRECTIONS)
     s, angle = (values.ravel() for values in np.meshgrid(s, angle))
@@ -104,7 +101,9 @@ def main() -> None:
     parser.add_argument(
         "--data", type=Path, default=DATA, help="CSV file with columns as in tests/references/treloar.csv"
     )
-    parser.add_argument("--without", nargs="+", choices=LOADINGS, default=[], help="curves to foretell")
+    # The uniaxial curve gives the unit of the forces.
+    others = [name for name in LOADINGS if name != "uniaxial"]
+    parser.add_argument("--without", nargs="+", choices=others, default=[], help="curves to predict")
     options = parser.parse_args()
     if options.out.suffix != ".npz":
         raise InputError(f"--out {options.out}: expected a name that ends in .npz")

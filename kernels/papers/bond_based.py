@@ -256,7 +256,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = Fals
         first: int,
         out: wp.array(dtype=vec3),
     ):
-        """Those of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i), with the directions of `density`."""
+        """Eigenvalues and angle of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i); directions as in `density`."""
         i = wp.tid() + first
         known, _size, A1, A2, tilt = gradient_of(family, displacement, i)
         G = motion.green(A1, A2, tilt)

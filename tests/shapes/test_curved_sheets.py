@@ -257,7 +257,7 @@ def test_an_inclusion_is_one_patch_of_a_sheet():
     with refused(match=r"^inclusion at .* contains the whole sheet: expected a smaller one$"):
         sheet.inclusion((0.0, 0.0, 1.0), 9.0)
     in_two = sheet.slit(lambda x, y, z: z - 1.0)
-    with refused(match=r"^inclusion at .* contains 2 patches that do not hang together"):
+    with refused(match=r"^inclusion at .* contains 2 patches that are not connected"):
         in_two.inclusion((1.0, 0.0, 1.0), 0.6)
 
 

@@ -41,3 +41,10 @@ def test_a_strip_pulls_as_the_curve_says(network):
     assert support_force(result.built, right)[0] == pytest.approx(wanted, rel=0.05)
     width = np.ptp(sheet.points[:, 1] + result.frame.displacement[:, 1])
     assert width == pytest.approx(0.1 * goal**-0.5, rel=0.02)
+
+
+def test_the_curve_that_gives_the_unit_cannot_be_left_out(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("sys.argv", ["train_on_curves.py", "--out", f"{tmp_path}/x.npz", "--without", "uniaxial"])
+    with pytest.raises(SystemExit):
+        tool.main()
+    assert "--without: invalid choice: 'uniaxial'" in capsys.readouterr().err

@@ -295,7 +295,7 @@ class BendingForce(BuiltLaw):
         )
 
     def columns(self) -> Columns:
-        """Those of the law, the energy of bending, and what of it is lost to damage."""
+        """Columns of the law, the energy of bending [J], and what of it is lost to damage [J]."""
         of_law = self.law.columns()
         lost = {} if self.lost is None else {"bending_lost": self.lost}
         return replace(of_law, stored={**of_law.stored, "bending": self.energy}, lost={**of_law.lost, **lost})

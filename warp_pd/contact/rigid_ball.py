@@ -48,7 +48,7 @@ class RigidBall(Contact):
         vector("RigidBall.velocity", self.velocity, 3)
 
     def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
-        """Those of its body."""
+        """Whether it is very large, far, fast or heavy."""
         return self._body(1.0).doubts(sheet, scales)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
@@ -67,5 +67,5 @@ class _Ball(RigidBody):
 
     @property
     def title(self) -> str:
-        """That of the part that the scene has."""
+        """Name of the part of the scene, for messages."""
         return "RigidBall"

@@ -179,7 +179,7 @@ def of_kind(name: str, value: Any, kind: type) -> None:
 
 
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
-    """Return `value` if it is allowed."""
+    """Return `value` if it is allowed. Raises InputError, which names the nearest allowed text, if it is not."""
     choices = list(allowed)
     # Comparing an array with a choice would be ambiguous.
     if not isinstance(value, np.ndarray) and value in choices:

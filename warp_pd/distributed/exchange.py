@@ -83,7 +83,7 @@ class Exchanges:
         if per in WHOLE and gathers:
             raise InputError(
                 f"{launch.owner}: {launch.name} works on all points at once, which is not supported on several "
-                "processes"
+                "processes; expected a run in one process"
             )
         return Access(reads, gathers, self._numbers(touched.writes))
 
@@ -160,7 +160,7 @@ class Exchanges:
                 if not self.fields[k].field.halo:
                     raise InputError(
                         f"{self.fields[k].owner}: {self.fields[k].name} is not known around the own points, "
-                        "which is not supported on several processes"
+                        "which is not supported on several processes; expected a run in one process"
                     )
                 depth[k] = _depth_of(self.fields[k])
             for k in sorted(shallow):

@@ -121,7 +121,7 @@ class PointField:
         gap = np.maximum(0.0, -fraction.min(axis=1)) * np.sqrt(2.0)
         inside = gap <= tolerance
         if not inside.any():
-            raise InputError("places: none of them is on the sheet; check their unit and origin")
+            raise InputError(f"places: none of {len(places)} is on the sheet: expected m, from its origin")
         points = sheet.triangles[triangle[inside]]
         kept = int(inside.sum())
         entries = fraction[inside].ravel(), (np.repeat(np.arange(kept), 3), points.ravel())

@@ -152,7 +152,7 @@ class Fit:
         for experiment in self.experiments:
             if isinstance(experiment, SceneTests):
                 return experiment.build(**{**experiment.settings, **self.estimates, **changed})
-        raise InputError("simulation: expected a fit with a scene")
+        raise InputError("experiments: none has a scene: expected at least one SceneTests")
 
     def outliers(self) -> list[str]:
         """Notes on measured values far from the fit, one line each."""

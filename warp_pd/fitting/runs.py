@@ -49,7 +49,7 @@ class RunsModel(Model):
         self.tests: list[Curve] = []
         for test in tests:
             if not isinstance(test, Curve):
-                raise InputError(f"{test.name}: a field needs a scene with the solver Newton")
+                raise InputError(f"{test.name}: a field: expected a scene with the solver Newton")
             self.tests.append(test)
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:

@@ -188,7 +188,7 @@ class Sheet(Shape):
 
         Raises:
             InputError: if it contains fewer than three points, only collinear points, points of another rigid body or
-                all of them, or, on a curved sheet, patches that do not hang together, such as both sides of a tube.
+                all of them, or, on a curved sheet, patches that are not connected, such as both sides of a tube.
         """
         members, contains = self.within(centre, radius), f"inclusion at {centre!r} of radius {radius!r} contains"
         if not len(members):
@@ -196,7 +196,7 @@ class Sheet(Shape):
         if len(members) == self.size:
             raise InputError(f"{contains} the whole sheet: expected a smaller one")
         if self.frames is not None and (patches := len(np.unique(joined(self.triangles, members)))) > 1:
-            raise InputError(f"{contains} {patches} patches that do not hang together: expected a smaller one")
+            raise InputError(f"{contains} {patches} patches that are not connected: expected a smaller one")
         return self.rigid(members)
 
     def rigid(self, points: np.ndarray, mass: float | None = None) -> Self:

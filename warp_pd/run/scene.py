@@ -210,7 +210,7 @@ class Scene:
         ]  # fmt: skip
         for name, part in given:
             if part is not None and part.argument != name:
-                raise InputError(f"{name}: got a {type(part).__name__}; pass it as {part.argument}")
+                raise InputError(f"{name} = {type(part).__name__}: expected it as {part.argument}")
         self._check_regions()
         self._check_names()
 

@@ -42,7 +42,7 @@ def read_nastran(path: Path) -> Any:
             number = int(words[0])
             position = [_real(word) for word in words[2:5]]
             if points.setdefault(number, position) != position:
-                raise InputError(f"{where}: GRID {number} occurs twice")
+                raise InputError(f"{where}: GRID {number} occurs twice: expected one")
         elif name in ELEMENTS:
             kind, corners = ELEMENTS[name]
             nodes = words[2 : 2 + corners]

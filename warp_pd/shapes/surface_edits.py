@@ -228,7 +228,7 @@ def _stop(shape: Shape, place: np.ndarray, edges: np.ndarray, name: str) -> tupl
     found = _mixed(shape, {point: mixture}).points[point]
     away = float(np.linalg.norm(found - place))
     if away > OFF * np.linalg.norm(np.diff(shape.points[edges], axis=1), axis=2).max():
-        raise InputError(f"{name}: expected a place on the sheet, which is {away:.4g} m away")
+        raise InputError(f"{name} is {away:.4g} m away from the sheet: expected a place on it")
     stays = np.isin(point, boundary_edges(shape.triangles)) or np.count_nonzero(inside) == 1
     return point, None if stays else mixture
 

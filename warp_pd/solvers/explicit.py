@@ -181,7 +181,7 @@ class BuiltExplicit(BuiltSolver):
             sink.repeat()
 
     def _recorded(self, index: int, taken: int, dt: float, sink: FrameSink) -> bool:
-        """Record a frame unless it should be computed again with half the step; whether it is recorded."""
+        """Record a frame unless it should be computed again with half the step; return whether it is recorded."""
         now, left = self.solver.frame_time(index), self.retries.left
         try:
             sink.frame(index, now, taken, dt, self.retries.strict)

@@ -73,7 +73,7 @@ def gmres(
 
 
 def cycle(product: Map, side: np.ndarray, fraction: float, most: int) -> tuple[np.ndarray, bool]:
-    """Change of x by up to `most` iterations; whether they leave at most a fraction of the preconditioned residual."""
+    """Change of x by up to `most` iterations, and whether at most a fraction of the preconditioned residual is left."""
     left = norm(side)
     goal = fraction * left
     if not left > 0.0:

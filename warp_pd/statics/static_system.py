@@ -34,7 +34,7 @@ ALGEBRAIC_FROM = 2000
 
 
 class StaticSystem(BuiltSolver):
-    """Base class of the searches for static equilibrium: at given loads (Newton) or along a path (ArcLength).
+    """Base class of solvers that find a displacement by iteration: at given loads, along a path, or of a time step.
 
     Attributes:
         levels: The sheet, followed by coarser lattices over it.

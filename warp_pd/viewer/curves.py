@@ -63,7 +63,7 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, Any]]]) -> bool:
-    """Draw one panel per measure, with one curve for each combination of the other arguments; whether there was any.
+    """Draw one panel per measure, a curve for each combination of the other arguments; return whether there was any.
 
     `runs` are values of the arguments and measures of the summary, for each run with measures.
     """

@@ -78,7 +78,9 @@ def _arcs(
             raise InputError(f"history: expected a row at {end - period:.6g} s, a period before the last")
         return
     if len(rows) < FEWEST:
-        raise InputError(f"history: {len(rows)} rows in the last cycle: expected {FEWEST} (frames, history_every)")
+        raise InputError(
+            f"history: {len(rows)} rows in the last cycle: expected at least {FEWEST} (frames, history_every)"
+        )
     one_of("column", f"{reaction}_x", rows[0])
     (path,) = paths
     moved = np.array([path.at(time) for time in t])

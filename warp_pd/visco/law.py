@@ -156,7 +156,7 @@ class ViscousForce(ElasticVisco):
         self.add_gather(stage, self.pairs, out)
 
     def columns(self) -> Columns:
-        """Those of every law, and viscous losses."""
+        """Columns of every law, and the viscous losses [J]."""
         return replace(super().columns(), lost={"viscous": self.viscous})
 
     def take(self, in_step: MaxwellInStep | PronyInStep, response: FunctionFactory) -> InternalVariables:

@@ -217,7 +217,7 @@ class NeuralForce(PointLaw):
         return super().fingerprint() + ("" if self._fingerprint is None else self._fingerprint())
 
     def columns(self) -> Columns:
-        """Those of every law, and the number of bonds outside the training range, if that range is known."""
+        """Columns of every law, and the number of bonds outside the training range, if that range is known."""
         columns = super().columns()
         return (
             columns if self.outside is None else replace(columns, names=("bonds_outside_training",), at_frame=self._row)
@@ -229,7 +229,7 @@ class NeuralForce(PointLaw):
         return {"bonds_outside_training": float(np.sum(self.outside.numpy()))}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Those of every law, and one if bonds left the training range."""
+        """Notes of every law, and one if bonds left the training range."""
         said = super().notes(history, load_duration)
         left = [row.get("bonds_outside_training", 0.0) for row in history]
         if self.law.loaded is None or not left or max(left) == 0.0:
