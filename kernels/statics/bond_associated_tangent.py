@@ -43,7 +43,8 @@ class TangentKernels:
             inside out: its area is zero there, or its normal at a right angle to what it was; at most FAR.
         inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
             components.
-        assemble: Fills the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`.
+        assemble: Fills the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`, from the
+            diagonal on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
     """
 
     linearise: Kernel
@@ -435,15 +436,17 @@ def bond_associated_tangent(
                         )
                         Q1 = p[0] * R1 + p[1] * R2
                         Q2 = r[0] * R1 + r[1] * R2
-                        matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
+                        if q >= i:
+                            matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
                         for w in range(family.words):
                             members = f.common(family, q, j, w) & f.intact_members(family, q, w)
                             while members != wp.uint32(0):
                                 k = w * word_size + lowest_bit(members)
                                 members = without_lowest_bit(members)
                                 m = f.neighbour(family, q, k)
-                                cxi = (f.influence(family, q, k) * f.area(family, m)) * f.bond(family, q, k)
-                                entry = entry_of(columns, begin, end, m)
-                                matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
+                                if m >= i:
+                                    cxi = (f.influence(family, q, k) * f.area(family, m)) * f.bond(family, q, k)
+                                    entry = entry_of(columns, begin, end, m)
+                                    matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
 
     return TangentKernels(linearise, product, turning, inverse_blocks, assemble)

@@ -21,12 +21,14 @@ class TangentMatrixKernels:
     Attributes:
         product: Derivative of the force along a direction.
         inverse_diagonal: Inverse of the diagonal blocks, without held components.
+        mirror: Fills the blocks below the diagonal with the transposes of those above it.
         add_inertia: Adds the inertia of each point to its diagonal block.
         resist: change -= inertia x direction, for a tangent that is not stored.
     """
 
     product: Kernel
     inverse_diagonal: Kernel
+    mirror: Kernel
     add_inertia: Kernel
     resist: Kernel
 
@@ -70,6 +72,28 @@ def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
             if columns[entry] == i:
                 out[i] = inverse_of(matrix[entry], mask)
 
+    @kernel(gathers=("matrix",))
+    def mirror(
+        starts: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        first: int,
+        matrix: wp.array(dtype=mat33),
+    ):
+        i = wp.tid() + first
+        for entry in range(starts[i], starts[i + 1]):
+            m = columns[entry]
+            if m >= i:
+                break
+            low = int(starts[m])
+            high = int(starts[m + 1] - 1)
+            while low < high:
+                middle = (low + high) // 2
+                if columns[middle] < i:
+                    low = middle + 1
+                else:
+                    high = middle
+            matrix[entry] = wp.transpose(matrix[low])
+
     @kernel()
     def add_inertia(
         inertia: wp.array(dtype=real),
@@ -90,4 +114,4 @@ def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
         i = wp.tid() + first
         change[i] = change[i] - inertia[i] * direction[i]
 
-    return TangentMatrixKernels(product, inverse_diagonal, add_inertia, resist)
+    return TangentMatrixKernels(product, inverse_diagonal, mirror, add_inertia, resist)

@@ -183,6 +183,9 @@ class TangentMatrix:
             stress=tangent.stress, moduli=tangent.moduli, starts=self.starts, columns=self.columns,
             unit_stiffness=force.unit_stiffness, matrix=self.blocks,
         )  # fmt: skip
+        stage.launch(
+            OWNER, self._kernels.mirror, force.points, starts=self.starts, columns=self.columns, matrix=self.blocks
+        )
         if tangent.inertia is not None:
             stage.launch(
                 OWNER, self._kernels.add_inertia, force.points,
