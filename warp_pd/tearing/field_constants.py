@@ -17,7 +17,8 @@ DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length divided by the horizon; with a shorter length damage would not reach all families cut by a tear.
 MIN_LENGTH = 0.75
 # A tear takes 1 + BIAS[0] x + BIAS[1] x^2 times the tearing energy of the field, x = horizon / length, because families
-# average over the horizon. Fitted to strips with three horizons and five grids; see docs/tearing.md.
+# average over the horizon and bonds break column by column. Fitted to strips with three horizons and five grids;
+# tools/tip_problem.py finds the same with nothing fitted, see docs/tearing.md.
 BIAS = (0.12, 0.075)
 # Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0

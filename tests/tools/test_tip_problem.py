@@ -1,0 +1,26 @@
+"""The tip of a tear on a lattice: energies of the strip and of the crack; a tear sets out where it goes on."""
+
+import numpy as np
+import pytest
+from tip_problem import Strip, grown
+
+from warp_pd.tearing.cut_profiles import _cap
+
+
+def test_a_uniform_strip_stores_what_its_opening_says():
+    strip = Strip(1.5, 2.0, 10, None, 0.0, 1)
+    energies = strip.balance()
+    inside = strip.y < 4.0
+    slope = strip.displacement[1] - strip.displacement[0]
+    np.testing.assert_allclose(energies[inside], 0.5 * slope**2, rtol=1e-6)
+
+
+def test_a_cut_begins_with_the_energy_of_its_length_and_runs_where_its_tear_goes_on():
+    begin, length = 18.5, 2.0
+    recess = length * _cap(length, True)
+    assert Strip(1.5, length, 10, begin, recess, 30).field() == pytest.approx(
+        begin / 100.0 * Strip(1.5, length, 10, 1e3, 0.0, 100).field(), rel=0.03
+    )
+    rows, with_cap = grown(1.5, length, 10.0, recess, 3), grown(1.5, length, 10.0, 0.0, 1)
+    assert rows[0, 1] == pytest.approx(rows[-1, 1], rel=0.03)
+    assert with_cap[0, 1] < 0.95 * rows[-1, 1]
