@@ -83,7 +83,7 @@ def test_wrong_input_is_one_line(make, text):
     ("arguments", "text"),
     [
         (["pressure", "--solver", "newtn"], "did you mean 'newton'"),
-        (["pressure", "--solver", "newton", "--weights", "published"], "with the solver Newton"),
+        (["pressure", "--solver", "newton", "--weights", "published"], "which have an energy and so a tangent"),
         (["ball_penetration", "--solver", "newton"], "solver is not an argument of this scene; expected one of points"),
     ],
 )

@@ -123,8 +123,8 @@ def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
         raise _refusal(law)
     if law.weights == "published":
         raise InputError(
-            "weights = 'published': expected 'plain' or 'corrected', which have an energy, with the solver Newton; "
-            "or use the solver Relaxation"
+            "weights = 'published': expected 'plain' or 'corrected', which have an energy and so a tangent; or use the "
+            "solver Explicit or Relaxation"
         )
     if not geometric:
         raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
@@ -135,5 +135,5 @@ def _refusal(law: BuiltLaw) -> InputError:
     others = "Explicit" if getattr(law, "depends_on_time", False) else "Explicit or Relaxation"
     return InputError(
         f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated or BondBased, which have a "
-        f"tangent, with the solver Newton; or use the solver {others}"
+        f"tangent; or use the solver {others}"
     )
