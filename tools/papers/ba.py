@@ -41,6 +41,20 @@ def in_cells(loaded: str, points: int, device: str | None) -> Values:
     return {"center_deflection": float(frame.displacement[sheet.nearest(0.5 * SIDE, 0.5 * SIDE), 2])}
 
 
+def oblong(points: tuple[int, int], device: str | None) -> Values:
+    """BA 6.1 with other numbers of points along x and y, at a horizon of 3.15 of the finer spacings."""
+    sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1e3, points=points, areas="whole")
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(sheet.edges("right"), times=[0.0, 1.0], x=[0.0, SIDE], y=0.0, z=0.0),
+    ]
+    horizon = 3.15 * SIDE / (max(points) - 1) / sheet.spacing
+    law = BondAssociated(Gent(1e3, 2e5, 160.0), horizon=horizon, weights="published")
+    solver = Relaxation(ramp_steps=12 * max(points), tolerance=1e-4)
+    frame = Simulation(sheet, law, solver, loads=loads).run(device=device).frame
+    return {"edge_contraction": float(frame.displacement[sheet.nearest(0.5 * SIDE, 0.0), 1])}
+
+
 def off_plane(device: str | None) -> Values:
     """BA 6.4 without and with the force of eq. 45, and without it at an eighth of the step."""
     found = {}
@@ -80,6 +94,8 @@ def _examples() -> dict[str, Example]:
     found["ba.6.1.400"] = partial(scene_values, "tension", points=400)
     found["ba.6.1.100"] = partial(scene_values, "tension", points=101)
     found["ba.6.1.cells-100"] = partial(in_cells, "tension", 100)
+    found["ba.6.1.oblong"] = partial(oblong, (36, 71))
+    found["ba.6.1.oblong-x"] = partial(oblong, (71, 36))
     plain = {"weights": "auto", "wrinkles": "relaxed"}
     found["ba.6.3"] = double_notch
     found["ba.6.3.plain"] = partial(double_notch, roughness=1e-3, **plain)
@@ -114,6 +130,10 @@ ROWS = [
         "points on the edges, one area each", value=14.06e-3, scale=1e3),
     Row("ba.6.1.cells-100", "6.1", "contraction of the edge (mm), 100 points", "14.06", "edge_contraction",
         "points in cells, held in layers outside", value=14.06e-3, scale=1e3),
+    Row("ba.6.1.oblong", "6.1", "contraction of the edge (mm), 36 x 71 points", "14.06", "edge_contraction",
+        "twice as many points across, as 200 and 400", value=14.06e-3, scale=1e3),
+    Row("ba.6.1.oblong-x", "6.1", "contraction of the edge (mm), 71 x 36 points", "14.06", "edge_contraction",
+        "twice as many points along", value=14.06e-3, scale=1e3),
     Row("elements", "6.1", "contraction in finite elements (mm)", "13.57", "ba.6.1", "nine nodes, converged to 1e-5",
         value=13.57e-3, scale=1e3),
     Row("ba.6.1.whole", "6.1", "contraction against finite elements (%)", "3.60", "edge_contraction, error",
