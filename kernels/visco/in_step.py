@@ -16,12 +16,16 @@ from ..numeric import numeric
 from .maxwell import ElasticNetwork, maxwell
 from .visco import prony_response, relaxation_factors
 
+# Change of a strain component for differences of a wrinkled sheet's stress, by precision.
+DIFFERENCE = {32: 3e-3, 64: 1e-6}
+
 
 @functools.cache
 def maxwell_moduli(network: ElasticNetwork) -> FunctionFactory:
-    """Factory of (G, constants, i, j, members, branches, state) -> S, T, without a tension field.
+    """Factory of (G, constants, i, j, members, branches, state) -> S, T.
 
-    S has the branches' mu_p M_p and -Q C33 C^-1 with Q = sum mu_p M_p33, which alone depends on C.
+    S of a taut sheet has the branches' mu_p M_p and -Q C33 C^-1 with Q = sum mu_p M_p33, which alone depends on C.
+    Where it wrinkles the moduli are differences of its stress, and zero where it is slack.
     """
 
     def response_of(bits):
@@ -31,6 +35,23 @@ def maxwell_moduli(network: ElasticNetwork) -> FunctionFactory:
         respond, response = maxwell(network, bits).respond, network.response(bits)
         Constants = constants_of(network.functions(bits)[0])
         area_change = invariants(bits)[0]
+        wrinkles, h = network.width is not None, DIFFERENCE[bits]
+
+        @wp.func
+        def change_of(
+            G: mat22,
+            D: mat22,
+            constants: Constants,
+            i: int,
+            j: int,
+            members: int,
+            branches: wp.array(dtype=vec4),
+            state: wp.array2d(dtype=vec4),
+        ):
+            """Change of the stress by D, over its size."""
+            ahead, _a = respond(G + real(h) * D, constants, i, j, members, real(0.0), branches, state)
+            back, _b = respond(G - real(h) * D, constants, i, j, members, real(0.0), branches, state)
+            return (real(0.5) / real(h)) * (ahead - back)
 
         @wp.func
         def respond_in_step(
@@ -42,7 +63,7 @@ def maxwell_moduli(network: ElasticNetwork) -> FunctionFactory:
             branches: wp.array(dtype=vec4),
             state: wp.array2d(dtype=vec4),
         ):
-            S, _strain = respond(G, constants, i, j, members, real(0.0), branches, state)
+            S, strain = respond(G, constants, i, j, members, real(0.0), branches, state)
             _S, T = response(G, constants)
             Q = real(0.0)
             for p in range(branches.shape[0]):
@@ -53,7 +74,7 @@ def maxwell_moduli(network: ElasticNetwork) -> FunctionFactory:
             x = real(1.0) + G[0, 0]
             y = real(1.0) + G[1, 1]
             z = G[0, 1]
-            return S, T + q * vec6(
+            T += q * vec6(
                 slope * y * y,
                 slope * x * y - real(0.5),
                 -real(2.0) * slope * y * z,
@@ -61,6 +82,22 @@ def maxwell_moduli(network: ElasticNetwork) -> FunctionFactory:
                 -real(2.0) * slope * x * z,
                 real(1.0) + real(4.0) * slope * z * z,
             )
+            if wp.static(wrinkles):
+                moved = strain - G
+                if wp.ddot(moved, moved) > real(0.0):
+                    one, nothing = real(1.0), real(0.0)
+                    X = change_of(G, mat22(one, nothing, nothing, nothing), constants, i, j, members, branches, state)
+                    Y = change_of(G, mat22(nothing, nothing, nothing, one), constants, i, j, members, branches, state)
+                    Z = change_of(G, mat22(nothing, one, one, nothing), constants, i, j, members, branches, state)
+                    T = vec6(
+                        X[0, 0],
+                        real(0.5) * (X[1, 1] + Y[0, 0]),
+                        real(0.5) * (real(2.0) * X[0, 1] + Z[0, 0]),
+                        Y[1, 1],
+                        real(0.5) * (real(2.0) * Y[0, 1] + Z[1, 1]),
+                        real(2.0) * Z[0, 1],
+                    )
+            return S, T
 
         return respond_in_step
 
