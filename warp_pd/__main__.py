@@ -20,7 +20,7 @@ import click
 
 from .command.completion import SceneName, complete_setting
 from .command.scene_help import SceneCommand
-from .device.checks import InputError, OutputError, count, device_name, one_of, said
+from .device.checks import InputError, OutputError, count, device_name, one_of, said, vector
 from .device.version import __version__
 from .run.scene_files import (
     build_scene,
@@ -449,6 +449,28 @@ def draw(
     for option in (name for name, value in given.items() if value is not None):
         raise InputError(f"{option}: expected only with --shape")
     _draw_again(folder, scene, pictures)
+
+
+@main.command("film")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="The film; by default FOLDER/film.gif.")
+@click.option("--field", help="Field of the colours; by default that of sheet.png.")
+@click.option("--every", type=int, default=1, help="Show one in so many frames.")
+@click.option("--rate", type=float, default=20.0, help="Pictures a second.")
+@click.option("--view", help="Elevation and azimuth of the viewpoint in degrees, such as 28,-60.")
+def film(folder: Path, out: Path | None, field: str | None, every: int, rate: float, view: str | None) -> None:
+    """Make a film of all frames of a run in FOLDER: .gif or .webp, and .mp4 or .webm where ffmpeg is installed."""
+    from .viewer.film import film as make
+
+    if not (folder / "frames.vtkhdf").is_file():
+        raise InputError(f"folder = {str(folder)!r}: expected the folder of a run that contains frames.vtkhdf")
+    path = out or folder / "film.gif"
+    angles = None
+    if view is not None:
+        elevation, azimuth = vector("--view", view.split(","), 2)
+        angles = (elevation, azimuth)
+    pictures = make(folder, path, field, every=count("--every", every, 1), rate=rate, view=angles)
+    click.echo(f"  {path}: {pictures} pictures, {pictures / rate:.3g} s")
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:

@@ -90,20 +90,25 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
 
 
 def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
-    """Draw the displacement, and the damage if there is any.
+    """Draw the displacement, and the damage if there is any."""
+    field, in_space = telling_field(frames[-1])
+    picture = plots.surfaces if in_space else plots.from_above
+    picture(folder / "sheet.png", frames, field)
+    if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):
+        picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))
+
+
+def telling_field(last: Shown) -> tuple[str, bool]:
+    """The field that shows what a sheet did by its last frame, and whether it is drawn in space.
 
     Of a curved sheet it is the size of the displacement, otherwise its component out of the plane, or the largest one.
     """
-    last = frames[-1]
     size = float(np.ptp(last.reference, axis=0).max())
     moved = [float(np.abs(last.fields[name][last.framed]).max()) for name in ("u1", "u2", "u3")]
     curved, deep = (float(np.ptp(places[:, 2])) > OUT_OF_PLANE * size for places in (last.reference, last.points))
     out_of_plane = moved[2] > OUT_OF_PLANE * size
-    picture = plots.surfaces if out_of_plane or curved or deep else plots.from_above
     field = "u" if curved else "u3" if out_of_plane else f"u{int(np.argmax(moved)) + 1}"
-    picture(folder / "sheet.png", frames, field)
-    if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):
-        picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))
+    return field, out_of_plane or curved or deep
 
 
 def _values(history: Sequence[Mapping[str, float]], name: str) -> np.ndarray:

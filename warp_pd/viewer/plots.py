@@ -35,6 +35,8 @@ STYLES = ("-", "--", "-.", ":")
 FEW = 40
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
+# Elevation and azimuth of the viewpoint [degrees].
+VIEW = (28.0, -60.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
 NEEDLE = 0.05
 # Width of strokes [points].
@@ -58,7 +60,7 @@ def surfaces(
     field: str,
     label: str | None = None,
     limits: tuple[float, float] | None = None,
-    view: tuple[float, float] = (28.0, -60.0),
+    view: tuple[float, float] = VIEW,
 ) -> None:
     """Draw the deformed sheet in 3D at some times, coloured by a field, with material lines.
 
@@ -72,8 +74,20 @@ def surfaces(
         limits: Limits of the colour scale; by default those of the field.
         view: Elevation and azimuth of the viewpoint [degrees].
     """
-    scale = scale_of(frames, field, label or field_label(field), limits)
-    everything = np.concatenate([places_of(frame) for frame in frames])
+    save(surfaces_figure(frames, frames, field, label, limits, view), path)
+
+
+def surfaces_figure(
+    every: Sequence[Shown],
+    frames: Sequence[Shown],
+    field: str,
+    label: str | None = None,
+    limits: tuple[float, float] | None = None,
+    view: tuple[float, float] = VIEW,
+) -> Any:
+    """The figure of `surfaces` for some `frames` of `every` one, all of which it has room and colours for."""
+    scale = scale_of(every, field, label or field_label(field), limits)
+    everything = np.concatenate([places_of(frame) for frame in every])
     seen = View.of(everything.min(axis=0), everything.max(axis=0), *view)
     places = np.concatenate([everything, *(np.array(edge[1:3]) for edge in seen.edges())])
     across = seen.seen(places)[:, :2]
@@ -93,7 +107,7 @@ def surfaces(
         _scale_the_box(axes, seen, points)
     scale.add_bar(figure, panels, shrink=0.7)
     _name(figure, frames)
-    save(figure, path)
+    return figure
 
 
 @drawn_beside
@@ -105,11 +119,22 @@ def from_above(
     limits: tuple[float, float] | None = None,
 ) -> None:
     """Draw the deformed sheet and thin bodies at some times, seen from +z; arguments as for `surfaces`."""
+    save(from_above_figure(frames, frames, field, label, limits), path)
+
+
+def from_above_figure(
+    every: Sequence[Shown],
+    frames: Sequence[Shown],
+    field: str,
+    label: str | None = None,
+    limits: tuple[float, float] | None = None,
+) -> Any:
+    """The figure of `from_above` for some `frames` of `every` one, all of which it has room and colours for."""
     from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
-    scale = scale_of(frames, field, label or field_label(field), limits)
-    corners = np.concatenate([f.points[f.framed, :2] for f in frames])
+    scale = scale_of(every, field, label or field_label(field), limits)
+    corners = np.concatenate([f.points[f.framed, :2] for f in every])
     low, high = corners.min(axis=0), corners.max(axis=0)
     longest = float((high - low).max())
     grown = enlargement(high - low)
@@ -139,7 +164,7 @@ def from_above(
     figure.supylabel("y (m)")
     scale.add_bar(figure, panels)
     _name(figure, frames)
-    save(figure, path)
+    return figure
 
 
 @drawn_beside

@@ -1,0 +1,55 @@
+"""A film shows every frame of a run, in one frame of reference; wrong options are one line each."""
+
+import os
+
+import pytest
+from helpers import refused, square
+from PIL import Image
+from small_runs import cli, simulate
+
+from warp_pd import Explicit, Fixed, Motion
+from warp_pd.viewer import film as module
+from warp_pd.viewer.film import film
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out, sheet = tmp_path_factory.mktemp("film"), square(5)
+    loads = [Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 0.1], x=[0.0, 0.05], z=[0.0, 0.02])]
+    simulate(sheet, Explicit(0.1, frames=4), loads=loads).run(
+        device="cpu", out=out, usd=False, view=False, pictures=False
+    )
+    return out
+
+
+def test_every_frame_is_a_picture_of_one_size(folder):
+    assert "film.gif: 5 pictures, 0.5 s" in cli("film", str(folder), "--rate", "10").output
+    with Image.open(folder / "film.gif") as images:
+        assert (images.n_frames, images.info["duration"]) == (5, 100)
+    assert not list(folder.glob(".*unfinished*"))
+    assert film(folder, folder / "some.webp", "velocity_1", every=2, view=(10.0, 30.0)) == 3
+
+
+def test_ffmpeg_gets_the_pictures_in_order(folder, tmp_path, monkeypatch):
+    program = tmp_path / "ffmpeg"
+    program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    assert film(folder, tmp_path / "a.mp4") == 5
+    assert (tmp_path / "a.mp4").read_bytes().count(b"\x89PNG") == 5
+
+
+def test_wrong_films_are_refused(folder, tmp_path, monkeypatch):
+    for options, said in (
+        ({"path": tmp_path / "a.avi"}, r"^film = '\.avi': expected one of "),
+        ({"field": "heat"}, r"^field = 'heat': expected one of 'displacement'"),
+        ({"rate": 0.0}, r"^rate = 0\.0: expected a positive number$"),
+    ):
+        with refused(match=said):
+            film(folder, **{"path": tmp_path / "a.gif", **options})
+    monkeypatch.setattr(module, "MOST", 60)
+    with refused(match=r"^5 frames of 25 points: expected --every 3 or more$"):
+        film(folder, tmp_path / "a.gif")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with refused(match=r"a\.mp4': expected \.gif or \.webp, or ffmpeg on the path$"):
+        film(folder, tmp_path / "a.mp4")

@@ -1,0 +1,102 @@
+"""A film of a run: one picture per frame, with one frame of reference and one scale of colours."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..device.checks import InputError, OutputError, one_of, positive, said
+from ..output.vtkhdf import read_series
+from .default_pictures import telling_field
+from .picture_files import Drawing, drawing
+from .picture_frames import Shown, frames_at
+from .plots import VIEW, from_above_figure, surfaces_figure
+
+# Suffixes of films that Pillow writes, and of those that ffmpeg does, where it is installed.
+BY_PILLOW, BY_FFMPEG = (".gif", ".webp"), (".mp4", ".webm")
+# Pictures a second, and dots per inch.
+RATE, DOTS = 20.0, 100
+# Points times frames that are held at once, at most: some two gigabytes.
+MOST = 30_000_000
+
+
+def film(
+    folder: Path,
+    path: Path,
+    field: str | None = None,
+    *,
+    every: int = 1,
+    rate: float = RATE,
+    view: tuple[float, float] | None = None,
+) -> int:
+    """Write a film of all frames of a run; return their number.
+
+    Args:
+        folder: Folder of the run, with its frames.vtkhdf.
+        path: The film, .gif or .webp; .mp4 or .webm where ffmpeg is installed.
+        field: Field of the colours; by default that of the picture of the sheet.
+        every: One in so many frames is shown.
+        rate: Pictures a second.
+        view: Elevation and azimuth of the viewpoint [degrees]; by default that of sheet.png.
+
+    Raises:
+        InputError: if an argument is wrong, or the frames are too many to be held at once.
+        OutputError: if the film cannot be written.
+    """
+    one_of("film", path.suffix.lower(), (*BY_PILLOW, *BY_FFMPEG))
+    positive("rate", rate)
+    if path.suffix.lower() in BY_FFMPEG and shutil.which("ffmpeg") is None:
+        raise InputError(f"film = {str(path)!r}: expected {' or '.join(BY_PILLOW)}, or ffmpeg on the path")
+    series = read_series(folder / "frames.vtkhdf")
+    times = series.times[::every].tolist()
+    if len(times) * series.points > MOST:
+        least = -(-series.frames * series.points // MOST)
+        raise InputError(f"{series.frames} frames of {series.points} points: expected --every {least} or more")
+    frames = frames_at(folder, times)
+    shown, in_space = telling_field(frames[-1])
+    field = shown if field is None else one_of("field", field, frames[-1].fields)
+    limits = (0.0, 1.0) if field == "damage" else None
+    drawn: Any = partial(from_above_figure, field=field, limits=limits)
+    if in_space or view is not None:
+        drawn = partial(surfaces_figure, field=field, limits=limits, view=view or VIEW)
+    aside = path.with_name(f".{path.stem}.unfinished{path.suffix}")
+    write = _by_pillow if path.suffix.lower() in BY_PILLOW else _by_ffmpeg
+    try:
+        with drawing(Drawing()):
+            write(aside, _pictures(frames, drawn), rate)
+        os.replace(aside, path)
+    except OSError as error:
+        raise OutputError(f"{str(path)!r} cannot be written: {error.strerror or error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+    return len(frames)
+
+
+def _pictures(frames: Sequence[Shown], drawn: Any) -> Iterator[bytes]:
+    """PNG of every frame."""
+    for frame in frames:
+        stream = io.BytesIO()
+        drawn(frames, [frame]).savefig(stream, dpi=DOTS, format="png")
+        yield stream.getvalue()
+
+
+def _by_pillow(path: Path, pictures: Iterator[bytes], rate: float) -> None:
+    from PIL import Image
+
+    first, *others = (Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures)
+    first.save(path, save_all=True, append_images=others, duration=1e3 / rate, loop=0)
+
+
+def _by_ffmpeg(path: Path, pictures: Iterator[bytes], rate: float) -> None:
+    command = ["ffmpeg", "-loglevel", "error", "-y", "-f", "image2pipe", "-framerate", f"{rate:g}", "-i", "-"]
+    # Most players need an even number of pixels, and this format of colours.
+    even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", str(path)]
+    done = subprocess.run([*command, *even], input=b"".join(pictures), capture_output=True, check=False)
+    if done.returncode:
+        raise OutputError(f"{str(path)!r}: ffmpeg failed: {said(done.stderr.decode(errors='replace').strip()[-200:])}")
