@@ -400,23 +400,25 @@ def sweep_values(
 @main.command(cls=SceneCommand)
 @_scene_options
 @JSON
+@click.option("--time/--no-time", "timed", default=True, help="Whether to time a run, by a second of its steps.")
 def plan(
     scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, as_json: bool,
-    **named: Any,
+    timed: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, each with the part that owns it, and how long a run takes here."""
     settings = _scene_settings(scene, assignments, named, printed)
     simulation = build_scene(scene, settings)
-    from .run.trial import foretold
-
     if as_json:
         from .run.description import plan_values
 
         _print_json(plan_values(simulation.build(device, precision)))
     else:
         click.echo(simulation.plan(device, precision))
-        if text := foretold(simulation.build(device, precision)):
-            click.echo(f"\n{text}")
+        if timed:
+            from .run.trial import foretold
+
+            text = foretold(simulation.build(device, precision))
+            click.echo(f"\n{text}" if text else "", nl=bool(text))
 
 
 @main.command("draw")
