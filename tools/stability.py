@@ -236,7 +236,7 @@ def main() -> None:
 
     def keep(kind: str, case: str, law: str, found: str) -> None:
         rows[:] = [row for row in rows if (row["kind"], row["case"], row["law"]) != (kind, case, law)]
-        rows.append({"kind": kind, "case": case, "law": law, "found": found, "made": made})
+        rows.append({"kind": kind, "case": case, "law": law, "found": found, "points": options.ball, "made": made})
         save_rows(options.out, rows)
         print(f"{case}, {law}: {found}", flush=True)
 
@@ -276,10 +276,11 @@ def sections(rows: list[dict[str, Any]]) -> dict[str, list[str]]:
         ],
     }  # fmt: skip
     if made["ball"]:
+        points = max(row["points"] for row in rows if row["kind"] == "ball")
         balls = [[law, *(found.get(("ball", f"damping {d:g} /s", law), "") for d in (0.0, 2.0))] for law in BALLS]
         tables["## The ball"] = [
-            f"{by[:-1]} --ball 101`; {'; '.join(made['ball'])}: NN 6.4, critical stretch 1.3, at the scene's step; "
-            "worst error of the energy balance.", "", *table(["weights", "undamped", "damping 2 /s"], balls),
+            f"{by[:-1]} --ball {points}`; {'; '.join(made['ball'])}: NN 6.4, critical stretch 1.3, at the scene's "
+            "step; worst error of the energy balance.", "", *table(["weights", "undamped", "damping 2 /s"], balls),
         ]  # fmt: skip
     return tables
 
