@@ -97,6 +97,7 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("bulge_test", {"points": 11, "load_steps": 4}),
     ("cutting", {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.2}),
     ("drum", {"points": 21}),
+    ("cyclic_strip", {"columns": 9, "cycles": 2}),
     ("dropped_ball", {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20}),
     ("edge_notch", {"points": 20, "horizon": 2.015, "duration": 1.0, "frames": 40, "notch": 8e-3}),
     ("folded_sheet", {"points": 31, "frames": 25}),

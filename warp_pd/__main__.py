@@ -417,8 +417,7 @@ def plan(
         if timed:
             from .run.trial import foretold
 
-            text = foretold(simulation.build(device, precision))
-            click.echo(f"\n{text}" if text else "", nl=bool(text))
+            click.echo(foretold(simulation.build(device, precision)))
 
 
 @main.command("draw")
