@@ -104,7 +104,9 @@ def build(
         ],
         outcomes=[
             Outcome("largest_pull", "N", largest("pull")),
-            Outcome("first_bond_breaks", "s", time_above("rupture", 0.0)),
+            Outcome(
+                "first_bond_breaks", "s", time_above("rupture" if critical_stretch is None else "largest_damage", 0.0)
+            ),
             Outcome("tear_begins", "s", time_above("crack_growth", 0.0)),
             Outcome("grip_tears_out", "s", time_below("grip_share", 0.02)),
             Outcome("largest_crack_speed", "m/s", lambda history: float(growth_rate(history, "crack_length").max())),

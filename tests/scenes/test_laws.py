@@ -11,7 +11,8 @@ SCENES = {
     "pressure_static": {"force": "closed_form", "points": 9, "tolerance": 1e-2},
     "pressure_dynamic": {"force": "nodal", "points": 9, "duration": 0.02, "frames": 2},
     "out_of_plane": {"force": "neural_fused", "points": 15, "duration": 0.02, "frames": 2},
-    "precut_tear": {"force": "nodal", "points": 15, "duration": 0.02, "frames": 2},
+    # Without an energy there is no column of that of rupture.
+    "precut_tear": {"force": "neural_fused", "critical_stretch": 1.3, "points": 15, "duration": 0.02, "frames": 2},
     "ball_penetration": {"force": "neural", "critical_stretch": 1.3, "points": 11, "duration": 0.02, "frames": 2},
 }
 

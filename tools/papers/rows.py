@@ -59,9 +59,13 @@ class Row:
         if found is None:
             return "-", "", "not run"
         value = found.get(self.name)
-        if not isinstance(value, int | float) or not math.isfinite(value):
-            return "-", "", str(found.get("why", "no number")).partition(";")[0]
+        # Numbers of a run that did not end are no results, but for whether it ends.
+        why = "" if self.name == "converges" else str(found.get("why", ""))
+        if why or not isinstance(value, int | float) or not math.isfinite(value):
+            return "-", "", (why or "no number").partition(";")[0].replace("|", "\\|")
         ours = f"{value * self.scale:.5g}"
+        if self.value is None and math.isinf(self.low) and math.isinf(self.high):
+            return ours, "", "nothing to compare"
         if self.value is None:
             return ours, "", "matches" if self.low <= value <= self.high else "differs"
         off = value / self.value - 1.0
