@@ -1,9 +1,9 @@
 """A neo-Hookean sheet with fixed edges under suddenly applied pressure. NN paper, section 6.1 (figure 8).
 
 1 x 1 x 0.01 m, mu 1 kPa, K 100 kPa, rho 1000 kg/m^3, all edges fixed; a follower pressure of 20 Pa from t = 0, mass
-damping 0.1 /s, to 1 s. Waves run in from the edges and meet in the middle: finite elements (100 x 100, lumped
-mass) give 0.0633, 0.2592, 0.634 and 0.432 m as the largest deflection at 0.25, 0.5, 0.75 and 1 s, accurate to
-0.5, 0.5, 1 and 0.2 %; the paper's colour bars end at 0.06, 0.26, 0.62 and 0.44 m.
+damping 0.1 /s, to 1 s. Waves run in from the edges and meet in the middle: finite elements (`under_pressure(100)` of
+tools/references/lifted_sheet.py) give 0.0633, 0.2592, 0.634 and 0.432 m as the largest deflection at 0.25, 0.5, 0.75
+and 1 s, accurate to 0.5, 0.5, 1 and 0.2 %; the paper's colour bars end at 0.06, 0.26, 0.62 and 0.44 m.
 
 The neural law and its closed form (`--force neural`, `closed_form`) are 0.2 % off at 1 s. With the paper's weights and
 one area a point (`--weights published`) they hold the paper's 5 %; with half areas on edges (`--set areas=shared`) they

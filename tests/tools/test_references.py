@@ -8,7 +8,7 @@ import pytest
 from references import __main__ as run
 from references import lifted_sheet, shooting, stretched_sheet, torn_sheets
 
-from warp_pd.scenes import edge_notch, flaw_sensitivity, trousers
+from warp_pd.scenes import edge_notch, flaw_sensitivity, pressure_dynamic, trousers
 
 STORED = Path(__file__).parents[1] / "references"
 DATA = Path(__file__).parents[1] / "papers" / "references" / "data"
@@ -108,6 +108,13 @@ def test_coarse_elements_come_near_the_stored_field_of_the_lifted_sheet():
     coarse = lifted_sheet.snapshots(lifted_sheet.lifted(10, relaxed=True), (1.5,))[0]
     kept = exact[:, ::5, ::5]
     assert np.linalg.norm(coarse - kept) > 0.1 * np.linalg.norm(kept)
+
+
+def test_elements_under_sudden_pressure_give_the_reference_of_the_scene():
+    """Largest deflections of NN 6.1 with 50 elements along a side; the scene has those of 100."""
+    found = lifted_sheet.snapshots(lifted_sheet.under_pressure(50), list(pressure_dynamic.LARGEST))
+    largest = [np.abs(displacement[2]).max() for displacement in found]
+    assert largest == pytest.approx(list(pressure_dynamic.LARGEST.values()), rel=0.011)
 
 
 # The inflated disc -------------------------------------------------------------------------------------------------
