@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from small_runs import run, simulate
 
 from warp_pd import (
+    BondAssociated,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -268,6 +269,13 @@ def test_a_run_continues_from_the_middle_bit_for_bit(law, solver, tmp_path):
 def test_what_implicit_steps_do_not_take_is_refused(parts, message):
     with pytest.raises(InputError, match=message):
         run(SHEET, Implicit(1.0, steps=10), **parts)
+
+
+def test_a_tolerance_below_the_round_off_of_the_precision_is_refused():
+    simulation = Simulation(SHEET, BondAssociated(NEO), Implicit(1.0, tolerance=1e-8))
+    with pytest.raises(InputError, match=r"^tolerance = 1e-08: expected at least 6e-08 in precision 32$"):
+        simulation.build("cpu", 32)
+    simulation.build("cpu", 64)
 
 
 def test_parts_with_forces_of_their_own_are_refused():

@@ -33,6 +33,8 @@ RESIDUAL = {64: 1e-6, 32: 1e-4}
 # Residual over the last one up to which a tangent is kept, also from step to step: a factorisation takes as long as
 # many solves with it, a cycle of multigrid does not.
 SLOWEST = {"direct": 0.5, "algebraic": 0.2, "multigrid": 0.1, "jacobi": 0.1}
+# Relative round-off of a number, by precision.
+UNIT_ROUND_OFF = {64: 2.0**-53, 32: 2.0**-24}
 # Adapted steps: aim below the tolerance, change of a step, change below which a longer step does not pay.
 AIM, SHORTEN, LENGTHEN, WORTH = 0.8, 0.2, 2.0, 1.25
 # Error of a step over its displacement from which the next one is not predicted by the acceleration; and the residual
@@ -65,6 +67,12 @@ class BuiltImplicit(StaticSystem):
         # A factorisation serves many steps.
         self.factorised = ALGEBRAIC_FROM if context.device.is_cpu else 0
         self.tolerance = settings.residual or RESIDUAL[context.bits]
+        least = UNIT_ROUND_OFF[context.bits]
+        if settings.tolerance is not None and settings.tolerance < least:
+            # The error of a shorter step is no smaller: it is the round-off of the displacement.
+            raise InputError(
+                f"tolerance = {settings.tolerance!r}: expected at least {least:.1g} in precision {context.bits}"
+            )
         self._wanted = FIRST * settings.duration if settings.steps is None else settings.duration / settings.steps
         # Coefficients are those of this step [s]; whether the tangent is that of it.
         self._dt, self._known = 0.0, False
