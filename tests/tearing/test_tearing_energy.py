@@ -1,5 +1,7 @@
 """Tears by a critical stretch and by a tearing energy: their energy, and a strip that tears at it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers import GENT, NEO, build, internal_force, refused, square, uniform
@@ -21,6 +23,7 @@ from warp_pd import (
 )
 from warp_pd.materials import energy_density
 from warp_pd.scenes import pure_shear_tear
+from warp_pd.tearing.tearing_energy import refuse_shared_device
 
 MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoyce(1e3, 5.0), TensionField(NEO)]
 
@@ -80,3 +83,14 @@ def test_a_pure_shear_strip_tears_near_its_tearing_energy():
 def test_wrong_arguments_of_the_strip_are_named(argument, said):
     with refused(match=said):
         pure_shear_tear.build(**argument)
+
+
+def test_a_gpu_that_mps_shares_is_refused(tmp_path, monkeypatch):
+    """Blocks that wait for each other, of several processes at once, stopped a GPU for good."""
+    monkeypatch.setenv("CUDA_MPS_PIPE_DIRECTORY", str(tmp_path))
+    gpu, cpu = (SimpleNamespace(is_cuda=cuda, alias=alias) for cuda, alias in ((True, "cuda:0"), (False, "cpu")))
+    refuse_shared_device(gpu)
+    (tmp_path / "control").touch()
+    refuse_shared_device(cpu)
+    with refused(match=r"^device = 'cuda:0': NVIDIA's MPS shares it .*: expected a GPU without MPS"):
+        refuse_shared_device(gpu)

@@ -252,6 +252,12 @@ class BuiltImplicit(StaticSystem):
                     break
                 self._counts["refused"] += 1
                 dt *= factor
+                if dt < SAME * self.settings.duration:
+                    raise DivergedError(
+                        f"diverged: at t = {now:.6g} s the error of a step stays above the tolerance, down to steps of "
+                        f"{dt:.3g} s; likely cause: tolerance = {self.settings.tolerance:g} is finer than the residual "
+                        f"of {self.tolerance:g} resolves"
+                    )
             else:
                 cuts += 1
                 self._counts["halved"] += 1

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -180,6 +182,20 @@ def finds_at_once(context: Context) -> bool:
     return context.device.is_cuda and context.dynamic and context.partition is None
 
 
+def refuse_shared_device(device: Any) -> None:
+    """Check that no other process can be on a GPU at the same moment.
+
+    Blocks that wait for each other must all be on the GPU. MPS lets kernels of several processes on it at once, so that
+    each can hold the room that the others wait for, for ever. Without MPS processes take turns.
+    """
+    pipe = Path(os.environ.get("CUDA_MPS_PIPE_DIRECTORY", "/tmp/nvidia-mps"), "control")
+    if device.is_cuda and pipe.exists():
+        raise InputError(
+            f"device = {device.alias!r}: NVIDIA's MPS shares it (there is {str(pipe)!r}); a damage field could wait "
+            "for ever: expected a GPU without MPS, on which processes take turns"
+        )
+
+
 class DamageField(Damaged):
     """The damage field on a device.
 
@@ -279,6 +295,7 @@ class DamageField(Damaged):
         self._count = context.array("listed_count", owner, wp.int32, shape=1, per="once")
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
+        refuse_shared_device(context.device)
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
         self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else self._threads
         # Whether several launches find the damage of a step beside the force of undamaged families, or one launch does
