@@ -73,10 +73,13 @@ def judged(row: Row, found: dict[str, Any]) -> list[str]:
 def pages(found: dict[str, Any], folder: Path) -> None:
     """Renew the section of every paper's page."""
     for name, paper in PAPERS.items():
-        lines = table(HEAD, [judged(row, found) for row in paper.ROWS])
-        made = sorted({found[row.example]["made"] for row in paper.ROWS if row.example in found})
-        words = [f"By `python -m tools.papers --only {name}` (`docs/papers/printed.json`); {'; '.join(made)}.", ""]
-        renew(folder / f"{name}.md", {HEADING: words + lines})
+        run = [row for row in paper.ROWS if row.example in (*found, "elements")]
+        made = sorted({found[row.example]["made"] for row in run if row.example in found})
+        words = f"By `python -m tools.papers --only {name}` (`docs/papers/printed.json`); {'; '.join(made)}."
+        missing = list(dict.fromkeys(row.example for row in paper.ROWS if row not in run))
+        if missing:
+            words += f" {len(paper.ROWS) - len(run)} more printed numbers have no run yet: `{'`, `'.join(missing)}`."
+        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, [judged(row, found) for row in run])]})
 
 
 def main() -> None:
