@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import GENT, NEO, build, internal_force, jittered, refused, rough, sever, square, strain_energy, uniform
+from helpers import GENT, NEO, build, internal_force, jittered, rough, sever, square, strain_energy, uniform
 from scipy.optimize import brentq
 from wrinkled_annulus import membrane
 
@@ -199,9 +199,22 @@ def test_an_annulus_drawn_in_is_the_exact_wrinkled_membrane():
     assert np.abs(2.0 * fine - coarse).max() < 0.005
 
 
-def test_the_neural_law_refuses_it():
-    with refused(match=r"^material = .*TensionField"):
-        Neural(TensionField(NEO), evaluation="closed_form")
+def test_the_closed_form_of_the_neural_law_wrinkles_as_the_nodal_law():
+    """Both have the stress of each point's own strain: wrinkles take the same part of their forces."""
+    sheet = square(9)
+    forces = {}
+    for name, law in (("neural", lambda m: Neural(m, evaluation="closed_form")), ("nodal", Nodal)):
+        for second in (0.5, 1.2):
+            u = uniform(sheet, [[1.5, 0.0], [0.0, second], [0.0, 0.0]])
+            forces[name, second] = [
+                internal_force(Simulation(sheet, force=law(m), solver=Explicit(1.0)).build("cpu", 64), u)
+                for m in (TensionField(NEO), NEO)
+            ]
+    np.testing.assert_allclose(*forces["neural", 1.2], rtol=1e-12, atol=1e-14)
+    shares = [np.abs(relaxed).max() / np.abs(resolved).max() for relaxed, resolved in (
+        forces["neural", 0.5], forces["nodal", 0.5])]  # fmt: skip
+    assert shares[0] == pytest.approx(shares[1], rel=1e-9)
+    assert shares[0] < 0.4
 
 
 def test_a_strip_pulled_between_grips_finds_equilibrium_by_newton_and_relaxation():

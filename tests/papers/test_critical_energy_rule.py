@@ -4,7 +4,7 @@ from helpers import refused, square
 from visco_laws import POLYUREA
 
 from warp_pd import BondAssociated, CriticalEnergy, Explicit, Relaxation, Simulation, ViscoBondBased
-from warp_pd.parts.rupture import crossing_bonds
+from warp_pd.papers.critical_energy import crossing_bonds
 
 
 def test_bonds_across_a_line():

@@ -35,7 +35,7 @@ def test_the_command_line_takes_the_law(tmp_path):
         (["--force", "neurla"], "did you mean 'neural'"),
         (["--force", "none.npz"], "does not exist"),
         (["--force", "nodal", "--weights", "plain"], "weights = 'plain'"),
-        (["--force", "nodal", "--solver", "newton"], "Newton"),
+        (["--force", "nodal", "--solver", "newton"], "which have a tangent; or use the solver Explicit or Relaxation"),
     ):
         done = CliRunner().invoke(main, [*small, *wrong, "--out", str(tmp_path / "b")])
         assert done.exit_code == 2 and said in done.output and "Traceback" not in done.output

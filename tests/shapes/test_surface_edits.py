@@ -183,7 +183,7 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
 @pytest.mark.parametrize(("change", "said"), [
     (lambda: TUBE.slit((1.0, 0.0, 1.0)), "slit: expected two or more positions, got 1"),
     (lambda: TUBE.slit((1.0, 0.0), (1.0, 0.0, 1.0)), r"slit: path\[0\]"),
-    (lambda: TUBE.slit((1.0, 0.0, 1.0), (4.0, 0.0, 2.0)), r"slit: path\[1\] = .*: expected a place on the sheet"),
+    (lambda: TUBE.slit((1.0, 0.0, 1.0), (4.0, 0.0, 2.0)), r"slit: path\[1\] = .*: expected a place on it"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.1)), r"slit: path\[0\] = .*1.0.* and path.*: expected places"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.3)), ".*shorter than two edges of triangles"),
     (lambda: TUBE.slit((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), r"slit: path\[0\] to path\[1\] leaves the sheet"),

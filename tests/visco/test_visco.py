@@ -62,7 +62,8 @@ def test_both_laws_take_their_arguments_in_one_order():
 def test_static_solvers_refuse_prony_terms(solver, name, law):
     """In one line that names the law and a solver to take."""
     sheet = square(7)
-    said = rf"^force = {name}: (?=[^\n]*{type(solver).__name__})[^\n]*expected[^\n]*Explicit[^\n]*$"
+    why = "which have a tangent" if isinstance(solver, Newton) else "Relaxation"
+    said = rf"^force = {name}: (?=[^\n]*{why})[^\n]*expected[^\n]*Explicit[^\n]*$"
     with refused(match=said):
         Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("all"))]).build("cpu")
 

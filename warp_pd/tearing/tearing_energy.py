@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -31,6 +29,7 @@ from .cut_profiles import CutEnds, damage_of_cuts, initial_damage, longest_betwe
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import Density, FieldConstants, relaxations
 from .field_screen import screen_of
+from .shared_device import refuse_shared_device
 
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
@@ -180,20 +179,6 @@ class TearingEnergy(Rupture):
 def finds_at_once(context: Context) -> bool:
     """Whether one launch finds the damage of a step: on a GPU, whose blocks can wait for each other."""
     return context.device.is_cuda and context.dynamic and context.partition is None
-
-
-def refuse_shared_device(device: Any) -> None:
-    """Check that no other process can be on a GPU at the same moment.
-
-    Blocks that wait for each other must all be on the GPU. MPS lets kernels of several processes on it at once, so that
-    each can hold the room that the others wait for, for ever. Without MPS processes take turns.
-    """
-    pipe = Path(os.environ.get("CUDA_MPS_PIPE_DIRECTORY", "/tmp/nvidia-mps"), "control")
-    if device.is_cuda and pipe.exists():
-        raise InputError(
-            f"device = {device.alias!r}: NVIDIA's MPS shares it (there is {str(pipe)!r}); a damage field could wait "
-            "for ever: expected a GPU without MPS, on which processes take turns"
-        )
 
 
 class DamageField(Damaged):
