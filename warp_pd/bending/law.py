@@ -20,7 +20,8 @@ from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.fictitious_mass import fictitious_mass
 from ..statics.sparse import factorised
-from ..statics.tangent import Solve, SparseTangent, Tangent, tangent_of
+from ..statics.tangent import Solve, SparseTangent, Tangent
+from ..statics.tangent_of import tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 

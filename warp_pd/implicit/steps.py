@@ -76,8 +76,8 @@ class BuiltImplicit(StaticSystem):
         self._wanted = FIRST * settings.duration if settings.steps is None else settings.duration / settings.steps
         # Coefficients are those of this step [s]; whether the tangent is that of it.
         self._dt, self._known = 0.0, False
-        # The last step [s], and whether its acceleration was smooth.
-        self._last, self._smooth = 0.0, True
+        # The last step [s], whether its acceleration was smooth, and its error of the displacement [m^2].
+        self._last, self._smooth, self._squared_error = 0.0, True, 0.0
         self._set: tuple[float, bool, float] | None = None
         sheet = context.sheet
         self._largest = SOME * sheet.spacing * math.sqrt(sheet.size)
@@ -288,7 +288,7 @@ class BuiltImplicit(StaticSystem):
         level = self.levels[0]
         moved = level.displacement.numpy() - self.before.numpy()
         size = float(np.einsum("ic,ic->", moved, moved, dtype=np.float64))
-        return total(self._error) <= SMOOTH**2 * size
+        return self._squared_error <= SMOOTH**2 * size
 
     def _factor(self, dt: float) -> float:
         """Factor on the step, less than 1 if the error of the last one is above the tolerance."""
@@ -296,8 +296,7 @@ class BuiltImplicit(StaticSystem):
             return 1.0
         size = self.levels[0].displacement.numpy() - self.context.initial_displacement
         largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
-        error = math.sqrt(total(self._error))
-        found = error / (self.settings.tolerance * largest)
+        found = math.sqrt(self._squared_error) / (self.settings.tolerance * largest)
         if found <= 1.0:
             self._largest = largest
             return max(1.0, AIM / math.cbrt(max(found, 1e-6)))
@@ -335,6 +334,7 @@ class BuiltImplicit(StaticSystem):
         if self.internal is not None:
             self.internal.end_step()
         level.run("finish step")
+        self._squared_error = total(self._error)
         if self.context.layout.remembers:
             level.run("remember")
         return True

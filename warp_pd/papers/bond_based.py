@@ -25,7 +25,8 @@ from ..laws.family_law import FamilyLaw, whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
 from ..statics.fictitious_mass import add_row_sums, fictitious_mass
-from ..statics.tangent import Tangent, tangent_of
+from ..statics.tangent import Tangent
+from ..statics.tangent_of import tangent_of
 from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
 from .inner_directions import inner_directions

@@ -12,11 +12,8 @@ if TYPE_CHECKING:
     from ..communicator import Communicator
     from ..interfaces import Part
     from .scene import Scene
-    from .views import Viewer
 
 # Parts of a scene that its arguments do not name, such as the rigid inclusions of its sheet.
 PARTS: list[Callable[[Scene], Sequence[Part]]] = []
 # The communicator of this process and its device, if it is one of several; None otherwise.
 COMMUNICATORS: list[Callable[[str | None], tuple[Communicator, str | None] | None]] = []
-# What draws and shows runs; the last one is used.
-VIEWERS: list[Viewer] = []

@@ -7,11 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..geometry.sheet import Sheet
-from ..interfaces import History
-from . import VIEWERS
-
 if TYPE_CHECKING:
+    from ..geometry.sheet import Sheet
+    from ..interfaces import History
     from .files import Files
     from .result import Result
 
@@ -56,6 +54,10 @@ class Viewer(Protocol):
     ) -> Any:
         """Draw an undeformed sheet and the regions of its materials; see `warp_pd.draw_sheet`."""
         ...
+
+
+# What draws and shows runs; the last one is used. A viewer adds itself when it is imported, which the package does.
+VIEWERS: list[Viewer] = []
 
 
 def viewer() -> Viewer:

@@ -20,7 +20,8 @@ from ..kernels.loads import begin_loads
 from ..kernels.statics.equilibrium import lattice_transfer
 from .level import OWNER, Level
 from .smoother import SWEEPS, Smoother
-from .tangent import Solve, tangent_of
+from .tangent import Solve
+from .tangent_of import tangent_of
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300

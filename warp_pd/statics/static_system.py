@@ -25,7 +25,8 @@ from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
 from .static_rounds import StaticRounds
-from .tangent import Tangent, tangent_of
+from .tangent import Tangent
+from .tangent_of import tangent_of
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..run import VIEWERS
+from ..run.views import VIEWERS
 
 
 class PagesAndPictures:
