@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from .statics.newton import Newton
     from .statics.path import ArcLength
     from .statics.relaxation import Relaxation
+    from .tearing.family_criteria import CriticalEnergyDensity, CriticalStress
     from .tearing.tearing_energy import TearingEnergy
     from .viewer.sheet_plot import draw_sheet
     from .visco.law import Visco
@@ -102,6 +103,8 @@ __all__ = [
     "Carroll",
     "Circle",
     "CriticalEnergy",
+    "CriticalEnergyDensity",
+    "CriticalStress",
     "CriticalStretch",
     "Cylinder",
     "EnclosedGas",

@@ -26,13 +26,14 @@ VALID = {
     "lock": 20.0, "material": NEO, "duration": 0.1, "stretch": 2.0, "energy": 5.0, "diameter": 0.05,
     "start": (0.05, 0.05, 0.03), "times": [0.0, 1.0], "force": (0.0, 0.0, 1e-3), "value": 1.0, "c10": 500.0,
     "c01": 100.0, "coefficients": (600.0,), "exponents": (2.0,), "chain": 5.0, "tension": 1e3, "x": 0.0,
-    "moduli": (600.0,), "length": 0.1, "section": 1e-6, "acceleration": (0.0, 0.0, -9.81),
+    "moduli": (600.0,), "principal": 1e5, "length": 0.1, "section": 1e-6, "acceleration": (0.0, 0.0, -9.81),
 }  # fmt: skip
 PARTS = {
     name: getattr(warp_pd, name)
     for name in (
         "Fixed", "Motion", "PointForce", "Pressure", "BodyForce", "RigidBall", "CriticalStretch", "CriticalEnergy",
-        "TearingEnergy", "ArcLength", "Explicit", "Newton", "Relaxation", "BondAssociated", "Nodal", "BondBased",
+        "CriticalEnergyDensity", "CriticalStress", "TearingEnergy",
+        "ArcLength", "Explicit", "Newton", "Relaxation", "BondAssociated", "Nodal", "BondBased",
         "NeoHookean", "Gent", "MooneyRivlin", "Yeoh", "Ogden", "ArrudaBoyce", "TensionField", "Measure", "Outcome",
     )
 }  # fmt: skip
@@ -66,7 +67,7 @@ def used(name, made):
         values["force"] = made
     elif name == "RigidBall":
         values["contact"] = made
-    elif name in ("CriticalStretch", "CriticalEnergy", "TearingEnergy"):
+    elif name in ("CriticalStretch", "CriticalEnergy", "CriticalEnergyDensity", "CriticalStress", "TearingEnergy"):
         values["damage"] = made
     elif name in ("Measure", "Outcome"):
         values[f"{name.lower()}s"] = [made]

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import own_parts
 import pytest
-from helpers import MU, NEO, StopAt, refused, square
+from helpers import MU, NEO, StopAt, build, exact_stress, jittered, refused, square, uniform
 
 from warp_pd import (
     Bimodular,
@@ -24,7 +24,7 @@ from warp_pd import (
     TriangleMesh,
 )
 
-NAMES = ("elastic_foundation", "normal_stress", "weak_seam", "stress_limit", "torus", "obj_writer")
+NAMES = ("elastic_foundation", "normal_stress", "weak_seam", "strength_surface", "torus", "obj_writer")
 
 
 @pytest.fixture(scope="module")
@@ -201,25 +201,33 @@ def test_an_own_load_follows_load_factor_and_ramp(parts, solver, ramp, tmp_path)
     assert 0.0 < np.abs(own.frames[1].displacement).max() < np.abs(own.frames[-1].displacement).max()
 
 
-@pytest.mark.parametrize(
-    "solver", [Explicit(0.2, frames=8), Relaxation(tolerance=1e-4)], ids=["explicit", "relaxation"]
-)
-def test_a_sheet_tears_where_its_stress_passes_the_limit(parts, solver):
-    sheet = square(11)
-    in_plane = [Fixed(sheet.where(lambda x, y: (x > 0.0) & (x < 0.1)), components="yz")]
-    simulation = pulled(sheet, solver, None, LAW, in_plane)
-    simulation.fields = ("first_piola",)
-    frame = simulation.run(device="cpu", precision=64).frame
-    largest = frame.point_data["first_piola_1"].max()
-    for share in (1.5, 0.9):
-        limit = parts["stress_limit"].StressLimit(share * largest)
-        built = pulled(sheet, solver, limit, LAW, in_plane).run(device="cpu", precision=64).built
-        assert (built.to_numpy(built.rupture.damage).max() > 0.3) == (share < 1.0)
+UNIAXIAL, BIAXIAL = np.diag([1.5, 1.5**-0.5, 1.0]), np.diag([1.3, 1.3, 1.0])
+
+
+@pytest.mark.parametrize("layout", [square, jittered])
+def test_strengths_in_uniaxial_and_biaxial_tension_are_apart(parts, layout):
+    """A sheet of each kind breaks at its own strength, whatever the other one is."""
+    sheet = layout(7)
+    uniaxial = exact_stress(NEO, UNIAXIAL[:, :2])[0, 0]
+    biaxial = exact_stress(NEO, BIAXIAL[:, :2])[0, 0]
+    surface = parts["strength_surface"].StrengthSurface
+    for gradient, strengths in (
+        (UNIAXIAL, lambda share: (share * uniaxial, 0.7 * biaxial)),
+        (BIAXIAL, lambda share: (1.5 * uniaxial, share * biaxial)),
+    ):
+        for share, broken in ((1.01, 0.0), (0.99, 1.0)):
+            start = uniform(sheet, gradient[:, :2])
+            built = build(sheet, initial_displacement=start, damage=surface(*strengths(share)))
+            built.context.run("setup")
+            built.state.step.assign(np.array([1e-9]))
+            built.context.run("step")
+            built.context.run("frame")
+            assert built.rupture.damage.numpy() == pytest.approx(broken, abs=1e-6)
 
 
 def test_a_law_without_a_stress_is_refused(parts):
-    limit = parts["stress_limit"].StressLimit(1e6)
-    with refused(match="expected a law with the field first_piola"):
+    limit = parts["strength_surface"].StrengthSurface(1e6, 1e6)
+    with refused(match="expected a law with the field first_piola_1"):
         pulled(square(9), Explicit(0.1), limit, BondBased(Bimodular(3.0 * MU), horizon=2.015)).plan("cpu")
 
 
@@ -329,6 +337,11 @@ def test_plan_names_own_parts_and_what_they_allocate(parts):
     [
         ("elastic_foundation", ("ElasticFoundation", -1.0), "ElasticFoundation.stiffness = -1"),
         ("weak_seam", ("WeakSeam", [0.5]), "WeakSeam.stretch"),
+        (
+            "strength_surface",
+            ("StrengthSurface", 1e6, 5e5),
+            "StrengthSurface.biaxial = 500000.0: expected more than half",
+        ),
         ("torus", ("Torus", 0.02, 0.06), "Torus.tube = 0.06: expected less than circle"),
     ],
 )

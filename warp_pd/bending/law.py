@@ -36,9 +36,9 @@ STRAIN = 1e-3
 OF_THE_LAW = (
     "label", "weights", "has_energy", "families", "struct", "intact", "constants", "energy_constants", "point_values",
     "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
-    "partial_energy", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
+    "partial_energy", "represented", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
     "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density",
-    "request_fields", "field_names", "notes", "fingerprint", "likely_cause",
+    "request_fields", "field_names", "add_shown", "notes", "fingerprint", "likely_cause",
 )  # fmt: skip
 # Numbers of tables that differ by less count as the same: the round-off of a lattice.
 SAME = 1e-10

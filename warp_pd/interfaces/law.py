@@ -33,6 +33,8 @@ class BuiltLaw(BuiltPart, Protocol):
         driving_energy: The same for the part that drives a damage field; None if it is the whole.
         energy_constants: The constants that these take.
         partial_energy: Warp function of what every n-th member adds to this energy, if the law has one.
+        represented: Warp function of the area that the intact bonds of a family represent, see
+            kernels/family_sums.py; None for a law without one.
         resists_bending: Whether the slope of the sheet can be held.
         needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
         goes_slack: Whether the material carries nothing in compression.
@@ -59,6 +61,7 @@ class BuiltLaw(BuiltPart, Protocol):
     driving_energy: wp.Function | None
     energy_constants: Any
     partial_energy: wp.Function | None
+    represented: wp.Function | None
     resists_bending: bool = False
     needs_finest: str
     goes_slack: bool
@@ -136,6 +139,10 @@ class BuiltLaw(BuiltPart, Protocol):
         Raises:
             InputError: for names that the law does not offer.
         """
+        ...
+
+    def add_shown(self, stage: Stage, shown: Any) -> None:
+        """Add the launches that fill point fields of the law, `ShownFields` of laws/point_fields.py."""
         ...
 
     def field_names(self) -> Sequence[str]:

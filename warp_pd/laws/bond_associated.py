@@ -39,7 +39,7 @@ class BondAssociated:
                 38 and 43). The force has no energy, and the error for uniform stress is about 1 %.
             "plain": in proportion to |D_ij|. It conserves energy and is exact for uniform stress inside the sheet.
             "corrected": the weights closest to "plain" for which uniform stress is in equilibrium at the edges, too.
-            "auto": "corrected", but "plain" at horizons above 4.5, and with CriticalStretch and CriticalEnergy on
+            "auto": "corrected", but "plain" at horizons above 4.5, and with rupture other than by TearingEnergy on
                 sheets that are not graded and whose material is not a TensionField: nothing else holds the free edges
                 of a TensionField, which closes like a curtain with plain weights.
             With rupture, "corrected" applies while the family of a point is undamaged; the area of broken bonds is

@@ -22,7 +22,7 @@ from ..kernels.family_sums import energy_of_families, gather_pairs, represented_
 from ..materials import Material, capabilities, padded_constants
 from ..step import Phase
 from .family_struct import family_struct
-from .point_fields import ShownFields, factors, grouped, offered, refuse_other
+from .point_fields import GROUPS, ShownFields, factors, grouped, offered, refuse_other
 from .weight_tables import notes_on_areas, notes_on_balance
 
 DENSITY = "strain_energy_density"
@@ -68,7 +68,6 @@ class FamilyLaw(BuiltLaw):
         offered_fields: Additional point fields that the law offers for frames, besides those of all laws.
         represented: Warp function of the area that the intact bonds of a family represent, see
             kernels/family_sums.py; None if it is the area of the point whatever breaks.
-        represented_share: Factor on what `represented` returns.
         has_own_density: Whether the law fills `own_density`; otherwise it is the energy over that area.
         shown_stress: Material for the stress fields of frames, or None if the law has none.
         shown: Point fields requested for frames, or None.
@@ -91,7 +90,6 @@ class FamilyLaw(BuiltLaw):
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
     represented: wp.Function | None = None
-    represented_share: float = 1.0
     has_own_density: bool = False
     shown_stress: Material | None = None
     shown: ShownFields | None = None
@@ -212,7 +210,7 @@ class FamilyLaw(BuiltLaw):
                 kernel = represented_volumes(self.context.layout, self.represented, stiffness is not None)
                 stage.launch(
                     self.owner, kernel, self.points, family=self.struct, displacement=state.displacement,
-                    unit_volume=self.represented_share * self.unit_volume, stiffness=stiffness,
+                    unit_volume=self.unit_volume, stiffness=stiffness,
                     out=self._represented_volume,
                 )  # fmt: skip
         if phase is Phase.FRAME and self.shown is not None:
@@ -308,7 +306,7 @@ class FamilyLaw(BuiltLaw):
         wanted = grouped(names)
         shown = [stored.field.output for stored in self.context.fields.shown()]
         refuse_other(wanted, self.field_names(), self.owner, shown)
-        wanted = [name for name in wanted if name not in self.offered_fields]
+        wanted = [name for name in wanted if name not in self.offered_fields and not set(GROUPS[name]) <= set(shown)]
         if wanted:
             self.shown = ShownFields(self.context, self, wanted)
 

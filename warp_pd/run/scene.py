@@ -180,7 +180,7 @@ class Scene:
             ("sheet", self.sheet, Sheet, "a Sheet"),
             ("force", self.force, Law, "a force law, such as BondAssociated(material)"),
             ("solver", self.solver, Solver, "Explicit, Relaxation, Newton or ArcLength"),
-            ("damage", self.damage, Rupture | None, "TearingEnergy(energy), CriticalStretch, CriticalEnergy or None"),
+            ("damage", self.damage, Rupture | None, "TearingEnergy(energy), another criterion or None"),
         )
         if isinstance(self.contact, str) or not isinstance(self.contact, Contact | Sequence | None):
             raise InputError(

@@ -28,6 +28,7 @@ from warp_pd import (
     BondBased,
     Box,
     Capsule,
+    CriticalEnergyDensity,
     CriticalStretch,
     EnclosedGas,
     EnclosedVolume,
@@ -108,6 +109,7 @@ def further():
         "fields of bonds torn": Simulation(
             plane, law, Explicit(1.0), fields=shown, damage=CriticalStretch(2.0), loads=[clamp, Reaction([3, 4, 5])]
         ),
+        "means torn": Simulation(plane, law, Explicit(1.0), damage=CriticalEnergyDensity(1e9)),
         "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
         "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
         "implicit": Simulation(plane, visco, Implicit(1.0, steps=1, damping=1.0), loads=[clamp, Pressure(1.0)]),
