@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from .statics.newton import Newton
     from .statics.path import ArcLength
     from .statics.relaxation import Relaxation
+    from .tearing.cuts_in_time import CutsInTime, Punch, Seam, Slit
     from .tearing.family_criteria import CriticalEnergyDensity, CriticalStress
     from .tearing.tearing_energy import TearingEnergy
     from .viewer.sheet_plot import draw_sheet
@@ -106,6 +107,7 @@ __all__ = [
     "CriticalEnergyDensity",
     "CriticalStress",
     "CriticalStretch",
+    "CutsInTime",
     "Cylinder",
     "EnclosedGas",
     "EnclosedVolume",
@@ -140,15 +142,18 @@ __all__ = [
     "Polygon",
     "Pressure",
     "Prony",
+    "Punch",
     "Reaction",
     "Relaxation",
     "Result",
     "RigidBall",
     "RigidBody",
     "SavedFrame",
+    "Seam",
     "SelfContact",
     "Sheet",
     "Simulation",
+    "Slit",
     "Sphere",
     "Spline",
     "Surface",

@@ -39,7 +39,7 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     margin = 1e-6 * float((high - low).max())
     near = ((corners.max(axis=1) >= low - margin) & (corners.min(axis=1) <= high + margin)).all(axis=1)
     tried = corners[near]
-    tips = _tips(shape, segment)
+    tips = tips_of(shape, segment)
     gone = np.flatnonzero(near)[crosses(tried, np.roll(tried, -1, axis=1), segment, tips[-1]).any(axis=1)]
     if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
@@ -50,7 +50,7 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment), tips=tips)
 
 
-def _tips(shape: Shape, segment: Segment) -> tuple[tuple[bool, bool], ...]:
+def tips_of(shape: Shape, segment: Segment) -> tuple[tuple[bool, bool], ...]:
     """Tips of the cuts of a shape and of one more: no end on the edge of the shape or on another cut is one."""
     within = ON_SEGMENT * shape.spacing
     ends = np.array([*shape.cuts, segment])

@@ -30,6 +30,7 @@ from warp_pd import (
     Capsule,
     CriticalEnergyDensity,
     CriticalStretch,
+    CutsInTime,
     EnclosedGas,
     EnclosedVolume,
     Explicit,
@@ -45,6 +46,7 @@ from warp_pd import (
     PointForce,
     Pressure,
     Prony,
+    Punch,
     Reaction,
     Relaxation,
     RigidBall,
@@ -110,6 +112,9 @@ def further():
             plane, law, Explicit(1.0), fields=shown, damage=CriticalStretch(2.0), loads=[clamp, Reaction([3, 4, 5])]
         ),
         "means torn": Simulation(plane, law, Explicit(1.0), damage=CriticalEnergyDensity(1e9)),
+        "cut in time": Simulation(
+            plane, law, Explicit(1.0), damage=CutsInTime(Punch((0.05, 0.05), 0.02, at=0.0), beside=TearingEnergy(1e9))
+        ),
         "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
         "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
         "implicit": Simulation(plane, visco, Implicit(1.0, steps=1, damping=1.0), loads=[clamp, Pressure(1.0)]),
