@@ -1,16 +1,15 @@
 """Error against run time: all force laws, horizons, spacings, precisions and solvers, against finite elements.
 
-    python tools/error_vs_time                              # this CPU; takes long, see --points
-    python tools/error_vs_time --fast                       # a minute: a few small cases
-    python tools/error_vs_time --device cuda:0 --scenes pressure tension --repeats 3
-    OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time --scenes pressure --points 13 26 51 101
-    python tools/error_vs_time --only-page                  # from the numbers that exist
+    OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time        everything, on one core; an hour
+    OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time --scenes pure_shear_tear --laws membrane_q4
+    python tools/error_vs_time --device cuda:0 --points 101 201 401             on a GPU
+    python tools/error_vs_time --fast                                           a minute: a few small cases
+    python tools/error_vs_time --only-page                                      from the numbers that exist
 
 Time is that of a whole run without files, with set-up and without compilation: the median of repeated runs.
 Point-steps are points times force evaluations (time steps, or products of Newton's method). Every call adds or replaces
-rows in docs/error-vs-time/numbers.json, and renews tables and picture of docs/error-vs-time.md from all of them.
-With --out another page has a section and a picture of each scene on each device. With --numbers elsewhere and without
---out it only prints the front.
+rows in docs/error-vs-time/numbers.json, and renews the tables and the picture of docs/error-vs-time.md from all rows;
+with --out those of another page. With --numbers elsewhere and without --out it only prints the front.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from study import DOCS, at_least_one, load_rows, renew, run_tool, study_parser
 
 from error_vs_time.studies import STUDIES
 from error_vs_time.sweep import sweep
-from error_vs_time.tables import ON_PAGE, front_table, sections
+from error_vs_time.tables import front_table, sections
 from warp_pd.device.cores import available_cores
 
 NUMBERS, PAGE = DOCS / "error-vs-time" / "numbers.json", DOCS / "error-vs-time.md"
@@ -41,13 +40,15 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     laws = sorted({law for study in STUDIES for law in study.laws})
     parser.add_argument("--scenes", nargs="+", default=scenes, choices=scenes)
     parser.add_argument("--laws", nargs="*", default=[], choices=laws, metavar="LAW", help="only these")
-    parser.add_argument("--points", type=at_least_one, nargs="+", default=[26, 51, 101, 201, 401], help="along a side")
-    parser.add_argument("--horizon", type=float, nargs="+", default=[1.5, 2.015, 3.15, 4.15], help="in spacings")
-    parser.add_argument("--precision", type=int, nargs="+", default=[32, 64])
+    parser.add_argument(
+        "--points", type=at_least_one, nargs="+", default=[], help="along a side; by default those of studies.py"
+    )
+    parser.add_argument("--horizon", type=float, nargs="+", default=[], help="in spacings, likewise")
+    parser.add_argument("--precision", type=int, nargs="+", default=[], help="in bits, likewise")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each case, at most")
     parser.add_argument("--enough", type=float, default=10.0, help="seconds after which a case is not repeated")
     parser.add_argument(
-        "--limit", type=float, default=120.0, help="seconds that a run may take; finer sheets are left out"
+        "--limit", type=float, default=60.0, help="seconds that a run may take; finer sheets are left out"
     )
     parser.add_argument("--cpu-time", action="store_true", help="CPU time on one core, for a machine that others use")
     parser.add_argument("--fast", action="store_true", help="a few small cases")
@@ -71,8 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not options.only_page:
         rows = [row for study in STUDIES if study.scene in options.scenes for row in sweep(study, options)]
     if options.out is not None:
-        only = ON_PAGE if options.out == PAGE else ()
-        renew(options.out, sections(load_rows(options.numbers), options.out, only))
+        renew(options.out, sections(load_rows(options.numbers), options.out))
     else:
         print("\n".join(front_table(rows or load_rows(options.numbers))))
 

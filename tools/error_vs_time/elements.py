@@ -10,13 +10,18 @@ import numpy.typing as npt
 from finite_elements import Membrane, gent, incompressible, rectangle
 from skfem import Mesh, MeshQuad, MeshQuad2
 from study import load_scene
+from torn_elements import TornSheet
 
-from .errors import Errors, Field, distance, hole_field, pressure_field, tension_field
+from warp_pd import NeoHookean
+
+from .errors import NOTCHED_LOAD, Errors, Field, distance, hole_field, pressure_field, tension_field
 
 Array = npt.NDArray[np.float64]
 # Where the edges are, over the side.
 NEAR = 1e-9
 GENT = gent(1e3, 200e3, 160.0)
+# Distance between the damage of a cut and its end, over the length of the field, as `TearingEnergy` has it.
+RECESS = 0.25 * np.pi
 
 
 @dataclass(frozen=True)
@@ -112,4 +117,51 @@ def around_hole(radius: float, half: float, cells: int, nine: bool) -> Mesh:
     return MeshQuad2(nodes, curved.t)
 
 
-SCENES: dict[str, Callable[[int, bool], Solved]] = {"pressure": pressure, "tension": tension, "stretch": stretch}
+@dataclass(frozen=True)
+class Torn:
+    """A torn sheet: its elements, and the error of the load."""
+
+    membrane: Membrane
+    scalar: float
+
+    def errors(self) -> Errors:
+        """Of the load."""
+        return self.scalar, None
+
+
+def pure_shear_tear(points: int, nine: bool) -> Torn:
+    """Scene `pure_shear_tear`: the height is that of `points` smallest elements, the length of the field of four."""
+    scene = load_scene("pure_shear_tear")
+    size, energy = scene.HEIGHT / points, 2.0
+    length = 4.0 * size
+    enough = scene.CUT + 2.5 * length
+    begin = scene.CUT - RECESS * length
+    sheet = TornSheet(
+        scene.LENGTH, scene.HEIGHT, begin, enough + 2.5 * length - begin, energy, length, size, scene.MU
+    )  # fmt: skip
+    for ratio in (0.2, 0.4, 0.6, 0.75, 0.85, *np.arange(0.9, 2.0, 0.005)):
+        stretch = scene.stretch_at(NeoHookean(scene.MU, 1e6 * scene.MU), ratio * energy / scene.HEIGHT)
+        sheet.pull((stretch - 1.0) * scene.HEIGHT, enough)
+        if sheet.tip > enough:
+            return Torn(sheet.membrane, float(ratio) - 1.0)
+    raise ArithmeticError("does not tear at twice Gc")
+
+
+def double_notch(points: int, nine: bool) -> Torn:
+    """Scene `double_notch`, its left half, neo-Hookean: the width is that of `points` smallest elements."""
+    half, notch, length = 10e-3, 2.5e-3, 7.5e-4
+    sheet = TornSheet(half, half, notch - RECESS * length, half, 0.9, length, 2.0 * half / points, 1e3, mirrored=True)
+    largest = 0.0
+    for opening in (0.5e-3, 1e-3, 1.5e-3, 1.8e-3, *np.arange(2e-3, 4e-3, 2e-5)):
+        # Thickness of 1 mm.
+        force = 1e-3 * sheet.pull(opening, 0.99 * half)
+        if force < 0.9 * largest:
+            return Torn(sheet.membrane, largest / NOTCHED_LOAD - 1.0)
+        largest = max(force, largest)
+    raise ArithmeticError("does not tear")
+
+
+SCENES: dict[str, Callable[[int, bool], Solved | Torn]] = {
+    "pressure": pressure, "tension": tension, "stretch": stretch, "pure_shear_tear": pure_shear_tear,
+    "double_notch": double_notch,
+}  # fmt: skip

@@ -14,8 +14,10 @@ Array = npt.NDArray[np.float64]
 Frames = Mapping[float, Frame]
 # Points (n, 2) [m] -> displacements [m], NaN where the reference has none.
 Field = Callable[[Array], Array]
-# Of a scalar, and of the field in the L2 norm.
-Errors = tuple[float, float]
+# Of a scalar, and of the field in the L2 norm, if it is known.
+Errors = tuple[float, float | None]
+# Largest load of scene double_notch [N], by SCENES["double_notch"] of elements.py with 480 points.
+NOTCHED_LOAD = 11.13e-3
 
 
 def interpolated(nodes: Array, displacement: Array, points: Array) -> Array:
@@ -120,3 +122,32 @@ def dynamic_errors(result: Result, frames: Frames) -> Errors:
         found.append((scalar, of_sheet(sheet, frames[time].displacement, dynamic_field(sheet.points, time))))
     scalar, field = np.sqrt(np.mean(np.square(found), axis=0))
     return float(scalar), float(field)
+
+
+def onset_errors(result: Result, frames: Frames) -> Errors:
+    """Of G over Gc when the tear has begun.
+
+    Raises:
+        ArithmeticError: if it has not.
+    """
+    onset = result.summary["measures"]["onset_ratio"]["value"]
+    if onset is None:
+        raise ArithmeticError("does not tear at twice Gc")
+    return float(onset) - 1.0, None
+
+
+def load_errors(result: Result, frames: Frames) -> Errors:
+    """Of the largest load of scene `double_notch`."""
+    return float(result.summary["measures"]["largest_load"]["value"]) / NOTCHED_LOAD - 1.0, None
+
+
+def bar_errors(result: Result, frames: Frames) -> Errors:
+    """Of the end of scene `bimodular_bar`, and of all its points."""
+    measures = result.summary["measures"]
+    return float(measures["end_displacement"]["error"]), float(measures["displacement_error"]["value"])
+
+
+def stress_errors(result: Result, frames: Frames) -> Errors:
+    """Of scene `visco_sheet`: the larger error of the stress and of its viscous part."""
+    measures = result.summary["measures"]
+    return max(abs(float(measures[name]["error"])) for name in ("nominal_stress", "viscous_stress")), None

@@ -12,6 +12,7 @@ from time import process_time
 from study import Row, device_title, load_rows, provenance, save_rows, whole
 
 from warp_pd import Frame, InputError
+from warp_pd.context import find_device
 from warp_pd.interfaces import DivergedError, Writer
 
 from .studies import ELEMENTS, Configuration, Study, configurations, simulation_of
@@ -107,11 +108,12 @@ def sweep(study: Study, options: argparse.Namespace) -> list[Row]:
     device = device_title(options.device) + (ONE_CORE if options.cpu_time else "")
     made, rows = provenance(device), []
     known = {case_of(row) for row in load_rows(options.numbers) if row["device"] == device} if options.missing else ()
-    for coarse in configurations(study, options.horizon, options.precision):
+    on_cpu = not find_device(options.device).is_cuda
+    for coarse in configurations(study, options.horizon, options.precision, elements=on_cpu):
         if options.laws and coarse.law not in options.laws:
             continue
         found: list[Row] = []
-        for points in sorted(options.points):
+        for points in sorted(options.points or study.points):
             run = replace(coarse, points=points)
             if run in known:
                 continue
@@ -133,7 +135,8 @@ def sweep(study: Study, options: argparse.Namespace) -> list[Row]:
 def describe(row: Row) -> str:
     """One line of progress."""
     errors = row["status"]
-    if row["field"] is not None:
-        errors = f"{100 * row['scalar']:+.4f} % {100 * row['field']:.4f} %"
+    if row["scalar"] is not None:
+        field = "" if row["field"] is None else f" {100 * row['field']:.4f} %"
+        errors = f"{100 * row['scalar']:+.4f} %{field}"
     case = f"{row['scene']} {row['law']} {row['horizon']:g} {row['points']} f{row['precision']} {row['solver']}"
     return f"{case}: {errors} in {row['seconds']:.3g} s"

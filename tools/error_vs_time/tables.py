@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from study import Row, picture, table
+from study import Row, table
 
 from .studies import ELEMENTS, STUDIES
 from .sweep import ONE_CORE
 
 Number = Callable[[Row], float]
-TARGETS = (0.03, 0.01, 0.003, 0.001)
-# Sections of docs/error-vs-time.md; a page elsewhere has all.
-ON_PAGE = ("### pressure on CPU, one core", "### Times of finite elements and of this code")
-# Errors at which finite elements and this code are compared.
-ELEMENT_TARGETS = (0.01, 0.001, 0.0001)
+# Errors at which runs are compared.
+TARGETS = (0.03, 0.01, 0.001)
+BONDS = ("bond_based", "bonds", "bonds_refitted", "breaking_bonds", "bimodular", "visco_bonds")
+# Lines of the picture, from bottom to top: name, colour, marker, laws.
+METHODS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
+    ("finite elements", "0.45", "s", tuple(ELEMENTS)),
+    ("bonds (IM, HE, VE)", "#d62728", "v", BONDS),
+    ("published (BA)", "#ff9d1c", "D", ("published",)),
+    ("nodal", "#9467bd", "P", ("nodal",)),
+    ("network in Torch (NN)", "#8c564b", "X", ("neural",)),
+    ("network in a kernel (NN)", "#e377c2", "*", ("neural_fused",)),
+    ("closed form (NN)", "#2ca02c", "^", ("closed_form",)),
+    ("plain weights", "#7fc7f5", "o", ("plain",)),
+    ("corrected weights", "#1f5fb4", "o", ("corrected", "visco")),
+)  # fmt: skip
 
 
 def with_errors(rows: Sequence[Row]) -> list[Row]:
     """Rows that have an error."""
-    return [row for row in rows if row["field"] is not None and np.isfinite(row["field"])]
+    return [row for row in rows if row["scalar"] is not None and np.isfinite(error_of(row))]
 
 
-def field_of(row: Row) -> float:
-    """Error of the field."""
-    return float(row["field"])
+def error_of(row: Row) -> float:
+    """Error of the field, or of the scalar where the scene has no field to compare with."""
+    return float(abs(row["scalar"]) if row["field"] is None else row["field"])
 
 
 def seconds_of(row: Row) -> float:
@@ -35,7 +45,7 @@ def seconds_of(row: Row) -> float:
     return float(row["seconds"])
 
 
-def front(rows: Sequence[Row], error: Number, cost: Number) -> list[Row]:
+def front(rows: Sequence[Row], error: Number = error_of, cost: Number = seconds_of) -> list[Row]:
     """Rows that no other row beats in both error and cost, by rising cost."""
     best: list[Row] = []
     for row in sorted(with_errors(rows), key=lambda r: (cost(r), error(r))):
@@ -47,125 +57,134 @@ def front(rows: Sequence[Row], error: Number, cost: Number) -> list[Row]:
 def name_of(row: Row) -> str:
     """A run in words, without its scene."""
     if row["law"] in ELEMENTS:
-        return f"finite elements, {ELEMENTS[row['law']]} nodes each, {row['points']} along a side"
-    return f"{row['law']}, {row['horizon']:g}, {row['points']} points, {row['solver']}, float{row['precision']}"
+        return f"{ELEMENTS[row['law']]} nodes each, {row['points']} along"
+    return f"{row['law']} {row['horizon']:g}, {row['points']}, {row['solver']}, float{row['precision']}"
 
 
 def front_table(rows: Sequence[Row]) -> list[str]:
-    """The front of field error over time."""
+    """The front of the error over time."""
     cells = [
-        [
-            name_of(row), f"{100 * field_of(row):.3g} %", f"{100 * row['scalar']:+.3g} %", f"{row['seconds']:.3g}",
-            f"{row['point_steps']:.2g}",
-        ]
-        for row in front(rows, field_of, seconds_of)
-    ]  # fmt: skip
-    return table(["fastest up to this error", "field", "scalar", "time s", "point-steps"], cells)
+        [name_of(row), f"{100 * error_of(row):.3g} %", f"{row['seconds']:.3g}", f"{row['point_steps']:.2g}"]
+        for row in front(rows)
+    ]
+    return table(["fastest up to this error", "error", "time s", "point-steps"], cells)
 
 
 def orders(rows: Sequence[Row]) -> list[str]:
-    """Observed orders of the field error in the spacing, from the most precise runs of each law and horizon.
+    """The error of each law and horizon on its finest grid, and its order between the last two grids, by scene.
 
-    Empty if no law was run at two spacings.
+    Of the most precise runs. Empty if no law was run at two spacings.
     """
-    groups: dict[tuple[str, float], dict[int, Row]] = {}
+    groups: dict[tuple[str, str, float], dict[int, Row]] = {}
     for row in sorted(with_errors(rows), key=lambda r: (r["precision"], r["solver"] != "newton")):
-        found = groups.setdefault((row["law"], row["horizon"]), {})
+        found = groups.setdefault((row["scene"], row["law"], row["horizon"]), {})
         if row["precision"] == 64 or row["points"] not in found:
             found[row["points"]] = row
-    cells = []
-    for (law, horizon), found in sorted(groups.items()):
-        if len(found) < 2:
-            continue
-        ladder = [(n, field_of(found[n])) for n in sorted(found)]
-        rates = [np.log(e / f) / np.log((m - 1) / (n - 1)) for (n, e), (m, f) in itertools.pairwise(ladder)]
-        errors = ", ".join(f"{n}: {100 * e:.3g} %" for n, e in ladder)
-        cells.append([law, f"{horizon:g}", errors, ", ".join(f"{rate:.1f}" for rate in rates)])
-    return table(["law", "horizon", "points: field error", "orders"], cells) if cells else []
+    scenes = [s.scene for s in STUDIES if any(scene == s.scene and len(f) > 1 for (scene, *_), f in groups.items())]
+    kinds = sorted({(law, horizon) for scene, law, horizon in groups if len(groups[scene, law, horizon]) > 1})
+    cells = [
+        [law, f"{horizon:g}" if horizon else "-", *(_order(groups.get((scene, law, horizon), {})) for scene in scenes)]
+        for law, horizon in kinds
+    ]
+    return table(["law", "horizon", *scenes], cells) if cells else []
 
 
-def by_scene_and_device(rows: Sequence[Row]) -> list[tuple[str, str, list[Row]]]:
-    """Rows with an error of every scene on every device."""
-    devices = sorted({row["device"] for row in rows})
-    groups = itertools.product([study.scene for study in STUDIES], devices)
-    return [(s, d, [r for r in with_errors(rows) if (r["scene"], r["device"]) == (s, d)]) for s, d in groups]
+def _order(found: Mapping[int, Row]) -> str:
+    if len(found) < 2:
+        return ""
+    coarse, fine = sorted(found)[-2:]
+    errors = error_of(found[coarse]), error_of(found[fine])
+    rate = np.log(errors[0] / errors[1]) / np.log((fine - 1) / (coarse - 1))
+    return f"{100 * errors[1]:.2g} % ({fine}), {rate:.1f}"
+
+
+def by_scene(rows: Sequence[Row], device: str) -> list[tuple[str, list[Row]]]:
+    """Rows with an error of every scene on a device."""
+    here = [row for row in with_errors(rows) if row["device"] == device]
+    found = [(s.scene, [row for row in here if row["scene"] == s.scene]) for s in STUDIES]
+    return [(scene, some) for scene, some in found if some]
 
 
 def fastest(rows: Sequence[Row], target: float) -> Row | None:
-    """The fastest run whose field error is at most the target."""
-    return min((row for row in rows if field_of(row) <= target), key=seconds_of, default=None)
+    """The fastest run whose error is at most the target."""
+    return min((row for row in rows if error_of(row) <= target), key=seconds_of, default=None)
 
 
-def choices(rows: Sequence[Row]) -> list[str]:
-    """The fastest run with a field error of at most 3, 1, 0.3 and 0.1 %, by scene and device."""
-    cells = [
-        [scene, device, f"{100 * target:g} %", name_of(best), f"{best['seconds']:.3g}"]
-        for scene, device, here in by_scene_and_device(rows)
-        for target in TARGETS
-        if (best := fastest(here, target)) is not None
-    ]
-    return table(["scene", "device", "error", "fastest", "time s"], cells)
-
-
-def against_elements(rows: Sequence[Row]) -> list[str]:
-    """The fastest run of this code and of finite elements to some errors of the field, where a device has both."""
+def costs(rows: Sequence[Row], device: str) -> list[str]:
+    """The fastest run of this code to 3, 1 and 0.1 %, and beside it finite elements, if the device ran them."""
     cells = []
-    for scene, device, here in by_scene_and_device(rows):
-        kinds = [[r for r in here if (r["law"] in ELEMENTS) == wanted] for wanted in (True, False)]
-        for target in ELEMENT_TARGETS if all(kinds) else ():
-            elements, own = (fastest(kind, target) for kind in kinds)
-            times = [f"{name_of(row)}: {row['seconds']:.3g} s" if row else "-" for row in (elements, own)]
-            factor = f"{own['seconds'] / elements['seconds']:.1f}" if own and elements else "-"
-            cells.append([scene, device, f"{100 * target:g} %", *times, factor])
-    return table(["scene", "device", "error", "finite elements", "this code", "times as long"], cells)
+    both = any(row["law"] in ELEMENTS and row["device"] == device for row in rows)
+    for (scene, here), target in itertools.product(by_scene(rows, device), TARGETS):
+        elements, own = (fastest([r for r in here if (r["law"] in ELEMENTS) == w], target) for w in (True, False))
+        if own or elements:
+            times = [f"{name_of(row)}: {row['seconds']:.2g} s" if row else "-" for row in (own, elements)]
+            factor = f"{own['seconds'] / elements['seconds']:.1f}" if own and elements else ""
+            cells.append([scene, f"{100 * target:g} %", *([*times, factor] if both else times[:1])])
+    beside = ["finite elements", "times as long"] if both else []
+    return table(["scene", "error", "this code", *beside], cells)
 
 
-def sections(rows: Sequence[Row], page: Path, only: Sequence[str] = ()) -> dict[str, list[str]]:
-    """Sections of a page by heading, all or only some; draws their pictures beside the page."""
+def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
+    """Sections of a page by heading, one for each device, and the picture of the one core beside the page."""
     found = {}
-    for scene, device, here in by_scene_and_device(rows):
-        everything = [row for row in rows if (row["scene"], row["device"]) == (scene, device)]
-        heading = f"### {scene} on {device}"
-        if not everything or (only and heading not in only):
-            continue
-        kind = "one-core" if device.endswith(ONE_CORE) else device.removeprefix("NVIDIA ").split()[0].lower()
-        lines = [f"Measured: {'; '.join(sorted({row['made'] for row in everything}))}.", ""]
-        if here:
-            drawn = f"error-vs-time/{scene}-{kind}.png"
+    for device in sorted({row["device"] for row in rows}, key=lambda name: (not name.endswith(ONE_CORE), name)):
+        here = [row for row in rows if row["device"] == device]
+        lines = [f"Measured: {'; '.join(sorted({row['made'] for row in here}))}.", ""]
+        if device.endswith(ONE_CORE):
+            drawn = "error-vs-time/one-core.png"
             draw(here, page.parent / drawn)
-            lines += [f"![{scene} on {device}]({drawn})", ""]
-            lines += [] if only else [*front_table(here), ""]
-        failed = [f"- {name_of(row)}: {row['status']}" for row in everything if row["field"] is None]
-        lines += ["Runs without a result:", "", *failed, ""] if failed else []
-        lines += ["Observed orders in the spacing:", "", *ordered] if (ordered := orders(here)) else []
-        found[heading] = lines
-    found["### Times of finite elements and of this code"] = against_elements(rows)
-    return found if only else {**found, "### The fastest": choices(rows)}
+            lines += [f"![Error against run time on {device}]({drawn})", ""]
+        lines += costs(rows, device)
+        failed = [f"{row['scene']}, {name_of(row)}: {row['status']}" for row in here if row["scalar"] is None]
+        lines += ["", "Runs without a result:", "", *(f"- {line}" for line in failed)] if failed else []
+        found[f"## On {device}"] = lines
+        if device.endswith(ONE_CORE) and (ordered := orders(here)):
+            found["## Orders"] = [
+                "Error on the finest grid (its points), and the order between the last two grids.", "", *ordered
+            ]  # fmt: skip
+    return found
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Work-precision diagrams of one scene and device: errors over time and over point-steps, with their fronts."""
-    from matplotlib import colormaps
+    """Work-precision diagrams of the scenes: the front of every method, errors over the time of the run."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
 
-    panels: tuple[tuple[Number, str, Number, str], ...] = (
-        (lambda r: abs(r["scalar"]), "error of the scalar", seconds_of, "time of the run (s)"),
-        (field_of, "L2 error of the field", seconds_of, "time of the run (s)"),
-        (field_of, "L2 error of the field", lambda r: r["point_steps"], "point-steps"),
+    scenes = [(study, [r for r in with_errors(rows) if r["scene"] == study.scene]) for study in STUDIES]
+    scenes = [(study, some) for study, some in scenes if some]
+    across = min(4, len(scenes))
+    down = -(-len(scenes) // across)
+    figure = Figure(figsize=(3.5 * across, 3.1 * down + 0.5), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False)
+    shown: dict[str, object] = {}
+    for panel, (study, here) in zip(axes.flat, scenes, strict=False):
+        for name, colour, marker, laws in METHODS:
+            best = front([r for r in here if r["law"] in laws])
+            if best:
+                (shown[name],) = panel.plot(
+                    [seconds_of(r) for r in best], [100.0 * error_of(r) for r in best],
+                    marker=marker, color=colour, markersize=5, linewidth=1.4,
+                )  # fmt: skip
+        panel.set_title(study.title, fontsize=9)
+        panel.set(xscale="log", yscale="log")
+        for axis, limits in (("x", panel.get_xlim()), ("y", panel.get_ylim())):
+            low, high = np.floor(np.log10(limits[0]) + 0.1), np.ceil(np.log10(limits[1]) - 0.1)
+            panel.set(**{f"{axis}lim": (10.0 ** min(low, high - 1.0), 10.0**high)})
+        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
+        panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} s"))
+        panel.tick_params(labelsize=8, which="major")
+        panel.tick_params(which="minor", labelleft=False, labelbottom=False)
+        panel.grid(alpha=0.25)
+    for panel in axes.flat[len(scenes) :]:
+        panel.set_axis_off()
+    named = [name for name, *_ in reversed(METHODS) if name in shown]
+    figure.legend(
+        [shown[name] for name in named],
+        named,
+        loc="outside lower center",
+        ncols=min(5, len(named)),
+        frameon=False,
+        fontsize=9,
     )
-    laws = sorted({law for study in STUDIES for law in study.laws})
-    # Dark colours first: those of "tab20" are pairs of dark and light.
-    colours = {law: colormaps["tab20"](2 * k % 20 + k // 10) for k, law in enumerate(laws)}
-    marks = {"newton": "o", "relaxation": "s", "explicit": "^"}
-    with picture(path, 1, 3, (5.0, 5.0)) as axes:
-        for panel, (error, ylabel, cost, xlabel) in zip(axes.flat, panels, strict=True):
-            for law, (solver, mark) in itertools.product(laws, marks.items()):
-                some = [r for r in rows if (r["law"], r["solver"]) == (law, solver)]
-                if some:
-                    panel.scatter(
-                        [cost(r) for r in some], [error(r) for r in some], marker=mark, s=22, alpha=0.75,
-                        color=colours[law], label=f"{law}, {solver}",
-                    )  # fmt: skip
-            best = front(rows, error, cost)
-            panel.plot([cost(r) for r in best], [error(r) for r in best], color="black", lw=1, label="front", zorder=0)
-            panel.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
-        axes.flat[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=80)
