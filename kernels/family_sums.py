@@ -1,14 +1,12 @@
 """Kernels that sum the contributions of families, common to several laws."""
 
 import functools
-from typing import Any
 
 import warp as wp
 
-from .bits import lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
 from .factories import constants_of
-from .families import WORD, Layout, family_functions
+from .families import Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
 
@@ -111,71 +109,3 @@ def represented_volumes(layout: Layout, represented: wp.Function, stiffened: boo
             out[i] = wp.float64(volume)
 
     return represented_volume
-
-
-@functools.cache
-def sums_of_bonds(
-    layout: Layout, Constants: Any, force_of: wp.Function, stiffness_of: wp.Function
-) -> tuple[Kernel, Kernel]:
-    """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points towards each other.
-
-    pair_force sums the internal force [points], N. row_sums sums the fictitious density of dynamic relaxation
-    [points], N/m: the row of the stiffness (HE eqs. 86 to 93), the diagonal block of the point included. A point
-    without stiffness keeps the density `least`.
-
-    Args:
-        layout: Layout of the families.
-        Constants: Type of the law's constants.
-        force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, divided
-            by `unit_force`, vec3; U is the relative displacement divided by the horizon.
-        stiffness_of: Warp function of the same arguments -> largest stiffness of the bond, divided by
-            `unit_stiffness`.
-    """
-    types = layout.types
-    real, vec3 = types.real, types.vec3
-    f = family_functions(layout)
-    Family = f.struct
-    word_size = WORD
-
-    @kernel(gathers=("displacement", "constants.factors"))
-    def pair_force(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        unit_force: real,
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        ui = displacement[i]
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for word in range(family.words):
-            members = f.intact_members(family, i, word)
-            while members != wp.uint32(0):
-                k = word * word_size + lowest_bit(members)
-                members = without_lowest_bit(members)
-                m = f.neighbour(family, i, k)
-                U = family.inverse_horizon * (displacement[m] - ui)
-                pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
-        force[i] = unit_force * pull
-
-    @kernel(gathers=("displacement", "constants.factors"))
-    def row_sums(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        unit_stiffness: real,
-        least: real,
-        first: int,
-        density: wp.array(dtype=real),
-    ):
-        i = wp.tid() + first
-        total = real(0.0)
-        for k in range(family.members):
-            if f.is_intact(family, i, k):
-                m = f.neighbour(family, i, k)
-                U = family.inverse_horizon * (displacement[m] - displacement[i])
-                total += stiffness_of(family, constants, i, k, m, f.chord(family, i, k), U)
-        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
-
-    return pair_force, row_sums

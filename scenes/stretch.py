@@ -43,7 +43,7 @@ from warp_pd import (
 from warp_pd.device.checks import count, finite, one_of, positive
 from warp_pd.interfaces import Law, Solver
 from warp_pd.measures import TearLine, support_force
-from warp_pd.papers.bond_neo_hookean import MODES, exact_traction
+from warp_pd.papers.hyperelastic_bonds import MODES, exact_traction
 
 SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
 HALF, RADIUS, CRACK = 0.5 * SIDE, 0.08, 0.16

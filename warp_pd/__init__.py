@@ -46,14 +46,12 @@ if TYPE_CHECKING:
         Yeoh,
     )
     from .output.frames import Frames, SavedFrame
-    from .papers.bond_based import BondBased
-    from .papers.bond_neo_hookean import BondNeoHookean
+    from .papers.bond_based import Bimodular, BondBased
     from .papers.boundary_force import BoundaryForce
     from .papers.critical_energy import CriticalEnergy
-    from .papers.hyperelastic_bonds import HyperelasticBonds
+    from .papers.hyperelastic_bonds import BondNeoHookean, HyperelasticBonds
     from .papers.neural.law import Neural
     from .papers.nodal import Nodal
-    from .papers.pairwise import Bimodular
     from .papers.visco_bonds import ViscoBondBased
     from .parts.loads import BodyForce, PointForce, Pressure
     from .parts.point_values import ValuesInTime

@@ -1,6 +1,6 @@
 """Bond-based force law: bond forces act along the bonds and depend on the bond strain alone (IM, sections 2, 3).
 
-With s = |Y|/|X| - 1, n = Y/|Y| and a pairwise law f(s) [Pa] (kernels/papers/pairwise.py), the energy of point i is
+With s = |Y|/|X| - 1, n = Y/|Y| and a pairwise law f(s) [Pa] such as `bimodular`, the energy of point i is
 
     E_i = h a_ref sum_k W_ik psi(s_ik),     W_ik = (g/2) a_i a_k |xi_ik| / m_i,     m_i = sum_k |xi_ik| a_k,
 
@@ -25,32 +25,12 @@ from ..effects import Kernel, kernel
 from ..factories import PairwiseFactory
 from ..families import Layout, family_functions
 from ..family_fields import gradient_of_family
-from ..family_sums import sums_of_bonds
 from ..kinematics import kinematics
+from ..numeric import numeric
+from .bonds import BondLaw, bond_functions, sums_of_bonds
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
-
-
-@dataclass(frozen=True)
-class BondBasedKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        pair_force: Internal force [points], N.
-        earlier_energy: Warp function of the energy of a family, as for `energy_of_families`.
-        density: Strain energy density [points], J/m^3.
-        principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
-        wrinkle_level: Fraction of compressed bonds [points].
-        row_sums: Fictitious density of dynamic relaxation [points], N/m.
-    """
-
-    pair_force: Kernel
-    earlier_energy: wp.Function
-    density: Kernel
-    principal_stress: Kernel
-    wrinkle_level: Kernel
-    row_sums: Kernel
 
 
 @dataclass(frozen=True)
@@ -69,54 +49,32 @@ class BondBasedTangentKernels:
     inverse_blocks: Kernel
 
 
-@dataclass(frozen=True)
-class BondFunctions:
-    """Warp functions of one bond.
-
-    Attributes:
-        strain: (xi, U) -> |Y|/|X| - 1.
-        image: (xi, U) -> Y divided by the horizon.
-        growth: (xi, U) -> |Y|^2 - |X|^2, divided by the square of the horizon.
-        chord: Type of xi: vec2, on a curved sheet vec3.
-    """
-
-    strain: wp.Function
-    image: wp.Function
-    growth: wp.Function
-    chord: Any
-
-
 @functools.cache
-def bond_functions(layout: Layout) -> BondFunctions:
-    """Functions of one bond; on a curved sheet xi is the chord in space."""
-    types = layout.types
-    real, vec3 = types.real, types.vec3
-    curved = layout.curved
-    Chord = vec3 if curved else types.vec2
+def bimodular(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Bimodular law (IM, section 4): f = E+ s in tension, E- s in compression; constants E+, E-.
+
+    Like every pairwise law it gives functions (force, slope, energy) of (strain, constants), all in Pa: the force f,
+    its derivative by the strain, and its integral from 0.
+    """
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
 
     @wp.func
-    def image(xi: Chord, U: vec3):
-        """Y divided by the horizon."""
-        if wp.static(curved):
-            return xi + U
-        else:
-            return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
+    def slope(strain: real, constants: parameters):
+        modulus = constants[0]
+        if strain < real(0.0):
+            modulus = constants[1]
+        return modulus
 
     @wp.func
-    def growth(xi: Chord, U: vec3):
-        """|Y|^2 - |X|^2, divided by the square of the horizon."""
-        if wp.static(curved):
-            return real(2.0) * wp.dot(xi, U) + wp.dot(U, U)
-        else:
-            return real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
+    def force(strain: real, constants: parameters):
+        return slope(strain, constants) * strain
 
     @wp.func
-    def strain(xi: Chord, U: vec3):
-        """|Y|/|X| - 1 from the displacement, without adding and subtracting one."""
-        length = wp.length(xi)
-        return growth(xi, U) / (length * (length + wp.length(image(xi, U))))
+    def energy(strain: real, constants: parameters):
+        return real(0.5) * force(strain, constants) * strain
 
-    return BondFunctions(strain, image, growth, Chord)
+    return force, slope, energy
 
 
 @functools.cache
@@ -143,12 +101,18 @@ def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
 
 
 @functools.cache
-def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = False) -> BondBasedKernels:
-    """Kernels of the bond-based law; `stiffened`: the moduli of the fields have a factor that varies by point."""
+def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = False) -> tuple[BondLaw, dict[str, Kernel]]:
+    """The law, and the kernels of its own fields by name.
+
+    The fields are "principal_stress", the virial stress [points], Pa: largest, smallest, angle of the largest to the x
+    axis [rad]; and "wrinkle_level", the fraction of compressed bonds [points]. `stiffened`: the moduli of fields have a
+    factor that varies by point.
+    """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
     f = family_functions(layout)
     Family = f.struct
+    Vectors: Any = wp.array(dtype=vec3)
     bond = bond_functions(layout)
     strain, image, Chord = bond.strain, bond.image, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
@@ -170,12 +134,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = Fals
 
     @wp.func
     def earlier_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        constants: parameters,
-        i: int,
+        family: Family, displacement: Vectors, velocity: Vectors, back: real, constants: parameters, i: int
     ):
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         stored = real(0.0)
@@ -309,7 +268,8 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory, stiffened: bool = Fals
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
     pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
-    return BondBasedKernels(pair_force, earlier_energy, density, principal_stress, wrinkle_level, row_sums)
+    law = BondLaw(pair_force=pair_force, energy=earlier_energy, density=density, row_sums=row_sums)
+    return law, {"principal_stress": principal_stress, "wrinkle_level": wrinkle_level}
 
 
 @functools.cache

@@ -13,7 +13,6 @@ compile-time constant, so loops over short stencils are unrolled. Together these
 """
 
 import functools
-from dataclasses import dataclass
 
 import warp as wp
 
@@ -24,26 +23,15 @@ from ..numeric import numeric
 from ..rupture import SCREENED
 
 
-@dataclass(frozen=True)
-class BondsOnce:
-    """Kernels of one configuration.
-
-    Attributes:
-        forces_ahead: Fills ahead [points, members / 2] with the forces of the bonds ahead, divided by the unit of
-            force.
-        forces_and_screen: As `forces_ahead`, by blocks of SCREENED points; also flags blocks with a bond that may
-            break. None if bonds cannot break.
-        sum_both_halves: The internal force [N].
-    """
-
-    forces_ahead: Kernel
-    forces_and_screen: Kernel | None
-    sum_both_halves: Kernel
-
-
 @functools.cache
-def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> BondsOnce:
-    """The kernels; `pull` is (constants, weight, xi, U) -> force of a bond divided by the unit of force, vec3."""
+def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> tuple[Kernel, Kernel]:
+    """Kernels `forces_ahead` and `sum_both_halves`.
+
+    The first fills ahead [points, members / 2] with the forces of the bonds ahead, divided by the unit of force, by
+    blocks of SCREENED points; if `exceeding` [blocks] is given, it also flags blocks with a bond that may break. The
+    second sums the internal force [N]. `pull` is (constants, weight, xi, U) -> force of a bond divided by the unit of
+    force, vec3.
+    """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     half, word_size, block = members // 2, WORD, SCREENED
@@ -55,46 +43,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
         else:
             return initial[row, word]
 
-    @wp.func
-    def fill_ahead(
-        shift: wp.array(dtype=wp.int32),
-        bond: wp.array(dtype=vec2),
-        family_class: wp.array(dtype=wp.int32),
-        weight: wp.array2d(dtype=real),
-        initial: wp.array2d(dtype=wp.uint32),
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        nearly: real,
-        i: int,
-        ahead: wp.array2d(dtype=vec3),
-    ):
-        """Fill row i of `ahead` with the forces of the intact bonds of i to later points, in units of force.
-
-        Returns whether one of these bonds has a squared stretch |Y|^2/|X|^2 above `nearly`; False if no bond can break.
-        """
-        ui = displacement[i]
-        row = family_class[i]
-        mask = wp.uint32(0)
-        beyond = bool(False)
-        for n in range(wp.static(half)):
-            k = n + half
-            if n == 0 or k % word_size == 0:
-                mask = bits_of(intact, initial, row, i, k // word_size)
-            if bit_of(mask, k % word_size):
-                m = i + shift[k]
-                both = weight[row, k] + weight[family_class[m], half - 1 - n]
-                xi = bond[k]
-                U = inverse_horizon * (displacement[m] - ui)
-                ahead[i, n] = pull(constants, both, xi, U)
-                if wp.static(breakable):
-                    Y = vec3(xi[0] + U[0], xi[1] + U[1], U[2])
-                    if wp.dot(Y, Y) > nearly * wp.dot(xi, xi):
-                        beyond = bool(True)
-        return beyond
-
-    @kernel(gathers=("displacement",))
+    @kernel(per="block")
     def forces_ahead(
         shift: wp.array(dtype=wp.int32),
         bond: wp.array(dtype=vec2),
@@ -105,13 +54,34 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
+        nearly: real,
         first: int,
         ahead: wp.array2d(dtype=vec3),
+        exceeding: wp.array(dtype=wp.uint8),
     ):
-        fill_ahead(
-            shift, bond, family_class, weight, initial, intact, displacement, constants, inverse_horizon,
-            real(1.0), wp.tid() + first, ahead,
-        )  # fmt: skip
+        """`nearly` is the squared stretch |Y|^2/|X|^2 above which a bond may break."""
+        b = wp.tid() + first
+        beyond = wp.uint8(0)
+        for i in range(b * block, wp.min((b + 1) * block, displacement.shape[0])):
+            ui = displacement[i]
+            row = family_class[i]
+            mask = wp.uint32(0)
+            for n in range(wp.static(half)):
+                k = n + half
+                if n == 0 or k % word_size == 0:
+                    mask = bits_of(intact, initial, row, i, k // word_size)
+                if bit_of(mask, k % word_size):
+                    m = i + shift[k]
+                    both = weight[row, k] + weight[family_class[m], half - 1 - n]
+                    xi = bond[k]
+                    U = inverse_horizon * (displacement[m] - ui)
+                    ahead[i, n] = pull(constants, both, xi, U)
+                    if wp.static(breakable):
+                        Y = vec3(xi[0] + U[0], xi[1] + U[1], U[2])
+                        if wp.dot(Y, Y) > nearly * wp.dot(xi, xi):
+                            beyond = wp.uint8(1)
+        if exceeding:
+            exceeding[b] = beyond
 
     @kernel(gathers=("ahead",))
     def sum_both_halves(
@@ -141,33 +111,4 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
                 total += ahead[i, n]
         force[i] = unit_force * total
 
-    forces_and_screen = None
-    if breakable:
-
-        @kernel(per="block")
-        def forces_and_screen(
-            shift: wp.array(dtype=wp.int32),
-            bond: wp.array(dtype=vec2),
-            family_class: wp.array(dtype=wp.int32),
-            weight: wp.array2d(dtype=real),
-            initial: wp.array2d(dtype=wp.uint32),
-            intact: wp.array2d(dtype=wp.uint32),
-            displacement: wp.array(dtype=vec3),
-            constants: parameters,
-            inverse_horizon: real,
-            nearly: real,
-            first: int,
-            ahead: wp.array2d(dtype=vec3),
-            exceeding: wp.array(dtype=wp.uint8),
-        ):
-            b = wp.tid() + first
-            found = wp.uint8(0)
-            for i in range(b * block, wp.min((b + 1) * block, displacement.shape[0])):
-                if fill_ahead(
-                    shift, bond, family_class, weight, initial, intact, displacement, constants, inverse_horizon,
-                    nearly, i, ahead,
-                ):  # fmt: skip
-                    found = wp.uint8(1)
-            exceeding[b] = found
-
-    return BondsOnce(forces_ahead, forces_and_screen, sum_both_halves)
+    return forces_ahead, sum_both_halves

@@ -4,7 +4,7 @@ With s = |Y|/|X|, n = Y/|Y| and L = (X . Y) / (|X| |Y|), the force density of a 
 
     f = (4 c0 delta / |X|^2) L^2 t(s) n,     c0 = mu / (2 pi h delta^2),     t(s) = a s - b/s^2 - c/s^3 - d/s^5,
 
-where the loading mode sets a, b, c, d (warp_pd/papers/bond_neo_hookean.py). With areas divided by a_ref and lengths
+where the loading mode sets a, b, c, d (warp_pd/papers/hyperelastic_bonds.py). With areas divided by a_ref and lengths
 by the horizon,
 
     F_ik = (h a_ref / delta) (W_ik + W_ki)/2 G_ik L^2 mu t(s) / |xi|^2 n,     W_ik = (2/pi) (a_ref / delta^2) a_i a_k,
@@ -17,35 +17,17 @@ the force depend on the rotation of the bond: the force has no potential and is 
 """
 
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
-from ..effects import Kernel
 from ..families import Layout, family_functions
-from ..family_sums import sums_of_bonds
-from .bond_based import bond_functions
-
-
-@dataclass(frozen=True)
-class HyperelasticBondsKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        constants: Warp struct of the law's constants.
-        pair_force: Internal force [points], N.
-        row_sums: Fictitious density of dynamic relaxation [points], N/m.
-    """
-
-    constants: Any
-    pair_force: Kernel
-    row_sums: Kernel
+from .bonds import BondLaw, bond_functions, sums_of_bonds
 
 
 @functools.cache
-def hyperelastic_bonds(layout: Layout) -> HyperelasticBondsKernels:
-    """Kernels of the law."""
+def hyperelastic_bonds(layout: Layout) -> tuple[BondLaw, Any]:
+    """The law, and the Warp struct of its constants: those of t, and the surface correction of each point."""
     types = layout.types
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
@@ -106,4 +88,5 @@ def hyperelastic_bonds(layout: Layout) -> HyperelasticBondsKernels:
         stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
         return coefficient(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
 
-    return HyperelasticBondsKernels(Constants, *sums_of_bonds(layout, Constants, force_of, stiffness_of))
+    pair_force, row_sums = sums_of_bonds(layout, Constants, force_of, stiffness_of)
+    return BondLaw(pair_force=pair_force, row_sums=row_sums), Constants

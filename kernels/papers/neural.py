@@ -28,6 +28,7 @@ With `corrected` weights, h W_ik 2 / |X| replaces h a_i c_k |X| 2 / tr K_i. The 
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -36,6 +37,7 @@ from ..factories import FunctionFactory, PairFactory, constants_of
 from ..families import Layout, family_functions
 from ..kinematics import kinematics
 from ..numeric import numeric
+from .bonds import forces_of_families
 from .neural_network import Layers, network_function
 from .nodal import point_gradient
 
@@ -46,55 +48,60 @@ NO_LENGTH = 1e-6
 
 
 @dataclass(frozen=True)
-class NeuralKernels:
-    """Kernels of one configuration.
+class NeuralLaw:
+    """Kernels of the law.
 
     Attributes:
-        direct: Fills bond_force [members, points], N, in one launch; None if Torch evaluates the network.
+        force: Forces of families, as of `forces_of_families`, in one launch.
         features: Fills features [members x points] with (lambda, theta, C33, det F), undeformed values where no bond
-            exists, and frame [points] with R; None unless Torch evaluates the network.
-        spread: Turns pairs [members x points] of T into bond_force [members, points], N; None unless Torch evaluates
-            the network.
+            exists, and frame [points] with R, for a network that Torch evaluates.
+        Evaluated: Warp struct of the constants of `evaluated_force`: frame, and pairs [members x points] of T.
+        evaluated_force: Forces of families from what Torch has evaluated.
         outside: Counts the bonds of each point whose state lies outside a range of principal stretches.
     """
 
-    direct: Kernel | None
-    features: Kernel | None
-    spread: Kernel | None
-    outside: Kernel | None
+    force: Kernel
+    features: Kernel
+    Evaluated: Any
+    evaluated_force: Kernel
+    outside: Kernel
 
 
 @functools.cache
-def bond_kinematics(layout: Layout, functions: PairFactory, volume: FunctionFactory) -> tuple[wp.Function, wp.Function]:
-    """Warp functions `family_frame` and `bond_motion`; `functions` and `volume` as in kernels/materials.py.
+def bond_kinematics(
+    layout: Layout, functions: PairFactory, volume: FunctionFactory
+) -> tuple[Any, wp.Function, wp.Function]:
+    """Struct `Frame`, functions `family_frame` and `bond_motion`; `functions` and `volume` as in kernels/materials.py.
 
-    family_frame: (family, displacement, constants, i) -> deformation of the family of i: displacement gradient H,
-        rotation R, U - I, U^-1, det F - 1, z = J^2 - 1. R and U^-1 are zero if the intact bonds determine no gradient.
-    bond_motion: (x, u, H, U - I, U^-1) -> excess stretch of the bond, sine and 1 - cosine of its rotation, its
-        direction in the tangent plane, vec2; x and u as of `bond_vectors`.
+    Frame: displacement gradient H of a family, rotation R, D = U - I, V = U^-1, area = det F - 1, z = J^2 - 1, and the
+        scale of its forces. R and V are zero if the intact bonds determine no gradient.
+    family_frame: (family, displacement, constants, i) -> Frame with a scale of zero.
+    bond_motion: (x, u, frame) -> excess stretch of the bond, sine and 1 - cosine of its rotation, its direction in the
+        tangent plane, vec2; x and u as of `bond_vectors`.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, mat32 = types.real, types.vec2, types.vec3, types.mat22, types.mat32
     f = family_functions(layout)
     Family = f.struct
+    Vectors: Any = wp.array(dtype=vec3)
     gradient, green = point_gradient(layout), kinematics(bits).green
     volume_change = volume(bits)
     Constants = constants_of(functions(bits)[0])
 
+    @wp.struct
+    class Frame:
+        H: mat32
+        R: mat32
+        D: mat22
+        V: mat22
+        area: real
+        z: real
+        scale: real
+
     @wp.func
-    def family_frame(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        i: int,
-    ):
+    def family_frame(family: Family, displacement: Vectors, constants: Constants, i: int):
         G1, G2, inverse, _size = gradient(family, displacement, displacement, real(0.0), i)
-        H = mat32()
-        R = mat32()
-        D = mat22()
-        V = mat22()
-        area = real(0.0)
-        z = real(0.0)
+        frame = Frame()
         if inverse[0] > real(0.0):
             H1 = family.inverse_horizon * G1
             H2 = family.inverse_horizon * G2
@@ -108,25 +115,27 @@ def bond_kinematics(layout: Layout, functions: PairFactory, volume: FunctionFact
             widening = area - excess / (real(2.0) + t)
             D = mat22(G[0, 0] + widening, G[0, 1], G[0, 1], G[1, 1] + widening) / t
             V = mat22(real(1.0) + D[1, 1], -D[0, 1], -D[0, 1], real(1.0) + D[0, 0]) / d
-            for c in range(3):
-                H[c, 0] = H1[c]
-                H[c, 1] = H2[c]
+            H = mat32(H1[0], H2[0], H1[1], H2[1], H1[2], H2[2])
             F = mat32(
                 real(1.0) + H[0, 0], H[0, 1], H[1, 0], real(1.0) + H[1, 1], H[2, 0], H[2, 1]
             )  # fmt: skip
-            R = F * V
-            z = volume_change(G, constants)
-        return H, R, D, V, area, z
+            frame.H = H
+            frame.R = F * V
+            frame.D = D
+            frame.V = V
+            frame.area = area
+            frame.z = volume_change(G, constants)
+        return frame
 
     @wp.func
-    def bond_motion(x: vec2, u: vec3, H: mat32, D: mat22, V: mat22):
+    def bond_motion(x: vec2, u: vec3, frame: Frame):
         """Stretch and rotation without the loss of digits of small strains.
 
         With Y the bond's image and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u -
         (U - I) x ] is of the order of the strain; so is each of its terms, as long as the sheet has not rotated.
         """
         x3 = vec3(x[0], x[1], real(0.0))
-        e = V * (wp.transpose(H) * (x3 + u) + vec2(u[0], u[1]) - D * x)
+        e = frame.V * (wp.transpose(frame.H) * (x3 + u) + vec2(u[0], u[1]) - frame.D * x)
         y = x + e
         squared = real(2.0) * (x[0] * u[0] + x[1] * u[1]) + wp.dot(u, u)
         excess = squared / (real(1.0) + wp.sqrt(wp.max(real(1.0) + squared, real(0.0))))
@@ -145,7 +154,7 @@ def bond_kinematics(layout: Layout, functions: PairFactory, volume: FunctionFact
                 versine = real(1.0) - along / length
         return excess, sine, versine, direction
 
-    return family_frame, bond_motion
+    return Frame, family_frame, bond_motion
 
 
 @functools.cache
@@ -237,11 +246,9 @@ def neural(
     volume: FunctionFactory,
     law: FunctionFactory,
     corrected: bool,
-    torch: bool,
     layers: Layers | None,
-    counted: bool,
-) -> NeuralKernels:
-    """Kernels of the
+) -> NeuralLaw:
+    """The law.
 
     Args:
         layout: Layout of the families.
@@ -249,24 +256,22 @@ def neural(
         volume: Factory of its volume change.
         law: Factory of the closed form, which is used where no network is: see `closed_form`.
         corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
-        torch: Whether Torch evaluates the network.
         layers: Weights and biases of the network that the kernel evaluates, see `network_function`; None for Torch and
             for the closed form.
-        counted: Whether to count the bonds outside a range of stretches.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    mat22, mat32 = types.mat22, types.mat32
+    real, vec2, vec3, mat32, parameters = types.real, types.vec2, types.vec3, types.mat32, types.parameters
     f = family_functions(layout)
     Family = f.struct
-    family_frame, bond_motion = bond_kinematics(layout, functions, volume)
+    Vectors: Any = wp.array(dtype=vec3)
+    Frame, family_frame, bond_motion = bond_kinematics(layout, functions, volume)
     Constants = constants_of(functions(bits)[0])
     no_length = NO_LENGTH
     exact, fused = law(bits), layers is not None
     network = network_function(bits, layers) if layers is not None else None
 
     @wp.func
-    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), i: int, k: int):
+    def bond_vectors(family: Family, displacement: Vectors, i: int, k: int):
         """Unit vector x of the undeformed bond; displacement u of its ends over its length; weight.
 
         The weight is 2 W_ik / |X|, with published weights c_k |X|; lengths are divided by the horizon.
@@ -287,17 +292,12 @@ def neural(
         return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
 
     @wp.func
-    def bond_seen(
-        family: Family, displacement: wp.array(dtype=vec3), H: mat32, D: mat22, V: mat22,
-        area: real, z: real, i: int, k: int,
-    ):  # fmt: skip
-        """Results of `bond_vectors`, direction in the tangent plane, inputs of a network: lambda, theta, C33, det F."""
-        x, u, weight = bond_vectors(family, displacement, i, k)
-        excess, sine, versine, direction = bond_motion(x, u, H, D, V)
-        det = real(1.0) + area
+    def seen(excess: real, sine: real, versine: real, frame: Frame):
+        """Inputs of a network: lambda, theta, C33, det F."""
+        det = real(1.0) + frame.area
         stretch = wp.max(real(1.0) + excess, real(no_length))
         angle = wp.atan2(sine, real(1.0) - versine)
-        return x, u, weight, direction, parameters(stretch, angle, (real(1.0) + z) / (det * det), det)
+        return parameters(stretch, angle, (real(1.0) + frame.z) / (det * det), det)
 
     @wp.func
     def logarithms(row: parameters):
@@ -306,40 +306,34 @@ def neural(
         return parameters(wp.log(row[0]), row[1] * row[1], area, wp.log(row[2]) + real(2.0) * area)
 
     @wp.func
-    def family_scale(family: Family, V: mat22, unit_force: real, i: int):
-        """Force of a bond divided by its weight and T; zero if the family determines no gradient."""
-        if V[0, 0] == real(0.0):
-            return real(0.0)
+    def scale_of(family: Family, unit_force: real, i: int):
+        """Force of a bond divided by its weight and T."""
         if wp.static(corrected):
             return unit_force
         else:
             return unit_force * f.area(family, i) * f.weight(family, i, 0)
 
-    @kernel(gathers=("displacement",), name="fused_force" if fused else None, fast_math=fused and bits == 32)
-    def closed_form_force(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        unit_force: real,
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        H, R, D, V, area, z = family_frame(family, displacement, constants, i)
-        scale = family_scale(family, V, unit_force, i)
-        for k in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if f.is_intact(family, i, k) and scale > real(0.0):
-                if wp.static(fused):
-                    x, u, weight, direction, row = bond_seen(family, displacement, H, D, V, area, z, i, k)
-                    o = network(logarithms(row))
-                    T = vec2(o[0], row[1] * o[1])
-                else:
-                    x, u, weight = bond_vectors(family, displacement, i, k)
-                    excess, sine, versine, direction = bond_motion(x, u, H, D, V)
-                    T = exact(excess, sine, versine, area, z, constants)
-                force = scale * weight * pull(x, u, direction, R, T)
-            bond_force[k, i] = force
+    @wp.func
+    def state_of(family: Family, displacement: Vectors, constants: Constants, unit_force: real, i: int):
+        frame = family_frame(family, displacement, constants, i)
+        if frame.V[0, 0] != real(0.0):
+            frame.scale = scale_of(family, unit_force, i)
+        return frame
+
+    @wp.func
+    def force_of(family: Family, displacement: Vectors, constants: Constants, frame: Frame, i: int, k: int):
+        force = vec3(real(0.0), real(0.0), real(0.0))
+        if frame.scale > real(0.0):
+            x, u, weight = bond_vectors(family, displacement, i, k)
+            excess, sine, versine, direction = bond_motion(x, u, frame)
+            if wp.static(fused):
+                row = seen(excess, sine, versine, frame)
+                o = network(logarithms(row))
+                T = vec2(o[0], row[1] * o[1])
+            else:
+                T = exact(excess, sine, versine, frame.area, frame.z, constants)
+            force = frame.scale * weight * pull(x, u, direction, frame.R, T)
+        return force
 
     @kernel(gathers=("displacement",))
     def features(
@@ -352,40 +346,40 @@ def neural(
         frame: wp.array(dtype=mat32),
     ):
         i = wp.tid() + first
-        H, R, D, V, area, z = family_frame(family, displacement, constants, i)
-        frame[i] = R
+        own = family_frame(family, displacement, constants, i)
+        frame[i] = own.R
         for k in range(family.members):
             row = parameters(real(1.0), real(0.0), real(1.0), real(1.0))
-            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
-                _x, _u, _weight, _direction, row = bond_seen(family, displacement, H, D, V, area, z, i, k)
+            if f.is_intact(family, i, k) and own.V[0, 0] != real(0.0):
+                x, u, _weight = bond_vectors(family, displacement, i, k)
+                excess, sine, versine, _direction = bond_motion(x, u, own)
+                row = seen(excess, sine, versine, own)
             features[k * points + i] = row
 
-    @kernel(gathers=("displacement",))
-    def spread(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        frame: wp.array(dtype=mat32),
-        pairs: wp.array(dtype=vec2),
-        unit_force: real,
-        points: int,
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        R = frame[i]
-        scale = unit_force
-        if not wp.static(corrected):
-            scale = unit_force * f.area(family, i) * f.weight(family, i, 0)
-        # A family that determines no frame carries no force.
-        if wp.ddot(R, R) == real(0.0):
-            scale = real(0.0)
-        for k in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if f.is_intact(family, i, k) and scale > real(0.0):
-                x, u, weight = bond_vectors(family, displacement, i, k)
-                direction = wp.transpose(R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
-                force = scale * weight * pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
-            bond_force[k, i] = force
+    @wp.struct
+    class Evaluated:
+        points: int
+        frame: wp.array(dtype=mat32)
+        pairs: wp.array(dtype=vec2)
+
+    @wp.func
+    def evaluated_state(family: Family, displacement: Vectors, constants: Evaluated, unit_force: real, i: int):
+        """Of the frame, only its rotation and scale. A family that determines no frame carries no force."""
+        frame = Frame()
+        frame.R = constants.frame[i]
+        if wp.ddot(frame.R, frame.R) != real(0.0):
+            frame.scale = scale_of(family, unit_force, i)
+        return frame
+
+    @wp.func
+    def evaluated_force(family: Family, displacement: Vectors, constants: Evaluated, frame: Frame, i: int, k: int):
+        force = vec3(real(0.0), real(0.0), real(0.0))
+        if frame.scale > real(0.0):
+            x, u, weight = bond_vectors(family, displacement, i, k)
+            direction = wp.transpose(frame.R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
+            T = constants.pairs[k * constants.points + i]
+            force = frame.scale * weight * pull(x, u, wp.normalize(direction), frame.R, T)
+        return force
 
     @kernel(gathers=("displacement",))
     def outside(
@@ -399,13 +393,13 @@ def neural(
     ):
         """Counts the bonds whose U has a principal stretch below `least` or above `most`."""
         i = wp.tid() + first
-        H, _R, D, V, area, _z = family_frame(family, displacement, constants, i)
-        det = real(1.0) + area
+        frame = family_frame(family, displacement, constants, i)
+        det = real(1.0) + frame.area
         found = wp.int32(0)
         for k in range(family.members):
-            if f.is_intact(family, i, k) and V[0, 0] != real(0.0):
+            if f.is_intact(family, i, k) and frame.V[0, 0] != real(0.0):
                 x, u, _weight = bond_vectors(family, displacement, i, k)
-                excess, sine, versine, _direction = bond_motion(x, u, H, D, V)
+                excess, sine, versine, _direction = bond_motion(x, u, frame)
                 a = (real(1.0) + excess) * (real(1.0) - versine)
                 b = (real(1.0) + excess) * sine
                 inside = bool(False)
@@ -422,9 +416,10 @@ def neural(
                     found += 1
         out[i] = found
 
-    return NeuralKernels(
-        direct=None if torch else closed_form_force,
-        features=features if torch else None,
-        spread=spread if torch else None,
-        outside=outside if counted else None,
+    return NeuralLaw(
+        force=forces_of_families(layout, state_of, force_of, fast_math=fused and bits == 32),
+        features=features,
+        Evaluated=Evaluated,
+        evaluated_force=forces_of_families(layout, evaluated_state, evaluated_force),
+        outside=outside,
     )

@@ -14,14 +14,15 @@ A family whose points are (nearly) collinear determines no gradient and carries 
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
 from ..bits import lowest_bit, without_lowest_bit
-from ..effects import Kernel, kernel
 from ..factories import PairFactory, constants_of
 from ..families import WORD, Layout, family_functions
 from ..kinematics import kinematics
+from .bonds import BondLaw, forces_of_families
 
 
 @functools.cache
@@ -35,17 +36,12 @@ def point_gradient(layout: Layout) -> wp.Function:
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
+    Vectors: Any = wp.array(dtype=vec3)
     word_size = WORD
     motion = kinematics(bits)
 
     @wp.func
-    def gradient(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        i: int,
-    ):
+    def gradient(family: Family, displacement: Vectors, velocity: Vectors, back: real, i: int):
         ui = displacement[i]
         first = vec3(real(0.0), real(0.0), real(0.0))
         second = vec3(real(0.0), real(0.0), real(0.0))
@@ -78,27 +74,20 @@ def point_gradient(layout: Layout) -> wp.Function:
 
 
 @functools.cache
-def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function, wp.Function]:
-    """Kernel that fills bond_force [members, points], N; Warp functions of the energy and the represented area.
-
-    These are those of `energy_of_families` and `represented_volumes`. `material` is a factory of (stress, energy).
-    """
+def nodal(layout: Layout, material: PairFactory) -> BondLaw:
+    """The law; `material` is a factory of (stress, energy)."""
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
+    Vectors: Any = wp.array(dtype=vec3)
     gradient, motion = point_gradient(layout), kinematics(bits)
     stress, energy = material(bits)
     Constants = constants_of(energy)
 
     @wp.func
     def family_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        constants: Constants,
-        i: int,
+        family: Family, displacement: Vectors, velocity: Vectors, back: real, constants: Constants, i: int
     ):
         """Energy of the family of i at a time `back` before now, divided by (thickness x reference area) [J/m^3]."""
         G1, G2, inverse, size = gradient(family, displacement, velocity, back, i)
@@ -113,42 +102,38 @@ def nodal(layout: Layout, material: PairFactory) -> tuple[Kernel, wp.Function, w
         return stored
 
     @wp.func
-    def represented(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        i: int,
-    ):
+    def represented(family: Family, displacement: Vectors, i: int):
         _G1, _G2, inverse, size = gradient(family, displacement, displacement, real(0.0), i)
         area = real(0.0)
         if inverse[0] > real(0.0):
             area = f.area(family, i) * size / f.family_area(family, i)
         return area
 
-    @kernel(gathers=("displacement",))
-    def family_force(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: Constants,
-        unit_force: real,
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
+    @wp.struct
+    class Traction:
+        first: vec3
+        second: vec3
+
+    @wp.func
+    def state_of(family: Family, displacement: Vectors, constants: Constants, unit_force: real, i: int):
+        """Columns of a_i s_i h P K^-1."""
         G1, G2, inverse, size = gradient(family, displacement, displacement, real(0.0), i)
-        A1 = vec3(real(0.0), real(0.0), real(0.0))
-        A2 = vec3(real(0.0), real(0.0), real(0.0))
+        state = Traction()
         if inverse[0] > real(0.0):
             H1 = family.inverse_horizon * G1
             H2 = family.inverse_horizon * G2
             S = stress(motion.green(H1, H2, vec2()), constants)
             scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
             A1, A2 = motion.stress_on_members(H1, H2, S, scale, inverse, vec2())
-        for k in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if f.is_intact(family, i, k):
-                xi = f.bond(family, i, k)
-                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                force = c * (xi[0] * A1 + xi[1] * A2)
-            bond_force[k, i] = force
+            state.first = A1
+            state.second = A2
+        return state
 
-    return family_force, family_energy, represented
+    @wp.func
+    def force_of(family: Family, displacement: Vectors, constants: Constants, state: Traction, i: int, k: int):
+        xi = f.bond(family, i, k)
+        c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+        return c * (xi[0] * state.first + xi[1] * state.second)
+
+    force = forces_of_families(layout, state_of, force_of)
+    return BondLaw(family_force=force, energy=family_energy, represented=represented)

@@ -14,60 +14,33 @@ The table `weight` is 4 w a_i a_k / sum_k w xi^2 a_k.
 """
 
 import functools
-from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
-from ..effects import Kernel, kernel
+from ..effects import kernel
 from ..families import Layout, family_functions
 from ..family_fields import gradient_of_family
 from ..kinematics import kinematics
 from ..visco.visco import relaxation_factors
-from .bond_based import bond_functions
-
-
-@dataclass(frozen=True)
-class ViscoBondKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        half_forces: Fills bond_force [members, points] with the forces of each family on its bonds, N.
-        update: Updates strain and viscous stretch after a step.
-        earlier_energy: Warp function of the energy of a family without Prony terms, as for `energy_of_families`.
-        density: Strain energy density without Prony terms [points], J/m^3.
-    """
-
-    half_forces: Kernel
-    update: Kernel
-    earlier_energy: wp.Function
-    density: Kernel
+from .bonds import BondLaw, bond_functions, forces_of_families
 
 
 @functools.cache
-def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
-    """Kernels of the law.
-
-    Args:
-        layout: Layout of the families.
-        terms: Whether there are Prony terms.
-    """
+def visco_bonds(layout: Layout, terms: bool) -> tuple[BondLaw, Any]:
+    """The law, with or without Prony terms, and the Warp struct of what its force depends on."""
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
+    Vectors: Any = wp.array(dtype=vec3)
     bond = bond_functions(layout)
     strain_of, image = bond.strain, bond.image
     retained = relaxation_factors(bits)
     motion, gradient_of = kinematics(bits), gradient_of_family(layout)
 
     @wp.func
-    def excess(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        i: int,
-    ):
+    def excess(family: Family, displacement: Vectors, velocity: Vectors, back: real, i: int):
         """I1 - 2 at a time `back` before now; |Y|^2 - |X|^2 = |X|^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
@@ -79,36 +52,32 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
                 total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
         return real(0.5) * total / f.area(family, i)
 
-    @kernel(gathers=("displacement",))
-    def half_forces(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        unit_force: real,
-        prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=real),
-        viscous_stretch: wp.array2d(dtype=real),
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
+    @wp.struct
+    class Constants:
+        yeoh: parameters
+        prony: wp.array(dtype=parameters)
+        strain: wp.array2d(dtype=real)
+        viscous_stretch: wp.array2d(dtype=real)
+
+    @wp.func
+    def state_of(family: Family, displacement: Vectors, constants: Constants, unit_force: real, i: int):
+        """J of the family, its modulus, the unit of force."""
         J = excess(family, displacement, displacement, real(0.0), i)
-        modulus = constants[0] + real(2.0) * constants[1] * J
-        for k in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if f.is_intact(family, i, k):
-                xi = f.bond(family, i, k)
-                U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
-                Y = image(xi, U)
-                s = strain_of(xi, U)
-                # |X| / |Y| turns the viscous stretch into a factor on Y.
-                factor = modulus
-                if wp.static(terms):
-                    for p in range(prony.shape[0]):
-                        gamma = viscous_stretch[p * family.members + k, i] + (s - strain[k, i])
-                        factor += (prony[p][0] + real(2.0) * prony[p][1] * J) * gamma / (real(1.0) + s)
-                force = (unit_force * f.weight(family, i, k) * factor) * Y
-            bond_force[k, i] = force
+        return vec3(J, constants.yeoh[0] + real(2.0) * constants.yeoh[1] * J, unit_force)
+
+    @wp.func
+    def force_of(family: Family, displacement: Vectors, constants: Constants, state: vec3, i: int, k: int):
+        xi = f.bond(family, i, k)
+        U = family.inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+        factor = state[1]
+        if wp.static(terms):
+            # |X| / |Y| turns the viscous stretch into a factor on Y.
+            s = strain_of(xi, U)
+            for p in range(constants.prony.shape[0]):
+                gamma = constants.viscous_stretch[p * family.members + k, i] + (s - constants.strain[k, i])
+                term = constants.prony[p]
+                factor += (term[0] + real(2.0) * term[1] * state[0]) * gamma / (real(1.0) + s)
+        return (state[2] * f.weight(family, i, k) * factor) * image(xi, U)
 
     @kernel(gathers=("displacement",))
     def update(
@@ -143,12 +112,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
 
     @wp.func
     def earlier_energy(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        back: real,
-        constants: parameters,
-        i: int,
+        family: Family, displacement: Vectors, velocity: Vectors, back: real, constants: parameters, i: int
     ):
         """Energy c10 J + c20 J^2 of family i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
         J = excess(family, displacement, velocity, back, i)
@@ -176,4 +140,7 @@ def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
             J += G[0, 0] + G[1, 1] - real(0.5) * found / f.area(family, i)
         out[i] = wp.float64(J * (constants[0] + constants[1] * J))
 
-    return ViscoBondKernels(half_forces, update, earlier_energy, density)
+    force = forces_of_families(layout, state_of, force_of)
+    if terms:
+        return BondLaw(family_force=force, update=update), Constants
+    return BondLaw(family_force=force, energy=earlier_energy, density=density), Constants

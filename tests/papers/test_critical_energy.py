@@ -1,10 +1,11 @@
-"""Rupture by energy release rate: the work of a bond, and the bonds that break by it."""
+"""Rupture by energy release rate: the work of a bond, the bonds that break by it, what it does not go with."""
 
 import numpy as np
-from helpers import array, square
+import pytest
+from helpers import NEO, array, refused, square
 from visco_laws import LAWS, POLYUREA, flight
 
-from warp_pd import CriticalEnergy, Explicit, Simulation, ViscoBondBased
+from warp_pd import BondAssociated, CriticalEnergy, Explicit, Nodal, Relaxation, Simulation, ViscoBondBased
 from warp_pd.papers.critical_energy import crossing_bonds
 
 
@@ -50,3 +51,31 @@ def test_bonds_break_at_the_critical_energy_on_both_sides():
     j, reverse = families.heads(i, k), families.reverse_members(i, k)
     np.testing.assert_array_equal(intact[k, i], intact[reverse, j])
     np.testing.assert_array_equal(energy[k, i], energy[reverse, j])
+
+
+@pytest.mark.parametrize("law", [ViscoBondBased(POLYUREA, 2.015), Nodal(NEO, 2.015)])
+def test_the_work_of_all_bonds_is_the_energy_of_the_sheet(law):
+    """Of any law that stores the forces of families on their bonds."""
+    result = flight(law, (1.0, 0.5), 0.2, steps=400, damage=CriticalEnergy(1e12))
+    built, sheet = result.built, result.built.simulation.sheet
+    work = array(built, "energy_release").numpy().sum() * sheet.thickness * sheet.spacing
+    gained = result.history[-1]["strain"] - result.history[0]["strain"]
+    assert gained > 0.0 and work == pytest.approx(gained, rel=5e-3)
+
+
+def test_bonds_across_a_line():
+    assert crossing_bonds(3.015) == 36
+    assert crossing_bonds(1.1) == 2
+
+
+def require_refused(said, law, solver):
+    with refused(match=said):
+        Simulation(square(7), law, solver, damage=CriticalEnergy(1.0)).build("cpu")
+
+
+def test_parts_that_do_not_fit_critical_energy_are_refused():
+    require_refused("^damage = CriticalEnergy .*expected .*fast = False", BondAssociated(POLYUREA), Explicit(1.0))
+    law = ViscoBondBased(POLYUREA, horizon=2.015)
+    require_refused("^damage = CriticalEnergy: .*Relaxation.*Explicit", law, Relaxation())
+    with refused("CriticalEnergy.energy = 0.0: expected a positive number"):
+        CriticalEnergy(0.0)

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from study import ROOT
 
 from papers.rows import Example, Row, Values, run_scene, where_passed
-from warp_pd.papers.bond_neo_hookean import (
+from warp_pd.papers.hyperelastic_bonds import (
     MODES,
     PUBLISHED,
     bond_energy,

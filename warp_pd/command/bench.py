@@ -23,8 +23,7 @@ from ..device.checks import InputError, finite, one_of
 from ..interfaces import Law, Part, Rupture
 from ..laws.bond_associated import BondAssociated
 from ..materials import Gent
-from ..papers.bond_based import BondBased
-from ..papers.pairwise import Bimodular
+from ..papers.bond_based import Bimodular, BondBased
 from ..parts.loads import Pressure
 from ..parts.rupture import CriticalStretch
 from ..parts.supports import Fixed

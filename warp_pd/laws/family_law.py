@@ -277,8 +277,8 @@ class FamilyLaw(BuiltLaw):
     def bond_force(self) -> Array:
         """Force of each family on its pairs [N], (members, N) vec3. Raises InputError if the law does not store it."""
         raise InputError(
-            f"damage = CriticalEnergy with {self.owner}: expected Visco, ViscoBondBased, or BondAssociated with "
-            f"fast = False and weights that conserve energy"
+            f"damage = CriticalEnergy with {self.owner}: expected Visco, ViscoBondBased, Nodal, Neural, or "
+            f"BondAssociated with fast = False and weights that conserve energy"
         )
 
     def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:

@@ -39,7 +39,7 @@ class PairwiseMaterial(Protocol):
 
     @property
     def pairwise(self) -> PairwiseFactory:
-        """Cached factory: precision in bits -> (force, slope, energy), Warp functions; kernels/papers/pairwise.py."""
+        """Cached factory: precision in bits -> (force, slope, energy), Warp functions; kernels/papers/bond_based.py."""
         ...
 
 

@@ -1,17 +1,17 @@
-"""The bond-based force law: forces along the bonds that follow a pairwise law of the bond strain."""
+"""The bond-based force law, whose forces along the bonds follow a pairwise law of the bond strain, and its material."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, not_negative, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
@@ -19,22 +19,70 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw
 from ..kernels.effects import Kernel
 from ..kernels.papers.bond_based import bond_based, pull_of_bond
-from ..kernels.papers.bonds_once import BondsOnce, bonds_once
-from ..kernels.rupture import NEARLY
-from ..laws.family_law import FamilyLaw, whole_sheet
+from ..kernels.papers.bonds_once import bonds_once
+from ..kernels.rupture import NEARLY, SCREENED
+from ..laws.family_law import whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
-from ..statics.fictitious_mass import add_row_sums, fictitious_mass
 from ..statics.tangent import Tangent
 from ..statics.tangent_of import tangent_of
 from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
+from .bond_law import BondForces
 from .inner_directions import inner_directions
+
+if TYPE_CHECKING:
+    from ..kernels.factories import PairwiseFactory
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}
 FIELDS = ("principal_stress", "wrinkle_level")
 MICROMODULI = ("published", "corrected")
+
+
+@dataclass(frozen=True)
+class Bimodular:
+    """Pairwise material with different moduli for stretched and compressed bonds. Source: IM, section 4.
+
+    A compressive modulus of zero models a wrinkling membrane.
+
+    Attributes:
+        tension: Young's modulus E+ of stretched bonds [Pa].
+        compression: Young's modulus E- of compressed bonds [Pa], at least 0; by default E+.
+
+    Raises:
+        InputError: if E+ is not positive, or E- is negative.
+    """
+
+    tension: float
+    compression: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("tension", self.tension)
+        if self.compression is not None:
+            not_negative("compression", self.compression)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """(E+, E-)."""
+        return (self.tension, self.tension if self.compression is None else self.compression)
+
+    @property
+    def goes_slack(self) -> bool:
+        """Whether compressed bonds carry no force."""
+        return self.compression == 0.0
+
+    @property
+    def one_modulus(self) -> bool:
+        """Whether compressed bonds are as stiff as stretched ones."""
+        return self.compression is None or self.compression == self.tension
+
+    @property
+    def pairwise(self) -> PairwiseFactory:
+        """See `kernels.papers.bond_based.bimodular`."""
+        from ..kernels.papers.bond_based import bimodular
+
+        return bimodular
 
 
 @dataclass(frozen=True)
@@ -80,13 +128,11 @@ class BondBased:
         return BondBasedForce(self, context)
 
 
-class BondBasedForce(FamilyLaw):
+class BondBasedForce(BondForces):
     """The law on one sheet and device."""
 
     weights = "pairwise"
-    has_energy = True
     takes_curved = True
-    has_own_density = True
     offered_fields = FIELDS
 
     def __init__(self, law: BondBased, context: Context) -> None:
@@ -102,56 +148,44 @@ class BondBasedForce(FamilyLaw):
         if law.micromoduli == "corrected":
             weights = _corrected(families, sheet, weights)
         weights = families.scaled(weights)
-        super().__init__(law, context, families, None, weights)
-        breakable = context.layout.breakable
-        self.kernels = bond_based(context.layout, law.material.pairwise, context.sheet.stiffness is not None)
-        self.earlier_energy = self.kernels.earlier_energy
-        self._inner = inner_directions(context, self.owner, families, weights)
+        pairwise, stiffened = law.material.pairwise, context.sheet.stiffness is not None
+        bonds, self._fields = bond_based(context.layout, pairwise, stiffened)
+        super().__init__(law, context, families, None, weights, bonds)
+        inner = inner_directions(context, self.owner, families, weights)
+        self.density_arguments = {
+            "unit": 0.5 * STIFFNESS[law.state], "factors": factors(context),
+            "directions": inner.directions, "shares": inner.shares,
+        }  # fmt: skip
         # Weights are W_ik = (g/2) times the area that a bond represents.
         self._areas = 2.0 / STIFFNESS[law.state] * self._summed(weights)
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
-        self.once: BondsOnce | None = None
+        self.least_modulus = max(law.material.constants)
+        self.once: tuple[Kernel, Kernel] | None = None
         self._screened: Stage | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout.kind == "lattice" and not context.device.is_cuda:
-            members = families.members
-            pull = pull_of_bond(context.layout, law.material.pairwise)
-            self.once = bonds_once(context.bits, members, breakable, pull)
+            pull = pull_of_bond(context.layout, pairwise)
+            self.once = bonds_once(context.bits, families.members, context.layout.breakable, pull)
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at frames also those of the requested fields."""
         super().add(phase, stage)
-        if phase is Phase.FRAME:
-            self._add_field(stage, self.kernels.density, self.own_density)
-            for name, array in self._shown.items():
-                if name == "principal_stress":
-                    self._add_field(stage, self.kernels.principal_stress, array)
-                else:
-                    stage.launch(
-                        self.owner, self.kernels.wrinkle_level, self.points, family=self.struct,
-                        displacement=self.context.state.displacement, out=array,
-                    )  # fmt: skip
-
-    def _add_field(self, stage: Stage, kernel: Kernel, out: Array) -> None:
-        """Add the launch of a field that is exact in uniform states up to the edges."""
-        self.add_launch(
-            stage, kernel, self.context.state.displacement, unit=0.5 * STIFFNESS[self.law.state],
-            factors=factors(self.context), directions=self._inner.directions, shares=self._inner.shares, out=out,
-        )  # fmt: skip
+        for name, array in self._shown.items() if phase is Phase.FRAME else ():
+            given = {"family": self.struct, "displacement": self.context.state.displacement, "out": array}
+            if name == "principal_stress":
+                given |= {"constants": self.constants, **self.density_arguments}
+            stage.launch(self.owner, self._fields[name], self.points, **given)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        if self.once is not None:
-            if self._screened is not stage:
-                stage.launch(self.owner, self.once.forces_ahead, self.points, **self._forces_once(displacement))
-            stage.launch(
-                self.owner, self.once.sum_both_halves, self.points, **self._tables(), intact=self.intact,
-                ahead=self._ahead, unit_force=self.unit_force, force=out,
-            )  # fmt: skip
+        if self.once is None:
+            super().add_force(stage, displacement, out)
             return
-        self.add_launch(stage, self.kernels.pair_force, displacement, unit_force=self.unit_force, force=out)
+        if self._screened is not stage:
+            self._add_forces_ahead(stage, displacement)
+        stage.launch(self.owner, self.once[1], self.points, **self._tables(), unit_force=self.unit_force, force=out)
 
     @functools.cached_property
     def _ahead(self) -> Array:
@@ -162,16 +196,21 @@ class BondBasedForce(FamilyLaw):
     def _tables(self) -> dict[str, Any]:
         """Arguments common to the kernels that compute each bond once."""
         s = self.struct
-        return {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
-
-    def _forces_once(self, displacement: Array) -> dict[str, Any]:
-        """Arguments of the kernels that fill `_ahead`."""
-        s = self.struct
         return {
-            **self._tables(), "bond": s.stencil_bond, "weight": s.class_weight, "intact": self.intact,
-            "displacement": displacement, "constants": self.constants, "inverse_horizon": self.inverse_horizon,
-            "ahead": self._ahead,
+            "shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial,
+            "intact": self.intact, "ahead": self._ahead,
         }  # fmt: skip
+
+    def _add_forces_ahead(
+        self, stage: Stage, displacement: Array, nearly: float = 1.0, exceeding: Array | None = None
+    ) -> None:
+        """Add the launch that fills `_ahead`, and flags blocks with a squared stretch above `nearly` in `exceeding`."""
+        assert self.once is not None
+        stage.launch(
+            self.owner, self.once[0], -(-self.points // SCREENED), **self._tables(), bond=self.struct.stencil_bond,
+            weight=self.struct.class_weight, displacement=displacement, constants=self.constants,
+            inverse_horizon=self.inverse_horizon, nearly=nearly, exceeding=exceeding,
+        )  # fmt: skip
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
         """Add the launch that computes each bond force once and flags blocks in which bonds may break.
@@ -179,13 +218,10 @@ class BondBasedForce(FamilyLaw):
         It runs before bonds break; the later sum of the forces skips bonds that broke in between. Arguments and result
         are those of `BuiltLaw.screen_with_force`.
         """
-        if self.once is None or self.once.forces_and_screen is None:
+        if self.once is None:
             return False
         self._screened = stage
-        stage.launch(
-            self.owner, self.once.forces_and_screen, len(exceeding),
-            **self._forces_once(self.context.state.displacement), nearly=NEARLY * squared_stretch, exceeding=exceeding,
-        )  # fmt: skip
+        self._add_forces_ahead(stage, self.context.state.displacement, NEARLY * squared_stretch, exceeding)
         return True
 
     def represented_areas(self) -> np.ndarray:
@@ -251,9 +287,3 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
 @tangent_of.register
 def _(law: BondBasedForce, context: Context, geometric: bool) -> Tangent:
     return BondBasedTangent(law, law.law.material, context, geometric)
-
-
-@fictitious_mass.register(BondBasedForce)
-def _(law: BondBasedForce, stage: Stage) -> Array:
-    least = 1e-3 * (max(law.law.material.constants) * law.thickness)
-    return add_row_sums(law, stage, law.kernels.row_sums, least)

@@ -10,13 +10,14 @@ import numpy as np
 from ..context import Context
 from ..device.checks import positive
 from ..device.fields import Array
-from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
+from ..kernels.papers.bonds import BondLaw
 from ..kernels.papers.nodal import nodal
-from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
+from ..laws.family_law import require_one_material, whole_sheet
 from ..laws.weight_tables import point_tables
 from ..materials import Material, check_material, energy_density
+from .bond_law import BondForces
 
 
 @dataclass(frozen=True)
@@ -51,36 +52,31 @@ class Nodal:
         return NodalForce(self, context)
 
 
-class PointLaw(FamilyLaw):
+class PointLaw(BondForces):
     """Base class of laws with one deformation gradient per point.
 
     The families have no intersections. Their tables have K_i^-1 and 2 / tr K_i of the undamaged sheet instead of
     K_ij^-1 and W_ij, or, with corrected weights, one weight W_ij per bond.
     """
 
-    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, weights: str) -> None:
+    def __init__(
+        self, law: Law, influence: str | InfluenceFunction, context: Context, weights: str, bonds: BondLaw
+    ) -> None:
         require_one_material(context.sheet, f"the law {type(law).__name__}")
         sheet = whole_sheet(law, context)
         families, inverse, found, self.correction = point_tables(sheet, law.horizon, influence, weights == "corrected")
         self.weights = weights
-        super().__init__(law, context, families, inverse, found)
+        super().__init__(law, context, families, inverse, found, bonds)
 
 
 class NodalForce(PointLaw):
     """The nodal law on one sheet and device."""
 
-    has_energy = True
     takes_tension_field = True
 
     def __init__(self, law: Nodal, context: Context) -> None:
-        super().__init__(law, law.influence, context, law.weights)
+        super().__init__(law, law.influence, context, law.weights, nodal(context.layout, law.material.functions))
         self.material = self.shown_stress = law.material
-        self._force, self.earlier_energy, self.represented = nodal(context.layout, law.material.functions)
-
-    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        self.add_launch(stage, self._force, displacement, unit_force=self.unit_force, bond_force=self.pairs)
-        self.add_gather(stage, self.pairs, out)
 
     def soften(self, damage: Array, near: Array) -> None:
         """Reduce the stiffness of each family by the damage of its point, (N,)."""

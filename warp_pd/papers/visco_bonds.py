@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
 from ..kernels.papers.visco_bonds import visco_bonds
-from ..laws.family_law import FamilyLaw, require_one_material, whole_sheet
+from ..laws.family_law import require_one_material, whole_sheet
 from ..materials import Yeoh
 from ..step import Phase
 from ..visco.prony import at_once, prony_array, store_terms
 from ..visco.viscous import Prony
+from .bond_law import BondForces
 
 
 @dataclass(frozen=True)
@@ -60,66 +61,46 @@ class ViscoBondBased:
         return ViscoBondBasedForce(self, context)
 
 
-class ViscoBondBasedForce(FamilyLaw):
-    """The law on one sheet and device.
-
-    Attributes:
-        internal: Internal variables by name.
-    """
+class ViscoBondBasedForce(BondForces):
+    """The law on one sheet and device."""
 
     weights = "pairwise"
 
     def __init__(self, law: ViscoBondBased, context: Context) -> None:
-        self.law, self.has_energy, self.depends_on_time = law, law.has_energy, bool(law.prony)
-        self.has_own_density = law.has_energy
         require_one_material(context.sheet, "the law ViscoBondBased")
+        self.law, self.depends_on_time = law, bool(law.prony)
         families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
-        super().__init__(law, context, families, None, _bond_weights(families))
-        self.kernels = visco_bonds(context.layout, bool(law.prony))
-        self.earlier_energy = self.kernels.earlier_energy
-        self.prony: Array | None = None
-        self.internal: dict[str, Any] = {}
+        bonds, Constants = visco_bonds(context.layout, bool(law.prony))
+        super().__init__(law, context, families, None, _bond_weights(families), bonds)
+        self.bond_constants = Constants()
+        self.bond_constants.yeoh = self.constants
         if law.prony:
-            self.prony = prony_array(law.prony, context)
+            self.bond_constants.prony = prony_array(law.prony, context)
             rows = len(law.prony) * families.members
             for name, count in (("strain", families.members), ("viscous_stretch", rows)):
-                self.internal[name] = context.array(
+                array = context.array(
                     name, self.owner, context.types.real, shape=(count, self.points), per="bond", restart=True
                 )
+                setattr(self.bond_constants, name, array)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at the start the one that applies the initial displacement instantaneously."""
         super().add(phase, stage)
-        if self.prony is None:
-            if phase is Phase.FRAME:
-                self.add_launch(stage, self.kernels.density, self.context.state.displacement, out=self.own_density)
+        if self.bonds.update is None:
             return
-        state = self.context.state
         if phase is Phase.INTERNAL_VARIABLES:
-            assert state.step is not None
-            self._add_update(stage, state.displacement, state.step, self.prony)
+            self._add_update(stage, self.context.state.step, self.bond_constants.prony)
         elif phase is Phase.START and self.context.initial_displacement.any():
-            self._add_update(stage, state.displacement, *at_once(self.law.prony, self.context))
+            self._add_update(stage, *at_once(self.law.prony, self.context))
 
-    def _add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
+    def _add_update(self, stage: Stage, step: Array | None, prony: Array) -> None:
         """Add the launch that advances the internal variables to the end of a step [s], a single real number."""
+        assert step is not None and self.bonds.update is not None
         stage.launch(
-            self.owner, self.kernels.update, self.points, family=self.struct, displacement=displacement, step=step,
-            prony=prony, **self.internal,
+            self.owner, self.bonds.update, self.points, family=self.struct,
+            displacement=self.context.state.displacement, step=step, prony=prony,
+            strain=self.bond_constants.strain, viscous_stretch=self.bond_constants.viscous_stretch,
         )  # fmt: skip
-
-    def bond_force(self) -> Array:
-        """Force of each family on its bonds [N], (members, N) vec3."""
-        return self.pairs
-
-    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        self.add_launch(
-            stage, self.kernels.half_forces, displacement, unit_force=self.unit_force, prony=self.prony,
-            strain=self.internal.get("strain"), viscous_stretch=self.internal.get("viscous_stretch"),
-            bond_force=self.pairs,
-        )  # fmt: skip
-        self.add_gather(stage, self.pairs, out)
 
 
 def _bond_weights(families: Families) -> np.ndarray:

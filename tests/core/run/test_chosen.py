@@ -10,7 +10,7 @@ from small_runs import BALL, cli, simulate
 
 from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, Simulation
 from warp_pd.interfaces import BuiltPart, Part
-from warp_pd.papers.pairwise import Bimodular
+from warp_pd.papers.bond_based import Bimodular
 
 SHORT = (*BALL, "--duration", "0.05", "--frames", "2", "--no-usd")
 

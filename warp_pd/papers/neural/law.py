@@ -17,6 +17,7 @@ from ...device.launches import Call, Stage, Touched
 from ...families import InfluenceFunction, influence_function
 from ...interfaces import BuiltLaw, Columns, History
 from ...interfaces.frame import format_time
+from ...kernels.papers.bonds import BondLaw
 from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
@@ -148,15 +149,9 @@ class NeuralForce(PointLaw):
         outside: Number of bonds of each point outside the training range at the last count, int32, (N,), or None.
     """
 
-    has_energy = False
-
     def __init__(self, law: Neural, context: Context) -> None:
-        super().__init__(law, law.influence, context, law.resolved_weights(context.layout.breakable))
-        self.law = law
-        known = capabilities(law.material)
+        weights, known = law.resolved_weights(context.layout.breakable), capabilities(law.material)
         assert known.volume is not None
-        # A network gives forces divided by mu.
-        self._scale = 1.0 if law.evaluation == "closed_form" else networks.unit_of_stress(law.material)
         exact = (
             closed_form_of_stress(law.material.functions)
             if known.membrane is None
@@ -167,47 +162,48 @@ class NeuralForce(PointLaw):
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
         self.kernels = neural(
-            context.layout, law.material.functions, known.volume, exact, self.weights == "corrected",
-            law.evaluation == "torch", layers, law.loaded is not None,
-        )  # fmt: skip
-        self._fingerprint: Callable[[], str] | None = None
+            context.layout, law.material.functions, known.volume, exact, weights == "corrected", layers
+        )
+        torch = law.evaluation == "torch"
+        bonds = BondLaw(family_force=self.kernels.evaluated_force if torch else self.kernels.force)
+        super().__init__(law, law.influence, context, weights, bonds)
+        self.law = law
+        if law.evaluation != "closed_form":
+            # A network gives forces divided by mu.
+            self.stress_unit = networks.unit_of_stress(law.material)
         self.outside: Array | None = None
         if law.loaded is not None:
             self.outside = context.array("outside_range", self.owner, wp.int32, shape=self.points)
-        if law.evaluation == "torch":
+        self._network: Call | None = None
+        self._fingerprint: Callable[[], str] | None = None
+        if torch:
             slots, types = self.families.members * self.points, context.types
             self._features = context.array(
                 "features", self.owner, types.parameters, shape=slots, per="bond", intermediate=True
             )
-            self._results = context.array(
+            self.bond_constants = self.kernels.Evaluated()
+            self.bond_constants.points = self.points
+            self.bond_constants.pairs = context.array(
                 "bond_pairs", self.owner, types.vec2, shape=slots, per="bond", intermediate=True
             )
-            self._frame = context.array("frame", self.owner, types.mat32, shape=self.points)
-            self._network, self._fingerprint = _torch_call(law, self.owner, self._features, self._results)
+            self.bond_constants.frame = context.array("frame", self.owner, types.mat32, shape=self.points)
+            self._network, self._fingerprint = _torch_call(law, self.owner, self._features, self.bond_constants.pairs)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        kernels, unit_force = self.kernels, self._scale * self.unit_force
-        if kernels.direct is not None:
-            self.add_launch(stage, kernels.direct, displacement, unit_force=unit_force, bond_force=self.pairs)
-        else:
-            assert kernels.features is not None and kernels.spread is not None
+        if self._network is not None:
             self.add_launch(
-                stage, kernels.features, displacement, points=self.points, features=self._features, frame=self._frame
-            )
-            stage.call(self._network)
-            stage.launch(
-                self.owner, kernels.spread, self.points, family=self.struct, displacement=displacement,
-                frame=self._frame, pairs=self._results, unit_force=unit_force, points=self.points,
-                bond_force=self.pairs,
+                stage, self.kernels.features, displacement, points=self.points, features=self._features,
+                frame=self.bond_constants.frame,
             )  # fmt: skip
-        self.add_gather(stage, self.pairs, out)
+            stage.call(self._network)
+        super().add_force(stage, displacement, out)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at frames including the count of bonds outside the training range."""
         super().add(phase, stage)
         if phase is Phase.FRAME and self.outside is not None:
-            assert self.law.loaded is not None and self.kernels.outside is not None
+            assert self.law.loaded is not None
             least, most = self.law.loaded.stretches
             displacement = self.context.state.displacement
             self.add_launch(stage, self.kernels.outside, displacement, least=least, most=most, out=self.outside)

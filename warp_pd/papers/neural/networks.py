@@ -63,12 +63,7 @@ class Network:
 
     def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Layers (weights, biases) that include the scaling of inputs and outputs."""
-        layers = [(w.copy(), b.copy()) for w, b in zip(self.weights, self.biases, strict=True)]
-        w, b = layers[0]
-        layers[0] = (w / self.input_scale, b - w @ (self.input_mean / self.input_scale))
-        w, b = layers[-1]
-        layers[-1] = (w * self.output_scale[:, None], b * self.output_scale)
-        return layers
+        return _folded(self, 0.0)
 
     def sigmoids(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
         """The layers of `folded` for 1 / (1 + exp y) instead of tanh between them: columns of the weights, biases.
@@ -200,12 +195,16 @@ class PlainNetwork:
 
     def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Layers (weights, biases) that include the scaling of inputs and outputs."""
-        layers = list(zip(self.weights, self.biases, strict=True))
-        w, b = layers[0]
-        layers[0] = (w / self.input_scale, b - w @ (self.input_mean / self.input_scale))
-        w, b = layers[-1]
-        layers[-1] = (w * self.output_scale[:, None], b * self.output_scale + self.output_mean)
-        return layers
+        return _folded(self, self.output_mean)
+
+
+def _folded(network: Network | PlainNetwork, output_mean: np.ndarray | float) -> list[tuple[np.ndarray, np.ndarray]]:
+    layers = list(zip(network.weights, network.biases, strict=True))
+    w, b = layers[0]
+    layers[0] = (w / network.input_scale, b - w @ (network.input_mean / network.input_scale))
+    w, b = layers[-1]
+    layers[-1] = (w * network.output_scale[:, None], b * network.output_scale + output_mean)
+    return layers
 
 
 def plain(path: str | Path) -> PlainNetwork | None:

@@ -14,16 +14,13 @@ from .networks import OUTPUTS, Network, PlainNetwork
 
 def torch_module(network: Network) -> Any:
     """The network as a float64 torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2)."""
+    return bond_network(plain_module(network))
+
+
+def plain_module(network: Network | PlainNetwork) -> Any:
+    """The layers of a network as a float64 torch.nn.Module; of a plain one, from (lambda, theta, C33, det F) to T."""
     layers: list[Any] = []
     for w, b in network.folded():
-        layers += [_linear(w, b), torch.nn.Tanh()]
-    return bond_network(torch.nn.Sequential(*layers[:-1]))
-
-
-def plain_module(plain: PlainNetwork) -> Any:
-    """A plain network as a float64 torch.nn.Module from (lambda, theta, C33, det F), (B, 4), to T, (B, 2)."""
-    layers: list[Any] = []
-    for w, b in plain.folded():
         layers += [_linear(w, b), torch.nn.Tanh()]
     return torch.nn.Sequential(*layers[:-1])
 
