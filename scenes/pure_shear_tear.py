@@ -98,9 +98,14 @@ def build(
         return next((row["release_ratio"] for row in history if row["tip"] > advance * spacing), None)
 
     def slope(history, key, over):
-        """Slope of a number against another while the tear runs, away from both of its ends."""
-        rows = [(row[over], row[key]) for row in history if advance * spacing < row["tip"] < 2.0 * HEIGHT]
-        return None if len(rows) < 3 else float(np.polyfit(*np.transpose(rows), 1)[0])
+        """Slope of a number against another while the tear runs, away from both of its ends.
+
+        A tip that waits and then crosses the strip between two frames has no slope.
+        """
+        running = [row for row in history if advance * spacing < row["tip"] < 2.0 * HEIGHT]
+        if len(running) < 3 or running[-1]["tip"] - running[0]["tip"] < 0.5 * HEIGHT:
+            return None
+        return float(np.polyfit([row[over] for row in running], [row[key] for row in running], 1)[0])
 
     def released_ratio(history):
         per_length = slope(history, "rupture", "tip")

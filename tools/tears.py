@@ -87,7 +87,8 @@ class Tear:
 # Those that have a truth for a short length take the default one, four spacings.
 TEARS = (
     Tear("trousers", "tear_ratio", (30, 40, 60, 80)),
-    Tear("edge_notch", "onset_ratio", (60, 80, 120, 160)),
+    # Its largest load is that of a frame: 150 of them would round G to 2 %.
+    Tear("edge_notch", "onset_ratio", (60, 80, 120, 160), {"frames": 900}),
     Tear("running_crack", "released_ratio", (40, 60, 80, 120), {"overload": 1.5}),
     Tear(
         "double_notch", "largest_load", (80, 112, 160, 224),

@@ -41,6 +41,14 @@ def test_the_energy_density_is_the_work_of_the_stress(material):
     assert float(energy_density(material, 2.0, 1.0)) == pytest.approx(np.trapezoid(loads, stretches), rel=2e-3)
 
 
+def test_a_tip_that_waits_and_then_jumps_has_neither_speed_nor_released_energy():
+    outcomes = {outcome.name: outcome.value for outcome in pure_shear_tear.build(points=16, advance=4.0).outcomes}
+    waits = [{"time": float(t), "tip": 0.011 + 1e-5 * t, "rupture": 1e-5 * t * t} for t in range(10)]
+    runs = [{"time": 10.0 + t, "tip": 0.011 + 7e-3 * t, "rupture": 2e-3 * 7e-3 * t} for t in range(8)]
+    assert outcomes["released_ratio"](waits) is None and outcomes["crack_speed"](waits) is None
+    assert abs(outcomes["released_ratio"](runs) - 1.0) < 1e-9 and abs(outcomes["crack_speed"](runs) - 7e-3) < 1e-9
+
+
 def test_laws_without_an_energy_density_refuse_it():
     sheet = square(9)
     with refused(match=r"^damage = TearingEnergy: expected .*BondAssociated.*, got BondBased$"):

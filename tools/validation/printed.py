@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from study import whole
 from treloar import DATA
 
-from validation.comparison import Comparison, finished, median_deviation
+from validation.comparison import Comparison, UnfinishedError, finished, median_deviation
 from warp_pd import (
     BondAssociated,
     Circle,
@@ -39,7 +39,7 @@ WIDE, HIGH, THICKNESS = 0.024, 0.048, 2.5e-3
 HOLES = (Circle((0.016, 0.016), 4e-3), Circle((8e-3, 0.032), 4e-3))
 # Forces and energies of strips are computed for a modulus of 1 MPa, and are proportional to it.
 UNIT = NeoHookean(1e6, 1e8)
-STROKES = np.array([0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 23.0, 26.0]) * 1e-3
+STROKES = np.array([0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 23.0, 26.0, 30.0]) * 1e-3
 # Load steps between two of them.
 LOAD_STEPS = 2
 # Lengths of the computed notches [mm], before they are rounded to the grid.
@@ -172,7 +172,17 @@ def tearing_energy(points: int, day: Sequence[tuple[float, float]], modulus: flo
 
 
 def breaking_force(points: int, notch: float, energy: float, modulus: float, device: str | None) -> float:
-    """Force [N] at which both notches of a strip run: G is the tearing energy [J/m^2]."""
+    """Force [N] at which both notches of a strip run: G is the tearing energy [J/m^2].
+
+    Raises:
+        UnfinishedError: if G stays below the tearing energy at the largest computed stroke.
+    """
+    largest = modulus * release_rate(points, notch, STROKES[-1], device)
+    if largest < energy:
+        raise UnfinishedError(
+            f"notches of {1e3 * notch:g} mm at {points} points: expected a G of {energy:.4g} J/m^2 within "
+            f"{1e3 * STROKES[-1]:g} mm, got {largest:.4g}"
+        )
     stroke = brentq(lambda u: modulus * release_rate(points, notch, u, device) - energy, STROKES[1], STROKES[-1])
     return modulus * float(strip_forces(points, notch, np.array([stroke]), device)[0])
 
