@@ -154,7 +154,7 @@ def damage_field(
         other: wp.array(dtype=real),
         arrived: wp.array(dtype=wp.int32),
     ):
-        """Run the sweeps `sweep_begin` to `sweep_end` - 1: one on a CPU, whose threads cannot wait for each other."""
+        """Run the sweeps `sweep_begin` to `sweep_end` - 1: one, or those of one thread, on a CPU, where none waits."""
         thread = wp.tid() + first
         blocks = (wp.min(count[0], stride) + wp.block_dim() - 1) // wp.block_dim()
         if thread // wp.block_dim() < blocks:

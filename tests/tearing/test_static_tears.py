@@ -6,7 +6,20 @@ from helpers import refused, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
-from warp_pd import ArcLength, CriticalStretch, Fixed, Measure, Motion, Newton, Relaxation, Sheet, TearingEnergy
+from warp_pd import (
+    ArcLength,
+    CriticalStretch,
+    Fixed,
+    Measure,
+    Motion,
+    NeoHookean,
+    Newton,
+    PointForce,
+    Relaxation,
+    Sheet,
+    TearingEnergy,
+    TensionField,
+)
 from warp_pd.measures import support_force
 from warp_pd.statics import static_rounds
 from warp_pd.statics.tear_steps import TearSteps
@@ -192,3 +205,37 @@ def test_a_path_ends_where_neither_load_nor_tear_goes_on(monkeypatch):
     result = run(sheet, ArcLength(increment=0.1), loads=loads, damage=damage, weights="corrected")
     assert result.status == "ended early" and len(result.history) < 12
     assert any("neither the load nor the tear goes on" in note for note in result.summary["notes"])
+
+
+def slack_behind(load):
+    """A notched strip under a dead load; what lies behind the notch is slack."""
+    sheet = Sheet.rectangle(0.1, 0.05, thickness=1e-3, density=1000.0, points=(21, 11)).cut(
+        (-0.01, 0.0275), (0.03, 0.0275)
+    )
+    top, bottom = sheet.edges("top"), sheet.edges("bottom")
+    loads = [
+        Fixed(bottom), Fixed(np.arange(sheet.size), "z"), Fixed(top, "x"), PointForce(top, (0.0, load / len(top), 0.0))
+    ]  # fmt: skip
+    return sheet, {"loads": loads, "damage": TearingEnergy(20.0, spared=np.concatenate([top, bottom]))}
+
+
+def test_a_path_sets_out_from_a_slack_sheet_and_keeps_its_tangents(monkeypatch):
+    """A slack sheet takes as many Newton steps at any load, however small; rounds of a tear share tangents."""
+    material = TensionField(NeoHookean(mu=1e5, bulk=1e7), slack_stiffness=1e3)
+    sheet, parts = slack_behind(14.0)
+    tangents = []
+    linearise = TearSteps.linearise
+    monkeypatch.setattr(TearSteps, "linearise", lambda self, *given: tangents.append(1) or linearise(self, *given))
+    solver = ArcLength(increment=0.2, modes=0, most_steps=5, most_iterations=8)
+    result = run(sheet, solver, material=material, weights="corrected", **parts)
+    solve = result.summary["solve"]
+    assert result.status == "finished" and solve["rounds"] > 4
+    assert len(solve["load_steps"][0]["lattices"][0]["shares"]) > 8
+    assert solve["found"][0]["kind"] == "maximum"
+    assert len(tangents) < 0.75 * solve["iterations"]
+
+
+def test_sweeps_of_a_static_tear_are_one_launch():
+    built = simulate(SHEET, Newton(load_steps=1), loads=pulled([0.02]), damage=tearing(8.0)).build("cpu", 64)
+    launches = [launch for launch in built.context.stages["damage"].launches() if launch.name == "sweep"]
+    assert built.rupture.sweeps > 50 and len(launches) == 1

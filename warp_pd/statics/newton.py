@@ -18,6 +18,7 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER
 from .newton_settings import StaticSolver
+from .secants import Secants
 from .static_system import StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
@@ -200,11 +201,12 @@ class BuiltNewton(StaticSystem):
             u0, u1 = (array.numpy().astype(np.float64) for array in (self.earlier, self.good))
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)
-        entry = self.report.load_steps[-1]
+        entry, secants = self.report.load_steps[-1], Secants()
         while converged and (then := self.rounds.following(entry, residual, self.tolerance)) is not None:
             if then.broken:
                 self._kept_factor = None
-            found, whole = self._descend(0, factor, sink, then.tolerance, then.title), entry["lattices"][-1]
+            kept = secants if then.broken else None
+            found, whole = self._descend(0, factor, sink, then.tolerance, then.title, kept), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]
             converged, residual = found["converged"] and not self.rounds.runs_through(entry), found["residuals"][-1]

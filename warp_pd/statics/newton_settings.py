@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from ..device.checks import InputError, below_one, count, one_of, positive
@@ -25,6 +25,11 @@ class NewtonSettings:
     def stiffness(self) -> str:
         """The tangent, or "constant" (`Newton`)."""
         return "tangent"
+
+    @property
+    def at_fixed_load(self) -> NewtonSettings:
+        """Settings of steps at a fixed load factor."""
+        return self
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
@@ -54,6 +59,11 @@ class PathSettings(StaticSolver):
     most_cuts: int = 10
     modes: int = 3
     switch: int = 0
+
+    @property
+    def at_fixed_load(self) -> NewtonSettings:
+        """Newton's own number of steps: from a slack sheet it does not fall with the load, as that of correctors."""
+        return replace(self, most_iterations=max(self.most_iterations, NewtonSettings.most_iterations))
 
     def __post_init__(self) -> None:
         super().__post_init__()

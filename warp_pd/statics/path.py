@@ -58,7 +58,8 @@ class ArcLength(PathSettings):
         increment: Maximum change of the load factor in a step, and the load factor of the first point.
         tolerance: As for `Newton`.
         most_steps: Maximum number of points of the path.
-        most_iterations: Number of corrector steps after which a step counts as failed.
+        most_iterations: Number of corrector steps after which a step counts as failed; those at a fixed load, as for
+            `Newton`, are 30 or more.
         most_cuts: Maximum number of times that one step is halved.
         modes: Number of lowest eigenvalues to compute at every point; with 0 only limit points are found.
         switch: Number of the bifurcation, from 1, at which the path takes the other branch; 0 to stay on its branch.

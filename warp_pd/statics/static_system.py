@@ -24,6 +24,7 @@ from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
+from .secants import Secants
 from .static_rounds import StaticRounds
 from .tangent import Tangent
 from .tangent_of import tangent_of
@@ -32,12 +33,15 @@ from .tangent_of import tangent_of
 MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
+# Residual over the last one up to which rounds of rupture keep a factorised tangent.
+SLOWEST = 0.5
 
 
 class StaticSystem(BuiltSolver):
     """Base class of solvers that find a displacement by iteration: at given loads, along a path, or of a time step.
 
     Attributes:
+        at_fixed_load: Settings of Newton's steps at a fixed load factor.
         levels: The sheet, followed by coarser lattices over it.
         solvers: Linear solvers of the levels.
         kept: State of the last good load step.
@@ -62,7 +66,7 @@ class StaticSystem(BuiltSolver):
 
     def __init__(self, settings: NewtonSettings, context: Context, law: BuiltLaw) -> None:
         self.label = f"solver = {self.name}"
-        self.settings, self.context = settings, context
+        self.settings, self.at_fixed_load, self.context = settings, settings.at_fixed_load, context
         self.tangent: Tangent = tangent_of(law, context, settings.stiffness == "tangent")
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
         self.sizes, self._begin = Sizes(), 0.0
@@ -211,16 +215,24 @@ class StaticSystem(BuiltSolver):
         return found["converged"], found["residuals"][-1]
 
     def _descend(
-        self, index: int, factor: float, sink: FrameSink, tolerance: float, round_of: str = ""
-    ) -> dict[str, Any]:
-        """Run Newton steps on a lattice at a load factor, and return the report entry."""
+        self, index: int, factor: float, sink: FrameSink, tolerance: float, round_of: str = "",
+        secants: Secants | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Run Newton steps on a lattice at a load factor, and return the report entry.
+
+        With `secants`, those of the tangent, they begin with the tangent that is there: it has changed little.
+        """
 
         def report(steps: int, residual: float) -> None:
             sink.progress(steps, residual, tolerance, round_of)
 
+        solver = self.solvers[index]
+        if solver.kind != "direct" or self.levels[index].following or solver.factors is None:
+            secants = None
         return Descent(
-            self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),
+            self.at_fixed_load, self.levels[index], solver, partial(self.linearise, index),
             self.target(index, factor), self.sizes, tolerance, report if index == 0 else None,
+            None if secants is None else SLOWEST, secants=secants,
         ).run()  # fmt: skip
 
     def set_loads(self, factor: float, index: int = 0) -> None:

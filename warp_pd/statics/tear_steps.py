@@ -11,6 +11,7 @@ from ..device.fields import assign
 from ..interfaces import FrameSink, System
 from .corrector import Corrector, Origin, norm
 from .level import OWNER
+from .secants import Secants
 
 # Accuracy of the energy over its growth in a step, and largest number of trials, each way.
 CLOSE, MOST_TRIALS = 1e-3, 40
@@ -83,7 +84,7 @@ class TearSteps(Corrector):
         Returns:
             None if no equilibrium was found.
         """
-        level, rounds, entry = self.levels[0], self.rounds, self.report.load_steps[-1]
+        level, rounds, entry, secants = self.levels[0], self.rounds, self.report.load_steps[-1], Secants()
         stored, unit = rounds.energy(), self.state.release * self.tear_energy
         least, stride = 1e-3 * self.settings.increment, 0.1 * self.settings.increment
         residual, tolerance = math.inf, max(self.tolerance, rounds.close_enough)
@@ -107,7 +108,9 @@ class TearSteps(Corrector):
                     return here
                 factor, tolerance = here, self.tolerance
             self.set_loads(sign * factor)
-            found = self._descend(0, sign * factor, sink, tolerance, f"round {again + 1} of rupture")
+            title = f"round {again + 1} of rupture"
+            # A run that goes on from a file has no tangent of an earlier step.
+            found = self._descend(0, sign * factor, sink, tolerance, title, secants if again else None)
             entry["lattices"].append(found)
             entry["rounds"] = again + 1
             residual = sink.residual = found["residuals"][-1]

@@ -208,9 +208,10 @@ class CutsInTime(Rupture):
     def __post_init__(self) -> None:
         if not self.each or not all(isinstance(cut, (Slit, Seam, Punch)) for cut in self.each):
             raise InputError(f"CutsInTime.cuts = {said(self.cuts)}: expected a Slit, Seam or Punch, or a list of them")
-        if self.beside is not None and (not isinstance(self.beside, Rupture) or isinstance(self.beside, CutsInTime)):
+        criterion = self.beside is None or (hasattr(self.beside, "is_field") and not isinstance(self.beside, type))
+        if not criterion or isinstance(self.beside, CutsInTime):
             raise InputError(
-                f"CutsInTime.beside = {self.beside!r}: expected a criterion, such as TearingEnergy, or None"
+                f"CutsInTime.beside = {said(self.beside)}: expected a criterion, such as TearingEnergy, or None"
             )
 
     @property

@@ -282,7 +282,9 @@ class DamageField(Damaged):
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
         refuse_shared_device(context.device)
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
-        self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else self._threads
+        # In equilibrium there are many sweeps over few points: one CPU thread runs them sooner than so many launches.
+        on_cpu = self._threads if context.dynamic or self._ghosts is not None else 1
+        self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else on_cpu
         # Whether several launches find the damage of a step beside the force of undamaged families, or one launch does
         # before it, and whether this also lists the points.
         at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
@@ -380,7 +382,7 @@ class DamageField(Damaged):
         )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that compute the damage of a step and break bonds."""
+        """Add the launches that find damage and break bonds."""
         with stage.every(self._every):
             if self._at_once:
                 self._add_finding(stage, self.sweeps)
@@ -477,7 +479,7 @@ class DamageField(Damaged):
                 stage, self._threads, driving=self._driving, damage=self.field, other=self._other, before=self._before,
                 listed=self._listed, count=self._count,
             )  # fmt: skip
-        together = 1 if self._found is not None else sweeps if self._ghosts is None else LAYERS
+        together = 1 if self._found is not None and self._sweepers > 1 else sweeps if self._ghosts is None else LAYERS
         for begin in range(0, sweeps, together):
             if self._ghosts is not None and begin and begin % LAYERS == 0:
                 self._ghosts.add_exchange(stage, self.field, self._other)
