@@ -17,7 +17,7 @@ from study import DOCS, run_tool
 
 # Bytes of a picture, and of those that a page shows large or that hold many panels.
 USUAL = 40_000
-LARGE = {"scenes.png": 70_000, "visco.png": 60_000}
+LARGE = {"scenes.png": 70_000, "visco.png": 60_000, "fields.png": 100_000, "one-core.png": 60_000}
 # Colours to try, most first, and how much narrower a picture gets when the fewest are not enough.
 COLOURS, NARROWER = (128, 64, 48), 0.85
 

@@ -1,9 +1,10 @@
 """The table of printed numbers: its rows, its file, its pages."""
 
+import csv
 import json
 
 import pytest
-from papers.__main__ import HEADING, NUMBERS, PAPERS, chosen, examples, judged, main, pages
+from papers.__main__ import NUMBERS, PAPERS, chosen, examples, judged, main, pages
 from papers.rows import Row
 from papers.store import load
 
@@ -49,13 +50,15 @@ def test_a_verdict_follows_from_the_numbers():
 
 
 def test_the_pages_show_the_numbers_of_the_file(tmp_path):
-    """A committed table is what the command makes from the committed file."""
+    """Committed tables are what the command makes from the committed file; one has every row."""
     for name in PAPERS:
         (tmp_path / f"{name}.md").write_text((NUMBERS.parent / f"{name}.md").read_text())
     pages(load(NUMBERS), tmp_path)
-    for name in PAPERS:
-        text = (tmp_path / f"{name}.md").read_text()
-        assert HEADING in text and text == (NUMBERS.parent / f"{name}.md").read_text()
+    for name in ("printed.csv", *(f"{name}.md" for name in PAPERS)):
+        text = (tmp_path / name).read_text()
+        assert text == (NUMBERS.parent / name).read_text()
+    with (tmp_path / "printed.csv").open() as file:
+        assert len(list(csv.reader(file))) == 1 + sum(len(paper.ROWS) for paper in PAPERS.values())
 
 
 def test_an_unknown_example_is_refused_in_one_line():

@@ -29,3 +29,8 @@ def test_a_crack_across_has_the_tearing_energy():
 def test_a_pulled_strip_tears_at_its_tearing_energy():
     """G = H W, exactly (Rivlin and Thomas 1953); the length of the field is a quarter of the height."""
     assert abs(SCENES["pure_shear_tear"](16, False).scalar) < 0.06
+
+
+def test_two_notches_tear_at_a_load_that_coarse_elements_know():
+    """An element of two thirds of the length of the field."""
+    assert abs(SCENES["double_notch"](40, False).scalar) < 0.03

@@ -22,6 +22,8 @@ NEAR = 1e-9
 GENT = gent(1e3, 200e3, 160.0)
 # Distance between the damage of a cut and its end, over the length of the field, as `TearingEnergy` has it.
 RECESS = 0.25 * np.pi
+# Of the torn strip, over Gc.
+LOAD_STEP = 0.005
 
 
 @dataclass(frozen=True)
@@ -139,11 +141,12 @@ def pure_shear_tear(points: int, nine: bool) -> Torn:
     sheet = TornSheet(
         scene.LENGTH, scene.HEIGHT, begin, enough + 2.5 * length - begin, energy, length, size, scene.MU
     )  # fmt: skip
-    for ratio in (0.2, 0.4, 0.6, 0.75, 0.85, *np.arange(0.9, 2.0, 0.005)):
+    for ratio in (0.2, 0.4, 0.6, 0.75, 0.85, *np.arange(0.9, 2.0, LOAD_STEP)):
         stretch = scene.stretch_at(NeoHookean(scene.MU, 1e6 * scene.MU), ratio * energy / scene.HEIGHT)
         sheet.pull((stretch - 1.0) * scene.HEIGHT, enough)
         if sheet.tip > enough:
-            return Torn(sheet.membrane, float(ratio) - 1.0)
+            # It tears within the last step.
+            return Torn(sheet.membrane, float(ratio) - 0.5 * LOAD_STEP - 1.0)
     raise ArithmeticError("does not tear at twice Gc")
 
 
@@ -153,8 +156,8 @@ def double_notch(points: int, nine: bool) -> Torn:
     sheet = TornSheet(half, half, notch - RECESS * length, half, 0.9, length, 2.0 * half / points, 1e3, mirrored=True)
     largest = 0.0
     for opening in (0.5e-3, 1e-3, 1.5e-3, 1.8e-3, *np.arange(2e-3, 4e-3, 2e-5)):
-        # Thickness of 1 mm.
-        force = 1e-3 * sheet.pull(opening, 0.99 * half)
+        # Two halves, 1 mm thick.
+        force = 2e-3 * sheet.pull(opening, 0.99 * half)
         if force < 0.9 * largest:
             return Torn(sheet.membrane, largest / NOTCHED_LOAD - 1.0)
         largest = max(force, largest)

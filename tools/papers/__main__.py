@@ -8,12 +8,13 @@
 
 An example is a scene as `warp-pd run SCENE --as-published` has it, or with one thing replaced where the paper leaves it
 open. Its numbers are written as soon as they are there, so that a call can be repeated after an interruption.
-`--only ba.6.1` runs all examples whose key begins so. The section *Every printed number* of docs/papers/ba.md and so on
-is made from them.
+`--only ba.6.1` runs all examples whose key begins so. From them docs/papers/printed.csv is made, one table of all rows,
+and the section *Every printed number* of docs/papers/ba.md and so on, which shows what does not match.
 """
 
 from __future__ import annotations
 
+import csv
 import sys
 import time
 from collections.abc import Sequence
@@ -71,15 +72,23 @@ def judged(row: Row, found: dict[str, Any]) -> list[str]:
 
 
 def pages(found: dict[str, Any], folder: Path) -> None:
-    """Renew the section of every paper's page."""
+    """Write all rows to printed.csv, and renew the section of every paper's page: what does not match."""
+    with (folder / "printed.csv").open("w", encoding="utf-8", newline="") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(["paper", *HEAD, "made"])
+        for name, paper in PAPERS.items():
+            made = {key: example["made"] for key, example in found.items()}
+            lines.writerows([name, *judged(row, found), made.get(row.example, "")] for row in paper.ROWS)
     for name, paper in PAPERS.items():
-        run = [row for row in paper.ROWS if row.example in (*found, "elements")]
-        made = sorted({found[row.example]["made"] for row in run if row.example in found})
-        words = f"By `python -m tools.papers --only {name}` (`docs/papers/printed.json`); {'; '.join(made)}."
-        missing = list(dict.fromkeys(row.example for row in paper.ROWS if row not in run))
-        if missing:
-            words += f" {len(paper.ROWS) - len(run)} more printed numbers have no run yet: `{'`, `'.join(missing)}`."
-        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, [judged(row, found) for row in run])]})
+        run = [(row, judged(row, found)) for row in paper.ROWS if row.example in (*found, "elements")]
+        other = [cells for _, cells in run if cells[-1] != "matches"]
+        made_on = sorted({found[row.example]["made"] for row, _ in run if row.example in found})
+        words = (
+            f"{len(paper.ROWS)} numbers and statements: {len(run) - len(other)} match, {len(other)} do not (below), "
+            f"{len(paper.ROWS) - len(run)} have no run yet. All are in [printed.csv](printed.csv), by "
+            f"`python -m tools.papers --only {name}`; {'; '.join(made_on)}."
+        )
+        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, other)]})
 
 
 def main() -> None:
