@@ -5,7 +5,7 @@ import json
 
 import pytest
 from papers.__main__ import NUMBERS, PAPERS, chosen, examples, judged, main, pages
-from papers.rows import Row
+from papers.rows import Row, merged
 from papers.store import load
 
 from warp_pd import InputError
@@ -47,6 +47,16 @@ def test_a_verdict_follows_from_the_numbers():
     assert number.judged({"why": "it moves more than a horizon in one step"})[2].startswith("it moves")
     statement = Row("x", "", "", "some", "y", low=1.0)
     assert statement.judged({"y": 2.0})[2] == "matches" and statement.judged({"y": 0.5})[2] == "differs"
+
+
+def test_neighbours_that_are_read_at_other_places_are_one_row():
+    def row(at, ours, verdict):
+        return ["5.1", f"force at {at} s, off (%)", "good", ours, "as published", "", verdict]
+
+    other = ["5.1", "pieces at the end", "2", "2", "as published", "", "matches"]
+    rows = merged([row("1.5", "7", "differs"), row("2", "3", "matches"), other, row("3", "1", "matches"), other])
+    assert rows[0] == ["5.1", "force at 1.5, 2 s, off (%)", "good", "7, 3", "as published", "", "differs, matches"]
+    assert rows[1:] == [other, row("3", "1", "matches"), other]
 
 
 def test_the_pages_show_the_numbers_of_the_file(tmp_path):

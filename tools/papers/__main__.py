@@ -29,7 +29,7 @@ if not __package__ or __package__ != "papers":
 from study import DOCS, device_title, provenance, renew, run_tool, study_parser, table  # noqa: E402
 
 from papers import ba, he, im, nn, ve  # noqa: E402
-from papers.rows import Row  # noqa: E402
+from papers.rows import Row, merged  # noqa: E402
 from papers.store import load, save  # noqa: E402
 from warp_pd import InputError  # noqa: E402
 
@@ -88,7 +88,7 @@ def pages(found: dict[str, Any], folder: Path) -> None:
             f"{len(paper.ROWS) - len(run)} have no run yet. All are in [printed.csv](printed.csv), by "
             f"`python -m tools.papers --only {name}`; {'; '.join(made_on)}."
         )
-        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, other)]})
+        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, merged(other))]})
 
 
 def main() -> None:

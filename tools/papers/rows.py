@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,8 @@ from warp_pd.papers.as_published import as_published
 from warp_pd.run.result import Result
 
 Values = dict[str, Any]
+# What a quantity is read at, as in "force at 1.5, off the exact one (%)".
+READ_AT = re.compile(r"(?<= at )[\d.]+")
 # The numbers of an example, computed on a device; None is the default one.
 Example = Callable[[str | None], Values]
 
@@ -69,6 +72,36 @@ class Row:
             return ours, "", "matches" if self.low <= value <= self.high else "differs"
         off = value / self.value - 1.0
         return ours, f"{100.0 * off:+.2g} %", "matches" if abs(off) <= self.within else "differs"
+
+
+def merged(rows: Sequence[list[str]]) -> list[list[str]]:
+    """Rows of a table in which neighbours that differ in what they are read at alone are one."""
+    groups: list[list[list[str]]] = []
+    for row in rows:
+        if groups and READ_AT.search(row[1]) and _kind(row) == _kind(groups[-1][0]):
+            groups[-1].append(row)
+        else:
+            groups.append([row])
+    return [_together(group) for group in groups]
+
+
+def _kind(row: list[str]) -> tuple[str, str, str, str]:
+    where, quantity, printed, _, reading, _, _ = row
+    return where, READ_AT.sub("", quantity, count=1), printed, reading
+
+
+def _together(group: list[list[str]]) -> list[str]:
+    if len(group) == 1:
+        return group[0]
+    where, quantity, printed, _, reading, _, _ = group[0]
+    read_at = [found[0] for row in group if (found := READ_AT.search(row[1]))]
+    ours, differences, verdicts = (
+        values[:1] if len(set(values)) == 1 else values for values in ([row[i] for row in group] for i in (3, 5, 6))
+    )
+    return [
+        where, READ_AT.sub(", ".join(read_at), quantity, count=1), printed, ", ".join(ours), reading,
+        ", ".join(differences), ", ".join(verdicts),
+    ]  # fmt: skip
 
 
 def run_scene(scene: str, device: str | None, **settings: Any) -> tuple[Values, Result | None]:
