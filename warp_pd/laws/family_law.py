@@ -256,7 +256,7 @@ class FamilyLaw(BuiltLaw):
         Raises:
             InputError: by default, because the law has no energy to reduce.
         """
-        raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
+        raise InputError(f"damage = TearingEnergy: expected BondAssociated, Visco, Nodal or Neural, got {self.owner}")
 
     def represented_areas(self) -> np.ndarray:
         """Area represented by the bonds of each point of the undamaged sheet [m^2], shape (N,)."""
@@ -287,7 +287,7 @@ class FamilyLaw(BuiltLaw):
         Raises:
             InputError: if the law has none.
         """
-        raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
+        raise InputError(f"damage = TearingEnergy: expected BondAssociated, Visco, Nodal or Neural, got {self.owner}")
 
     def fingerprint(self) -> str:
         """A hash of some values of the influence function."""

@@ -65,8 +65,16 @@ class PointLaw(BondForces):
         require_one_material(context.sheet, f"the law {type(law).__name__}")
         sheet = whole_sheet(law, context)
         families, inverse, found, self.correction = point_tables(sheet, law.horizon, influence, weights == "corrected")
-        self.weights = weights
+        self.weights, self.material = weights, law.material
         super().__init__(law, context, families, inverse, found, bonds)
+
+    def soften(self, damage: Array, near: Array) -> None:
+        """Reduce the stiffness of each family by the damage of its point, (N,)."""
+        self.damage, self.near_damage = damage, near
+
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density of the material [J/m^3], in pure shear by default."""
+        return energy_density(self.material, stretch, across, self.context.device)
 
 
 class NodalForce(PointLaw):
@@ -76,12 +84,4 @@ class NodalForce(PointLaw):
 
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context, law.weights, nodal(context.layout, law.material.functions))
-        self.material = self.shown_stress = law.material
-
-    def soften(self, damage: Array, near: Array) -> None:
-        """Reduce the stiffness of each family by the damage of its point, (N,)."""
-        self.damage, self.near_damage = damage, near
-
-    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
-        """Energy density of the material [J/m^3], in pure shear by default."""
-        return energy_density(self.material, stretch, across, self.context.device)
+        self.shown_stress = law.material

@@ -19,6 +19,7 @@ from ...interfaces import BuiltLaw, Columns, History
 from ...interfaces.frame import format_time
 from ...kernels.papers.bonds import BondLaw
 from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
+from ...kernels.papers.nodal import nodal
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
 from ...step import Phase
@@ -42,7 +43,7 @@ class Neural:
 
     The force of a bond depends on its own deformation, not on the stress of its family. That removes the zero-energy
     modes of `Nodal` without a deformation gradient for every bond. The force has no potential, so runs report neither
-    strain energy nor an energy balance.
+    strain energy nor an energy balance. `TearingEnergy` takes the energy of the material at the gradient of a family.
 
     Attributes:
         material: A hyperelastic material. NeoHookean and Gent take C33 from the family, as the paper does; of others
@@ -168,6 +169,9 @@ class NeuralForce(PointLaw):
         bonds = BondLaw(family_force=self.kernels.evaluated_force if torch else self.kernels.force)
         super().__init__(law, law.influence, context, weights, bonds)
         self.law = law
+        # No potential of the force: what a damage field takes for the energy of a family.
+        own = nodal(context.layout, law.material.functions)
+        self.earlier_energy, self.represented = own.energy, own.represented
         if law.evaluation != "closed_form":
             # A network gives forces divided by mu.
             self.stress_unit = networks.unit_of_stress(law.material)
