@@ -3,7 +3,7 @@
 #   tools/start.sh test               lint, layers, types, tests; these take torch too, for the neural law
 #   tools/start.sh test SUBJECT ...   the same with the tests of the core and of subjects alone, such as tearing
 #   tools/start.sh docs               docs/ and the API as a site, in site/
-#   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
+#   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info, warm
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

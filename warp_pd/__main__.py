@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, sweep, plan, draw, view, fit, info, bench.
+"""Command line: warp-pd list, run, sweep, plan, warm, draw, view, fit, info, bench.
 
 Each command imports its dependencies when it runs, so that help texts appear without loading Warp.
 """
@@ -418,6 +418,22 @@ def plan(
             from .run.trial import foretold
 
             click.echo(foretold(simulation.build(device, precision)))
+
+
+@main.command("warm")
+@click.argument("scenes", nargs=-1, metavar="[SCENE]...", type=SceneName())
+@DEVICE
+@PRECISION
+@click.option("--quiet", is_flag=True, help="Do not show progress.")
+def warm_kernels(scenes: tuple[str, ...], device: str | None, precision: int | None, quiet: bool) -> None:
+    """Compile what SCENES use, by default all that are shipped, so that their first run need not.
+
+    They are built without arguments: another horizon or law may have kernels of its own. Nothing is run.
+    """
+    from .command.warm import warm
+
+    done, seconds = warm(scenes, device, precision, quiet)
+    click.echo(f"kernels of {done} scene{'s' * (done != 1)} in {seconds:.1f} s")
 
 
 @main.command("draw")
