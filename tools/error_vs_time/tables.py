@@ -75,7 +75,8 @@ def front_table(rows: Sequence[Row]) -> list[str]:
 def orders(rows: Sequence[Row]) -> list[str]:
     """The error of each law and horizon on its finest grid, and its order between the last two grids, by scene.
 
-    Of the most precise runs, where a scene has an error of the field and the horizon is not wide. Empty if no law was run at two spacings.
+    Of the most precise runs of horizons that are not wide, where a scene has an error of the field. Empty if no law was
+    run at two spacings.
     """
     groups: dict[tuple[str, str, float], dict[int, Row]] = {}
     known = [row for row in with_errors(rows) if row["field"] is not None and row["horizon"] < WIDE]
