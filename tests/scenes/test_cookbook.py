@@ -1,0 +1,58 @@
+"""The cookbook: every scene of the page is within what its table says of its closed form."""
+
+import csv
+import re
+from pathlib import Path
+
+import own_parts
+import pytest
+from small_runs import cli
+
+PAGE = (Path(__file__).parents[2] / "docs" / "cookbook.md").read_text()
+BLOCKS = dict(own_parts.BLOCK.findall(PAGE))
+WITHIN = {
+    name: float(percent) / 100.0 for name, percent in re.findall(r"^\| `(\w+)\.py` .* ([\d.]+) % \|$", PAGE, re.M)
+}
+SMALLER = {"perforated": {"points": 41, "size": 16e-3}}
+
+
+def scene(name, folder):
+    """The module of a scene, saved and imported as a reader would."""
+    path = folder / f"{name}.py"
+    path.write_text(BLOCKS[name])
+    return own_parts.imported(path)
+
+
+def test_the_table_names_every_scene():
+    assert list(WITHIN) and set(WITHIN) == set(BLOCKS)
+    assert max(len(text.splitlines()) for text in BLOCKS.values()) < 90
+
+
+@pytest.mark.parametrize("name", [name for name in BLOCKS if name != "fitted"])
+def test_a_scene_is_within_its_closed_form(name, tmp_path):
+    result = scene(name, tmp_path).build(**SMALLER.get(name, {})).run(device="cpu")
+    assert result.status == "finished", result.summary["message"]
+    errors = [found["error"] for found in result.summary["measures"].values() if found["reference"] is not None]
+    assert len(errors) == 1
+    assert abs(errors[0]) < WITHIN[name]
+    if name == "finger":
+        assert result.summary["measures"]["needle"]["value"] > 0.02
+
+
+def test_a_fit_finds_the_constants_of_its_curve(tmp_path):
+    module = scene("fitted", tmp_path)
+    found = module.build()
+    assert found.values == pytest.approx(list(module.EXACT.values()), rel=WITHIN["fitted"])
+
+
+def test_the_trampoline_is_swept_as_on_the_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene("trampoline", tmp_path)
+    (command,) = re.findall(r"^warp-pd (sweep .*)$", PAGE, re.M)
+    result = cli(*command.replace("--points 16", "--points 8").split(), "--device", "cpu")
+    assert result.exit_code == 0, result.output
+    with next(tmp_path.rglob("sweep.csv")).open() as table:
+        rows = list(csv.DictReader(table))
+    assert [float(row["weight"]) for row in rows] == [10.0, 20.0, 40.0]
+    sags = [float(row["sag"]) for row in rows]
+    assert sags[1] == pytest.approx(2.0 * sags[0], rel=0.01) and sags[2] == pytest.approx(4.0 * sags[0], rel=0.01)
