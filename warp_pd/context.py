@@ -101,6 +101,7 @@ class Context:
         options: What the kernels of a step compile.
         layout: Layout of the families; what the material adds is known once the law is.
         dynamic: Whether the solver steps in time.
+        at_rest: Whether contact and rupture act in equilibrium, as with static solvers and in implicit steps.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: Initial displacement from the stress-free state [m], shape (N, 3).
         fields: All arrays.
@@ -128,6 +129,7 @@ class Context:
     clock: Clock
     given: Sheet
     dynamic: bool = False
+    at_rest: bool = True
     undivided: Sheet | None = None
     placement: np.ndarray | None = None
     partition: Partition | None = None

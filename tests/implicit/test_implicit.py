@@ -261,7 +261,7 @@ def test_a_run_continues_from_the_middle_bit_for_bit(law, solver, tmp_path):
 @pytest.mark.parametrize(
     "parts, message",
     [
-        ({"damage": CriticalStretch(2.0)}, "not supported by the solver Implicit; expected Explicit"),
+        ({"damage": CriticalStretch(2.0)}, "not supported by the solver Implicit; expected a TearingEnergy alone, or"),
         ({"contact": RigidBall(0.03, (0.05, 0.05, 0.04), (0.0, 0.0, -1.0))},
          "not supported by the solver Implicit; expected Explicit"),
     ],

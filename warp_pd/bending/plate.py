@@ -39,8 +39,8 @@ class Plate(Part):
         Raises:
             InputError: for bonds that break in static equilibrium, several materials, or a material without stiffness.
         """
-        if context.layout.breakable and not context.dynamic:
-            raise InputError("loads = Plate: damage not supported in static equilibrium; expected Explicit")
+        if context.layout.breakable and context.at_rest:
+            raise InputError("loads = Plate: damage not supported in equilibrium; expected Explicit")
         if context.layout.varies:
             raise InputError("loads = Plate: expected one material, the same at all points")
         return BendingForce(law, context, self.stiffness)  # type: ignore[abstract]

@@ -132,7 +132,7 @@ class RigidBody(Contact):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the body on a device."""
-        at_rest = self.loads_at_rest and not context.dynamic
+        at_rest = self.loads_at_rest and context.at_rest
         return BodyAtRest(self, context, law) if at_rest else BuiltBody(self, context, law)
 
 

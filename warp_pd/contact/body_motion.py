@@ -134,7 +134,7 @@ class BodyPath(BodyMotion):
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device."""
         made = OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
-        if context.dynamic:
+        if not context.at_rest:
             made.motion.assign(np.tile(self._motion_at_start(), (2, 1)))
         return made
 
@@ -342,14 +342,13 @@ class OnPath(BuiltMotion):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path; relaxation takes load steps in steps of its clock."""
-        phases = (Phase.FOLLOW,) if self.context.dynamic else (Phase.SCHEDULES, Phase.CLOCK)
+        phases = (Phase.SCHEDULES, Phase.CLOCK) if self.context.at_rest else (Phase.FOLLOW,)
         if phase in phases:
             context, clock = self.context, self.context.clock
-            dynamic = context.dynamic
             stage.launch(
                 self.name, follow_path, 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
-                counts_time=int(dynamic and clock.counted_by == self.name), radius=self.extent[0],
+                counts_time=int(not context.at_rest and clock.counted_by == self.name), radius=self.extent[0],
                 margin=self.extent[1], counts=self.counts, travelled=self.travelled,
                 rotation=self.rotation, motion=self.motion,
             )  # fmt: skip

@@ -15,10 +15,10 @@ from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, DivergedError, FrameSink, System
+from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
-from ..statics.descent import Descent
+from ..statics.descent import UNIT_ROUND_OFF, Descent
 from ..statics.level import Level, total
 from ..statics.secants import Secants
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
@@ -26,6 +26,7 @@ from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .internal import InternalVariables, internal_variables_of
 from .scheme import of_step
 from .solver import Implicit
+from .tears import MOST_ROUNDS, Tears
 
 OWNER = "Implicit"
 # Relative residual of a step, by precision.
@@ -33,8 +34,8 @@ RESIDUAL = {64: 1e-6, 32: 1e-4}
 # Residual over the last one up to which a tangent is kept, also from step to step: a factorisation takes as long as
 # many solves with it, a cycle of multigrid does not.
 SLOWEST = {"direct": 0.5, "algebraic": 0.2, "multigrid": 0.1, "jacobi": 0.1}
-# Relative round-off of a number, by precision.
-UNIT_ROUND_OFF = {64: 2.0**-53, 32: 2.0**-24}
+# Spectral radius of the steps of sheets that can tear, and of others.
+DAMPING, KEEPING = 0.0, 0.8
 # Adapted steps: aim below the tolerance, change of a step, change below which a longer step does not pay.
 AIM, SHORTEN, LENGTHEN, WORTH = 0.8, 0.2, 2.0, 1.25
 # Error of a step over its displacement from which the next one is not predicted by the acceleration; and the residual
@@ -62,11 +63,13 @@ class BuiltImplicit(StaticSystem):
 
     def __init__(self, settings: Implicit, context: Context, law: BuiltLaw) -> None:
         self.internal: InternalVariables | None = internal_variables_of(law)
-        self.moves = settings.inertia or settings.damping > 0.0
+        self.moves, self.has_inertia = settings.inertia or settings.damping > 0.0, settings.inertia
         super().__init__(settings, context, law)
         # A factorisation serves many steps.
         self.factorised = ALGEBRAIC_FROM if context.device.is_cpu else 0
         self.tolerance = settings.residual or RESIDUAL[context.bits]
+        usual = DAMPING if context.layout.breakable else KEEPING
+        self._radius = usual if settings.radius is None else settings.radius
         least = UNIT_ROUND_OFF[context.bits]
         if settings.tolerance is not None and settings.tolerance < least:
             # The error of a shorter step is no smaller: it is the round-off of the displacement.
@@ -81,12 +84,17 @@ class BuiltImplicit(StaticSystem):
         self._set: tuple[float, bool, float] | None = None
         sheet = context.sheet
         self._largest = SOME * sheet.spacing * math.sqrt(sheet.size)
-        self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused"), 0)
+        self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused", "rounds"), 0)
+        self._residual = 0.0
+        self.tears: Tears | None = None
 
     def prepare(self, system: System) -> None:
         """Add the stages of a step."""
-        if system.rupture is not None:
-            raise InputError(f"{system.rupture.label}: not supported by the solver Implicit; expected Explicit")
+        rupture = system.rupture
+        if rupture is not None and rupture.tear_energy == 0.0:
+            raise InputError(
+                f"{rupture.label}: not supported by the solver Implicit; expected a TearingEnergy alone, or Explicit"
+            )
         for contact in system.external.contacts:
             raise InputError(f"{contact.label}: not supported by the solver Implicit; expected Explicit")
         # Forces of other parts that are no loads have no tangent.
@@ -106,6 +114,8 @@ class BuiltImplicit(StaticSystem):
         kept["loads_before"] = (
             context.array("loads_before", OWNER, vec3, shape=n, restart=True) if context.options.tracked else None
         )
+        if rupture is not None and context.options.tracked:
+            self.moved = context.array("moved_in_step", OWNER, vec3, shape=n)
         self._error = context.array("squared_error", OWNER, wp.float64, shape=n)
         stressed = bool(context.initial_displacement.any())
         self._kernels = implicit_motion(context.options, stressed)
@@ -129,6 +139,8 @@ class BuiltImplicit(StaticSystem):
         self._secants = Secants() if self.solvers[0].kind == "direct" and not self.levels[0].following else None
         self._masses = [self._mass_of(level) for level in self.levels]
         self._stops = self._all_stops()
+        if rupture is not None:
+            self.tears = Tears(system, self.rounds, self._wanted * 0.5**self.settings.most_cuts)
 
     def add_inertia(self, stage: Stage, finest: Level) -> None:
         """Add inertia and damping to the unbalanced force."""
@@ -169,8 +181,10 @@ class BuiltImplicit(StaticSystem):
 
     def first_step(self, sink: FrameSink) -> float:
         """Find the acceleration at the start, or equilibrium there; return the step that follows [s]."""
+        self._begin = perf_counter()
         if not self.moves:
             self._begin_in_equilibrium(sink)
+            sink.solve = self._account()
         self._set_coefficients(self._next(0.0, float(self._stops[0])))
         self.levels[0].scale.begin()
         self.context.run("first acceleration")
@@ -181,11 +195,16 @@ class BuiltImplicit(StaticSystem):
         if self.internal is not None:
             self.internal.begin_step(SAME * self.settings.duration, False)
         self.system.set_clock(0.0, self.settings.duration, 0.0)
-        if not self._descent(self.system.prescribed(0.0), False, sink):
+        target = self.system.prescribed(0.0)
+        if self.tears is not None:
+            self.tears.begin()
+        if not self._descent(target, False, sink) or not self._follow_rounds(target, sink):
             raise DivergedError(
                 "diverged: Newton's method does not converge at t = 0; likely cause: the loads there are too large for "
                 "one step from the initial displacement; expected loads that grow in time (ramp)"
             )
+        if self.tears is not None:
+            self.tears.accept(0.0, 0.0)
         if self.internal is not None:
             self.internal.end_step()
             self.internal.settle()
@@ -242,6 +261,9 @@ class BuiltImplicit(StaticSystem):
     def _step(self, now: float, dt: float, stop: float, sink: FrameSink) -> float:
         """Take a step of at most dt [s]; return the time at its end [s]."""
         planned, cuts, refused = self._wanted, 0, False
+        tears = self.tears
+        if tears is not None:
+            tears.begin()
         self.kept.keep()
         while True:
             then = stop if now + dt > stop - 0.5 * dt else now + dt
@@ -251,13 +273,18 @@ class BuiltImplicit(StaticSystem):
                 if factor >= 1.0:
                     break
                 self._counts["refused"] += 1
-                dt *= factor
+                dt *= max(factor, SHORTEN)
                 if dt < SAME * self.settings.duration:
                     raise DivergedError(
                         f"diverged: at t = {now:.6g} s the error of a step stays above the tolerance, down to steps of "
                         f"{dt:.3g} s; likely cause: tolerance = {self.settings.tolerance:g} is finer than the residual "
                         f"of {self.tolerance:g} resolves"
                     )
+            elif tears is not None and tears.runs(dt) and not self.moves:
+                raise DivergedError(
+                    f"diverged: at t = {now:.6g} s a tear runs on without end; likely cause: the load there tears the "
+                    "sheet in two, which takes inertia = True"
+                )
             else:
                 cuts += 1
                 self._counts["halved"] += 1
@@ -273,12 +300,15 @@ class BuiltImplicit(StaticSystem):
                     f"likely cause: {cause}"
                 )
         if self.settings.steps is not None:
-            # Steps that were halved become longer again.
-            self._wanted = min(2.0 * self._wanted, self.settings.duration / self.settings.steps)
-            if cuts == 0:
+            # Steps that were shortened become longer again.
+            self._wanted = min(LENGTHEN * self._wanted, self.settings.duration / self.settings.steps)
+            if not refused:
                 self._wanted = max(self._wanted, planned)
         elif factor > WORTH:
             self._wanted = min(factor, LENGTHEN) * dt
+        if tears is not None:
+            self._wanted = min(self._wanted, max(tears.factor, SHORTEN) * dt)
+            tears.accept(then, dt)
         self._counts["steps"] += 1
         self._last, self._smooth = dt, self._is_smooth()
         return then
@@ -291,8 +321,14 @@ class BuiltImplicit(StaticSystem):
         return self._squared_error <= SMOOTH**2 * size
 
     def _factor(self, dt: float) -> float:
-        """Factor on the step, less than 1 if the error of the last one is above the tolerance."""
-        if self.settings.tolerance is None:
+        """Factor on a step of dt [s], less than 1 if its error is above the tolerance, or damage grew too much."""
+        tears = self.tears
+        if tears is not None and tears.look(dt):
+            # It was given up before the damage had grown as far as it would.
+            return min(tears.factor, 0.5)
+        # Without inertia the sheet follows the damage at once, and no shorter step has less error.
+        follows = tears is not None and tears.growth > 0.0 and not self.moves
+        if self.settings.tolerance is None or follows:
             return 1.0
         size = self.levels[0].displacement.numpy() - self.context.initial_displacement
         largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
@@ -308,7 +344,7 @@ class BuiltImplicit(StaticSystem):
         if predicted == self._set:
             return
         self._set, settings = predicted, self.settings
-        scheme = of_step(dt, settings.radius, settings.inertia, settings.damping)
+        scheme = of_step(dt, self._radius, settings.inertia, settings.damping)
         every = {**scheme, "smooth": float(predicted[1]), "ahead": predicted[2]}
         assign(self._coefficients, np.array([every[name] for name in COEFFICIENTS]))
         if dt == self._dt:
@@ -331,6 +367,8 @@ class BuiltImplicit(StaticSystem):
             wp.copy(level.displacement, self.before)
             if not self._descent(target, False, sink):
                 return False
+        if not self._follow_rounds(target, sink):
+            return False
         if self.internal is not None:
             self.internal.end_step()
         level.run("finish step")
@@ -339,7 +377,26 @@ class BuiltImplicit(StaticSystem):
             level.run("remember")
         return True
 
-    def _descent(self, target: np.ndarray | None, predicted: bool, sink: FrameSink) -> bool:
+    def _follow_rounds(self, target: np.ndarray | None, sink: FrameSink) -> bool:
+        """Let the damage grow and the sheet follow until both are in equilibrium; return whether they are."""
+        entry = {"rounds": 0}
+        for _ in range(MOST_ROUNDS):
+            if self.moved is not None:
+                assign(self.moved, self.levels[0].displacement.numpy() - self.before.numpy())
+            then = self.rounds.following(entry, self._residual, self.tolerance)
+            if then is None:
+                return not self.rounds.passed()
+            self._counts["rounds"] += 1
+            if self.tears is not None and self.tears.look(self._dt):
+                # The step is refused.
+                return True
+            if not self._descent(target, False, sink, then.tolerance):
+                return False
+        return False
+
+    def _descent(
+        self, target: np.ndarray | None, predicted: bool, sink: FrameSink, tolerance: float | None = None
+    ) -> bool:
         """Newton's steps from the present displacement, with supports at their place if it is predicted."""
         level, solver = self.levels[0], self.solvers[0]
         if target is not None and predicted:
@@ -352,14 +409,19 @@ class BuiltImplicit(StaticSystem):
         known = self._known and solver.prepared
         found = Descent(
             self.settings, level, solver, partial(self.linearise, 0),
-            np.zeros((level.points, 3)) if target is None else target, self.sizes, self.tolerance, report,
+            np.zeros((level.points, 3)) if target is None else target, self.sizes, tolerance or self.tolerance, report,
             slowest if known else None, FAR if predicted else math.inf, self._secants,
         ).run()  # fmt: skip
         self._counts["iterations"] += len(found["shares"])
         self._counts["products"] += found["products"]
+        self._residual = found["residuals"][-1]
         # A prediction that is too far leaves the tangent as it was.
         self._known = found["converged"] or (known and not found["shares"])
         return bool(found["converged"])
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """A note on tears that ran."""
+        return [] if self.tears is None else self.tears.notes(self.settings.inertia)
 
     # Restarts -------------------------------------------------------------------------------------------
 
@@ -367,7 +429,7 @@ class BuiltImplicit(StaticSystem):
         """The scales and the step, for a bitwise identical restart."""
         return {
             **super().host_state(), "wanted": self._wanted, "largest": self._largest, "last": self._last,
-            "smooth": self._smooth,
+            "smooth": self._smooth, "jumps": self.tears.jumps if self.tears else [],
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -375,4 +437,7 @@ class BuiltImplicit(StaticSystem):
         super().restore(state)
         self._wanted, self._largest = state["wanted"], state["largest"]
         self._last, self._smooth = state["last"], state["smooth"]
-        self._set_coefficients(self._last)
+        if self.tears is not None:
+            self.tears.jumps = [tuple(jump) for jump in state["jumps"]]
+        if self._last > 0.0:
+            self._set_coefficients(self._last)

@@ -289,14 +289,17 @@ class BuiltRupture(BuiltPart, Protocol):
     close_enough: float = 0.0
     tear_energy: float = 0.0
 
-    def prepare_at_rest(self) -> None:
-        """Compose the stages of `break_at_rest`; static solvers call it once."""
+    def prepare_at_rest(self, moved: Array | None = None) -> None:
+        """Compose the stages of `break_at_rest`; solvers that seek equilibrium call it once.
+
+        `moved`: displacement since the begin of a time step [m], (N,) vec3; None without time.
+        """
         ...
 
     def break_at_rest(self, again: bool) -> bool:
         """Break the bonds that exceed the criterion at the current displacement; return whether there were any.
 
-        `again`: whether bonds have already broken at the current loads.
+        `again`: whether bonds have already broken at the current loads, or in this time step.
         """
         ...
 

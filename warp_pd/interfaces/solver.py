@@ -154,10 +154,12 @@ class BuiltSolver(BuiltPart, Protocol):
     Attributes:
         divides: Whether it supports several processes.
         turns: Whether the load factor may decrease from one frame to the next.
+        has_inertia: Whether the sheet has inertia, and so kinetic energy.
     """
 
     divides: bool = False
     turns: bool = False
+    has_inertia: bool = True
 
     def prepare(self, system: System) -> None:
         """Compose the stages of the solver from the launches of all parts."""

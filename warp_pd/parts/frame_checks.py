@@ -46,8 +46,9 @@ class FrameChecks(BuiltPart):
             energy balance; None without a balance.
     """
 
-    def __init__(self, context: Context) -> None:
-        self.context = context
+    def __init__(self, context: Context, inertia: bool = True) -> None:
+        """Allocate the arrays; without inertia there is no kinetic energy."""
+        self.context, self._inertia = context, inertia
         self._blocks = context.own_blocks
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
@@ -61,12 +62,13 @@ class FrameChecks(BuiltPart):
         if phase is not Phase.FRAME:
             return
         context, state = self.context, self.context.state
-        stage.launch(
-            OWNER, kinetic_energy(context.options), context.sheet.size,
-            mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
-            damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
-            half_step=self.half_step_kinetic,
-        )  # fmt: skip
+        if self._inertia:
+            stage.launch(
+                OWNER, kinetic_energy(context.options), context.sheet.size,
+                mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
+                damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
+                half_step=self.half_step_kinetic,
+            )  # fmt: skip
         context.launch_on_blocks(
             stage, OWNER, frame_checks(context.bits).watch_motion,
             {"displacement": state.displacement, "velocity": state.velocity},

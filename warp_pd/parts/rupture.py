@@ -115,6 +115,7 @@ class Damaged(BuiltRupture):
         self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
+        self._motion: tuple[Array, Array] | None = None
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that breaks bonds, or those of the damage at frames."""
@@ -129,9 +130,16 @@ class Damaged(BuiltRupture):
             f"{type(self).__name__}.add_breaking: expected an implementation that launches a kernel"
         )
 
-    def prepare_at_rest(self) -> None:
-        """Compose the stage that breaks bonds in static equilibrium."""
+    def prepare_at_rest(self, moved: Array | None = None) -> None:
+        """Compose the stage that breaks bonds in equilibrium."""
+        self.know_motion(moved)
         self.add_breaking(self.context.stage("rupture", AT_REST))
+
+    def know_motion(self, moved: Array | None) -> None:
+        """Take the displacement since the begin of a step [m], on which the released energy depends."""
+        if moved is not None:
+            context = self.context
+            self._motion = moved, context.array("unit_time", self.owner, context.types.real, np.ones(1), per="table")
 
     def break_at_rest(self, again: bool) -> bool:
         """Break the bonds that exceed the criterion, and return whether there were any."""
@@ -142,8 +150,9 @@ class Damaged(BuiltRupture):
     def arguments(self) -> dict[str, Any]:
         """Arguments common to the kernels that break bonds."""
         law, state = self.law, self.context.state
+        velocity, step = self._motion or (state.velocity, state.step)
         return {
-            "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
+            "family": law.struct, "displacement": state.displacement, "velocity": velocity, "step": step,
             "constants": law.energy_constants, "unit_volume": law.unit_volume, "released": self.released,
         }  # fmt: skip
 

@@ -116,7 +116,8 @@ def compose(
     context.clock.allocate(context.fields, context.types)
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     beside = [check for contact in contacts for check in contact.checks(contacts)]
-    acting = (law, solver, moved, Ticking(context), *built, external, *beside, checks := FrameChecks(context))
+    checks = FrameChecks(context, solver.has_inertia)
+    acting = (law, solver, moved, Ticking(context), *built, external, *beside, checks)
     columns = energy.count(acting)
     made = Built(
         context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),

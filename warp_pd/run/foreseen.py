@@ -39,7 +39,7 @@ def foreseen(built: Built) -> list[str]:
 def step_note(built: Built, dt: float) -> str:
     """A note on a step [s] that is far shorter than that of waves, or than what the run is about; or ""."""
     material: Any = getattr(built.simulation.force, "material", None)
-    if not built.simulation.solver.dynamic or not hasattr(material, "functions"):
+    if not built.simulation.solver.dynamic or not built.solver.has_inertia or not hasattr(material, "functions"):
         return ""
     sheet = built.context.whole
     finest = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())

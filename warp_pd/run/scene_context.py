@@ -52,7 +52,7 @@ def scene_context(
     initial = start if placement is None else start + placement
     made = Context(
         sheet=stress_free, device=device, types=numeric(bits), options=options, layout=layout,
-        dynamic=solver.dynamic, held=held,
+        dynamic=solver.dynamic, at_rest=acts_at_rest(scene), held=held,
         initial_displacement=initial, fields=FieldRegister(device),
         clock=Clock(solver.duration, solver.default_ramp), given=sheet, placement=placement, communicator=communicator,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
@@ -67,7 +67,12 @@ def held_by_loads(scene: Scene) -> np.ndarray:
 
 def is_load(part: Part, scene: Scene) -> bool:
     """Whether a part adds to the external force in a scene."""
-    return part.adds_force or (part.loads_at_rest and not scene.solver.dynamic)
+    return part.adds_force or (part.loads_at_rest and acts_at_rest(scene))
+
+
+def acts_at_rest(scene: Scene) -> bool:
+    """Whether contact and rupture act in equilibrium in a scene."""
+    return not (scene.solver.dynamic and scene.solver.steps_explicitly)
 
 
 def communicator_here(device: str | None) -> tuple[Communicator, str | None]:

@@ -33,6 +33,9 @@ SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.03, 1e-3, 100.0, 1e-7
 LOOSEST, LOOSEST_ALGEBRAIC, TIGHTEST = 0.05, 0.01, 1e-6
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
+# Residual over the last one from which it falls no more; relative round-off of a number by precision, and margin of the
+# forces that come from it.
+STUCK, UNIT_ROUND_OFF, MARGIN = 0.5, {64: 2.0**-53, 32: 2.0**-24}, 4.0
 # Residual to which coarser lattices are solved: their discretisation error is larger.
 COARSE_TOLERANCE = 1e-3
 
@@ -110,6 +113,8 @@ class Descent:
                 self.report(len(self.step_lengths), relative)
             if not math.isfinite(norm) or (iteration == 0 and relative > self._farthest):
                 break
+            if relative > self.tolerance and self._unseen(norm):
+                relative = self.residuals[-1] = self.tolerance
             converged = relative <= self.tolerance and not self.lifting
             if converged and self.report is not None:
                 self.sizes.largest = max(self.sizes.largest, scale)
@@ -126,6 +131,15 @@ class Descent:
             "shares": self.step_lengths,
             "products": self.solver.products - before,
         }
+
+    def _unseen(self, norm: float) -> bool:
+        """Whether an unbalanced force [N] that falls no more is the round-off of the displacement."""
+        last, level = self.residuals[-2:], self.level
+        if len(last) < 2 or last[1] < STUCK * last[0] or self.step_lengths[-1] < 1.0:
+            return False
+        far = math.sqrt(dot(level.displacement, level.displacement))
+        stiffness = self.sizes.modulus * float(np.mean(level.context.sheet.thickness))
+        return norm <= MARGIN * UNIT_ROUND_OFF[level.context.bits] * stiffness * far
 
     def _step(self, relative: float, norm: float) -> tuple[float, float] | None:
         """Take one accepted step and return the new norms; None if no added tension helps."""

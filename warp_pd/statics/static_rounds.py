@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..device.fields import Array
 from ..interfaces import System
 
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
@@ -38,7 +39,8 @@ class StaticRounds:
         close_enough: Relative residual of an equilibrium to which breaking is applied; 0 for the solver's tolerance.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, moved: Array | None = None) -> None:
+        """Compose the stages; `moved` as for `BuiltRupture.prepare_at_rest`."""
         self._rupture, self._communicator = system.rupture, system.context.communicator
         self.contacts = system.external.contacts
         self.close_enough = 0.0
@@ -47,7 +49,7 @@ class StaticRounds:
             contact.prepare()
         if self._rupture is not None:
             self.close_enough = self._rupture.close_enough
-            self._rupture.prepare_at_rest()
+            self._rupture.prepare_at_rest(moved)
 
     def following(self, entry: dict[str, Any], residual: float, tolerance: float) -> Round | None:
         """The round after an equilibrium with this residual; None if nothing has changed there.

@@ -13,7 +13,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.fields import assign
+from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..solvers.retries import Snapshot
@@ -47,6 +47,7 @@ class StaticSystem(BuiltSolver):
         kept: State of the last good load step.
         sizes: Scales of stiffness and load of the sheet.
         moves: Whether the sheet has inertia or damping.
+        moved: Displacement since the begin of a time step [m], (N,) vec3, if what rupture releases is summed.
         rounds: Contact and rupture.
     """
 
@@ -63,6 +64,7 @@ class StaticSystem(BuiltSolver):
     rounds: StaticRounds
     kept: Snapshot
     moves: bool = False
+    moved: Array | None = None
 
     def __init__(self, settings: NewtonSettings, context: Context, law: BuiltLaw) -> None:
         self.label = f"solver = {self.name}"
@@ -95,7 +97,7 @@ class StaticSystem(BuiltSolver):
             for index, level in enumerate(self.levels)
         ]
         self.report = Report(self.name, self.preconditioner)
-        self.rounds = StaticRounds(system)
+        self.rounds = StaticRounds(system, self.moved)
         self.kept = Snapshot(context, OWNER)
 
     def add_inertia(self, stage: Stage, finest: Level) -> None:

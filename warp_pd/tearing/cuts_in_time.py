@@ -253,7 +253,7 @@ class NothingElse(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """No bond breaks by itself."""
 
-    def prepare_at_rest(self) -> None:
+    def prepare_at_rest(self, moved: Array | None = None) -> None:
         """Nothing to compose."""
 
     def break_at_rest(self, again: bool) -> bool:
@@ -325,10 +325,10 @@ class OpeningCuts(BuiltRupture):
             self._add_cutting(stage)
         self.criterion.add(phase, stage)
 
-    def prepare_at_rest(self) -> None:
+    def prepare_at_rest(self, moved: Array | None = None) -> None:
         """Compose the stages of both."""
         self._add_cutting(self.context.stage("cuts in time", AT_REST))
-        self.criterion.prepare_at_rest()
+        self.criterion.prepare_at_rest(moved)
 
     def break_at_rest(self, again: bool) -> bool:
         """Cut what is due; in the equilibrium that follows, break what exceeds the criterion."""

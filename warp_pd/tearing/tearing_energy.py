@@ -178,7 +178,7 @@ class TearingEnergy(Rupture):
 
 def finds_at_once(context: Context) -> bool:
     """Whether one launch finds the damage of a step: on a GPU, whose blocks can wait for each other."""
-    return context.device.is_cuda and context.dynamic and context.partition is None
+    return context.device.is_cuda and not context.at_rest and context.partition is None
 
 
 class DamageField(Damaged):
@@ -195,10 +195,10 @@ class DamageField(Damaged):
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
-        if rupture.every_step and not context.dynamic:
+        if rupture.every_step and context.at_rest:
             raise InputError(
-                "TearingEnergy.every_step = True: expected False with a static solver, which finds the damage in "
-                "equilibrium"
+                "TearingEnergy.every_step = True: expected False with a static solver or implicit steps, which "
+                "find the damage in equilibrium"
             )
         whole, real = context.whole, context.types.real
         self._energy = by_point("TearingEnergy.energy", rupture.energy, context.given.points)
@@ -212,6 +212,7 @@ class DamageField(Damaged):
         self._cuts: CutEnds | None = None
         self._at_start, ahead = self._profile(whole)
         self._least = context.here(self._at_start)
+        self._at_begin: tuple[np.ndarray, ...] = ()
         self._declare(self._least)
         self._declare_couplings(self._least)
         self._declare_severing(self._least, context.here(ahead))
@@ -220,7 +221,7 @@ class DamageField(Damaged):
         self._every, closer = (1, CLOSER) if rupture.every_step else (INTERVAL, 1.0)
         growth = closer * SWEEPS * (self.length / finest) ** (2 if weak else 1)
         self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + growth))
-        self.sweeps *= 1 if context.dynamic else SWEEPS_AT_REST
+        self.sweeps *= SWEEPS_AT_REST if context.at_rest else 1
         factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
         screen, few = screen_of(law, context, self.owner, self.limit)
         self._tables = with_values(field_tables(context.bits)(), {
@@ -389,9 +390,11 @@ class DamageField(Damaged):
             else:
                 self._add_sweeps(stage)
                 self._add_severing(stage)
+                self._add_empty(stage)
 
-    def prepare_at_rest(self) -> None:
+    def prepare_at_rest(self, moved: Array | None = None) -> None:
         """Compose the stages of alternate minimisation."""
+        self.know_motion(moved)
         damage = self.context.stage("damage", AT_REST)
         self._add_empty(damage)
         self._add_rousing(damage)
@@ -412,14 +415,29 @@ class DamageField(Damaged):
         """
         # Sweeps leave the outermost ghost points wrong.
         intact, field, own = self.intact.numpy().copy(), self.field.numpy().copy(), self._own
+        if self.released is not None and not again:
+            self._at_begin = intact, field, self.released.numpy().copy()
         now = self._minimise(again)
         self.context.run("rupture")
         broken = (self.intact.numpy() != intact).any(axis=0)
         self._least[broken] = now[broken]
         changed = bool(np.abs(now - field)[own].max() > SETTLED or broken[own].any())
         # If nothing changed, the displacement is in equilibrium with the previous damage.
-        self.assign(now if self.context.communicator.any(changed) else field)
+        if self.context.communicator.any(changed):
+            self.assign(now)
+            return changed
+        self.assign(field)
+        if self.released is not None:
+            self._release(self.released)
         return changed
+
+    def _release(self, released: Array) -> None:
+        """Sum the energy that damage and broken bonds have released in a step: at its end, as if all broke there."""
+        intact = self.intact.numpy().copy()
+        for array, values in zip((self.intact, self._before, released), self._at_begin, strict=True):
+            array.assign(values)
+        self.context.run("rupture")
+        self.intact.assign(intact)
 
     def energy_at_rest(self, again: bool | None) -> float:
         """Energy of the field [J] that `break_at_rest` would find, or of the damage as it is."""
@@ -498,7 +516,6 @@ class DamageField(Damaged):
             others=OtherFamilies(), completing={"others": self.law.other_families} if self._beside else None,
             tables=self._tables, **self.arguments(), **self._shared(),
         )  # fmt: skip
-        self._add_empty(stage)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments common to all launches on listed points."""
