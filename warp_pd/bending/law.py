@@ -346,6 +346,7 @@ class BendingTangent(Tangent):
 
     def __init__(self, force: BendingForce, law: Tangent) -> None:
         self.force, self.law, self.inverse_blocks = force, law, law.inverse_blocks
+        self.symmetric = law.symmetric
         self._stage: str | None = None
         context, t = force.context, force.context.types
         self._here, self._along, self._out = (

@@ -87,6 +87,8 @@ def _stiffness(built: Built) -> tuple[Any, np.ndarray]:
     context = built.context
     if built not in _tangents:
         tangent = tangent_of(built.law, context, True)
+        if not tangent.symmetric:
+            raise InputError(f"{built.law.label}: its tangent is not symmetric; expected a law with an energy")
         stage = context.stage(OWNER, "whenever natural modes are asked for")
         tension = context.array("no_tension", OWNER, context.types.real, shape=1, per="once")
         tangent.add_linearise(stage, context.state.displacement, tension)

@@ -69,6 +69,8 @@ class Equilibrium:
             part.begin()
         self.built.context.run("setup")
         self.search = cast(BuiltNewton, self.built.solver)
+        if not self.search.tangent.symmetric:
+            raise InputError(f"{self.built.law.label}: expected a law with an energy for derivatives at equilibrium")
         self.level, self.linear = self.search.levels[0], self.search.solvers[0]
         self.free = ~self.level.held
         self.duration = scene.solver.duration

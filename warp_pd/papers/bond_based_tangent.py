@@ -39,6 +39,7 @@ class BondBasedTangent:
     """
 
     direct_points = 100_000
+    symmetric = True
 
     def __init__(self, force: FamilyLaw, material: PairwiseMaterial, context: Context, geometric: bool) -> None:
         """Allocate the tangent; `geometric` is whether the stiffness includes the tension of the bonds."""

@@ -42,6 +42,7 @@ class BondAssociatedTangent:
     """
 
     direct_points = 0
+    symmetric = True
 
     def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
         """Allocate the tangent. Raises InputError for a material without `response`."""

@@ -52,7 +52,9 @@ class LinearSolver:
         self.factors: Solve | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
-        self._conjugate = definite and not level.following
+        # What a factorisation solves alone, and conjugate gradients with a definite tangent.
+        self._symmetric = level.tangent.symmetric and not level.following
+        self._conjugate = definite and self._symmetric
         self.on_device = self._conjugate and not level.context.device.is_cpu
         if self.on_device:
             self._allocate()
@@ -85,7 +87,7 @@ class LinearSolver:
 
         A result that does not reach the accuracy is used anyway; the line search decides whether to accept it.
         """
-        if self.factors is not None and not self.level.following:
+        if self.factors is not None and self._symmetric:
             assign(self.level.direction, self.factors(right_side))
         elif self.on_device:
             self._on_device(right_side, accuracy)

@@ -93,6 +93,7 @@ class BuiltNewton(StaticSystem):
 
     name = "Newton"
     definite = True
+    takes_unsymmetric = True
     settings: Newton
 
     def __init__(self, settings: Newton, context: Context, law: BuiltLaw) -> None:

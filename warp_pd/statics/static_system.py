@@ -56,6 +56,8 @@ class StaticSystem(BuiltSolver):
     without: ClassVar[Sequence[Phase]] = NOT_IN_EQUILIBRIUM
     # Whether the tangent has no negative eigenvalues, so that conjugate gradients solve with it.
     definite: ClassVar[bool]
+    # Whether the tangent of the force law may be unsymmetric.
+    takes_unsymmetric: ClassVar[bool] = False
     # Number of points up to which the tangent is factorised on the host before anything else.
     factorised: int = 0
     system: System
@@ -70,6 +72,8 @@ class StaticSystem(BuiltSolver):
         self.label = f"solver = {self.name}"
         self.settings, self.at_fixed_load, self.context = settings, settings.at_fixed_load, context
         self.tangent: Tangent = tangent_of(law, context, settings.stiffness == "tangent")
+        if not (self.tangent.symmetric or self.takes_unsymmetric):
+            raise InputError(f"{law.label}: its tangent is not symmetric; expected the solver Newton or Explicit")
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
         self.sizes, self._begin = Sizes(), 0.0
 

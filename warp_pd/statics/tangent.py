@@ -46,10 +46,13 @@ class Tangent(Protocol):
     Attributes:
         inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
         direct_points: Number of points up to which a factorisation on the host is faster than iterations on a GPU.
+        symmetric: Whether products are symmetric; otherwise they are solved by GMRES, and the sparse matrix is one that
+            preconditions them.
     """
 
     inverse_blocks: Array
     direct_points: int
+    symmetric: bool = True
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
         """Add the launches that compute the tangent at a displacement.

@@ -46,6 +46,6 @@ def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
 def _refusal(law: BuiltLaw) -> InputError:
     others = "Explicit" if getattr(law, "depends_on_time", False) else "Explicit or Relaxation"
     return InputError(
-        f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated or BondBased, which have a "
-        f"tangent; or use the solver {others}"
+        f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated, BondBased or Neural, which "
+        f"have a tangent; or use the solver {others}"
     )

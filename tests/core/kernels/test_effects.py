@@ -39,6 +39,7 @@ from warp_pd import (
     Implicit,
     Joint,
     Motion,
+    Neural,
     Newton,
     Nodal,
     Place,
@@ -171,6 +172,9 @@ def further():
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
         "bonds torn": Simulation(plane, bonds, Explicit(1.0), damage=CriticalStretch(2.0)),
         "newton contact": Simulation(plane, law, Newton(), loads=[clamp], contact=bodies(0.0)[0]),
+        "newton neural": Simulation(
+            plane, Neural(NEO, 2.015, evaluation="closed_form"), Newton(preconditioner="jacobi"), loads=[clamp]
+        ),
         "newton bonds": Simulation(plane, bonds, Newton(preconditioner="jacobi"), loads=in_plane),
     }
 

@@ -22,6 +22,8 @@ from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
 from ...kernels.papers.nodal import nodal
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
+from ...statics.tangent import Tangent
+from ...statics.tangent_of import tangent_of
 from ...step import Phase
 from ..nodal import PointLaw
 from . import networks
@@ -78,7 +80,7 @@ class Neural:
     loaded: Network | None = field(init=False, default=None)
 
     has_energy: ClassVar[bool] = False
-    has_tangent: ClassVar[bool] = False
+    has_tangent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -256,3 +258,13 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tup
     step = TorchStep(law.loaded, law.network, features, results)
     touched = Touched(gathers=frozenset([features.ptr]), writes=frozenset([results.ptr]))
     return Call("network", owner, len(features), step, capture, touched), step.fingerprint
+
+
+@tangent_of.register
+def _(law: NeuralForce, context: Context, geometric: bool) -> Tangent:
+    """Refuses `geometric` = False, and bonds that can break."""
+    from .tangent import NeuralTangent
+
+    if not geometric:
+        raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
+    return NeuralTangent(law, context)
