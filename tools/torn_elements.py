@@ -37,11 +37,12 @@ def grown(length: float, size: float) -> Array:
     return length * places / places[-1]
 
 
-def graded(length: float, begin: float, end: float, size: float) -> Array:
-    """Places from 0 to `length`, `size` apart between `begin` and `end`."""
-    begin, end = max(0.0, begin), min(length, end)
-    inner = np.linspace(begin, end, round((end - begin) / size) + 1)
-    return np.concatenate([begin - grown(begin, size)[::-1], inner, end + grown(length - end, size)])
+def graded(length: float, begin: float, middle: float, end: float, size: float) -> Array:
+    """Places from 0 to `length`, about `size` apart from `begin` to `end`; one of them is at `middle`."""
+    begin, middle, end = np.clip((begin, middle, end), 0.0, length)
+    before, after = (max(1, round(part / size)) for part in (middle - begin, end - middle))
+    inner = [np.linspace(begin, middle, before, endpoint=False), np.linspace(middle, end, after, endpoint=False), [end]]
+    return np.unique(np.concatenate([begin - grown(begin, size), *inner, end + grown(length - end, size)]))
 
 
 @dataclass(eq=False)
@@ -76,8 +77,11 @@ class TornSheet:
     def __post_init__(self) -> None:
         half, toughness = 0.5 * self.height, self.energy / (1.0 + 3.0 * self.size / (8.0 * self.length))
         band = (round(2.0 * self.length / self.size) + 0.5) * self.size
-        along = graded(self.width, self.crack - 2.0 * self.length, self.crack + self.reach, self.size)
-        mesh = rectangle(along, graded(self.height, half - band, half + band, self.size), nine=False)
+        tip = self.crack
+        along = graded(self.width, tip - 2.0 * self.length, tip, tip + self.reach, self.size)
+        # The crack is a row of elements: the middle of the height is that of one.
+        low = half - 0.5 * self.size
+        mesh = rectangle(along, graded(self.height, half - band, low, half + band, self.size), nine=False)
         self._material = TensionField(self.mu, SHARE)
         self.membrane = Membrane(mesh, lambda t, d: tuple(self._left * w for w in self._material(t, d)), 1.0, 2)
         by_gradient, self._by_value = self.membrane._operators
@@ -86,7 +90,8 @@ class TornSheet:
         stiff = 2.0 * self._unit * self.length**2 * np.repeat(self._area, 2)
         self._smooth = by_gradient.T @ diags(stiff) @ by_gradient
         x, y = self.membrane.nodes.T
-        self._cracked = (abs(y - half) < 0.6 * self.size) & (x < self.crack + 0.01 * self.size)
+        # The element ahead of the last broken node bears next to nothing: the crack ends behind it.
+        self._cracked = (abs(y - half) < 0.6 * self.size) & (x < self.crack - 0.5 * self.size)
         self.damage = np.where(self._cracked, 1.0, 0.0)
         self._damaged_by(np.zeros_like(self._area))
 
