@@ -248,11 +248,17 @@ def test_derivatives_at_equilibrium_refuse_contact():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"friction": 0.3}, "friction = 0.3: expected 0 with a static solver; friction needs Explicit"),
-        ({"surface": True}, "surface = True: expected False with a static solver; surface needs Explicit"),
+        (
+            {"friction": 0.3},
+            "friction = 0.3: expected 0 with a static solver or implicit steps; friction needs Explicit",
+        ),
+        (
+            {"surface": True},
+            "surface = True: expected False with a static solver or implicit steps; surface needs Explicit",
+        ),
         (
             {"motion": Free(0.1, (0.0, 0.0, ABOVE))},
-            "motion = Free: expected a BodyPath with a static solver; Free needs Explicit",
+            "motion = Free: expected a BodyPath with a static solver or implicit steps; Free needs Explicit",
         ),
         ({"solver": Newton(preconditioner="jacobi")}, "expected 'auto' or 'direct'"),
     ],

@@ -24,7 +24,6 @@ from warp_pd import (
     Pressure,
     Prony,
     Reaction,
-    RigidBall,
     SelfContact,
     Simulation,
     TensionField,
@@ -262,8 +261,6 @@ def test_a_run_continues_from_the_middle_bit_for_bit(law, solver, tmp_path):
     "parts, message",
     [
         ({"damage": CriticalStretch(2.0)}, "not supported by the solver Implicit; expected a TearingEnergy alone, or"),
-        ({"contact": RigidBall(0.03, (0.05, 0.05, 0.04), (0.0, 0.0, -1.0))},
-         "not supported by the solver Implicit; expected Explicit"),
     ],
 )  # fmt: skip
 def test_what_implicit_steps_do_not_take_is_refused(parts, message):

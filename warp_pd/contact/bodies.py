@@ -364,7 +364,7 @@ class BuiltBody(BuiltContact):
 
 
 class BodyAtRest(BuiltBody, BuiltLoad):
-    """Frictionless contact with a body in static equilibrium; see kernels/contact/static_contact.py.
+    """Frictionless contact with a body in equilibrium; see kernels/contact/static_contact.py.
 
     Attributes:
         multiplier: Lagrange multiplier: pressure at the last equilibrium [Pa], (N,) float64.
@@ -377,12 +377,14 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
             raise InputError(
-                f"{part.title}: motion = Free: expected a BodyPath with a static solver; Free needs Explicit"
+                f"{part.title}: motion = Free: expected a BodyPath with a static solver or implicit steps; Free needs "
+                "Explicit"
             )
         for name, value, wanted in (("friction", part.friction, 0), ("surface", part.surface, False)):
             if value != wanted:
                 raise InputError(
-                    f"{part.title}: {name} = {value!r}: expected {wanted!r} with a static solver; {name} needs Explicit"
+                    f"{part.title}: {name} = {value!r}: expected {wanted!r} with a static solver or implicit steps; "
+                    f"{name} needs Explicit"
                 )
         super().__init__(part, context, law)
         name, points, types = part.name, context.sheet.size, context.types
@@ -489,6 +491,8 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
         return off
 
-    def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Force [N] and torque about the centre [N m] on the body; its position."""
-        return super()._row(totals, 1.0)
+    def _mean_forces(
+        self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float
+    ) -> dict[str, float]:
+        """Forces [N] and torques about the centre [N m] on the body, which `impulse` and `turn` hold."""
+        return super()._mean_forces({}, totals, 1.0)

@@ -34,7 +34,8 @@ class Implicit(FramesInTime, NewtonSettings):
         inertia: Whether the sheet has inertia. Without it and damping every step ends in equilibrium, for slow
             processes, and the run begins with that under the loads at time 0.
         radius: Spectral radius of the steps for the highest frequencies: 1 conserves, 0 damps in one step. By default
-            0.8, and 0 in a sheet that can tear: steps seldom resolve what broken bonds release.
+            0.8, and 0 with contact, which takes no other, and in a sheet that can tear: steps seldom resolve what its
+            bonds release.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         residual: Relative residual of a step; by default 1e-6 in float64 and 1e-4 in float32.
         history_every: Time between rows of `Result.fine_history` [s], recorded at the next step; None for none.

@@ -68,8 +68,7 @@ class BuiltImplicit(StaticSystem):
         # A factorisation serves many steps.
         self.factorised = ALGEBRAIC_FROM if context.device.is_cpu else 0
         self.tolerance = settings.residual or RESIDUAL[context.bits]
-        usual = DAMPING if context.layout.breakable else KEEPING
-        self._radius = usual if settings.radius is None else settings.radius
+        self._radius = 0.0
         least = UNIT_ROUND_OFF[context.bits]
         if settings.tolerance is not None and settings.tolerance < least:
             # The error of a shorter step is no smaller: it is the round-off of the displacement.
@@ -95,8 +94,7 @@ class BuiltImplicit(StaticSystem):
             raise InputError(
                 f"{rupture.label}: not supported by the solver Implicit; expected a TearingEnergy alone, or Explicit"
             )
-        for contact in system.external.contacts:
-            raise InputError(f"{contact.label}: not supported by the solver Implicit; expected Explicit")
+        self._radius = self._spectral_radius(system)
         # Forces of other parts that are no loads have no tangent.
         system.refuse_phases(self.name, [Phase.INTERNAL_FORCE], besides=system.law)
         context, state = self.context, self.context.state
@@ -142,6 +140,19 @@ class BuiltImplicit(StaticSystem):
         if rupture is not None:
             self.tears = Tears(system, self.rounds, self._wanted * 0.5**self.settings.most_cuts)
 
+    def _spectral_radius(self, system: System) -> float:
+        """The spectral radius of the steps. Raises InputError for one that would not damp contact."""
+        radius = self.settings.radius
+        for contact in system.external.contacts:
+            # A point that is kept on a body takes the mean of forces of which it bears only the last.
+            if radius:
+                raise InputError(
+                    f"radius = {radius!r}: expected 0 or None with {contact.label}, which others throw off"
+                )
+            return 0.0
+        usual = KEEPING if system.rupture is None else DAMPING
+        return usual if radius is None else radius
+
     def add_inertia(self, stage: Stage, finest: Level) -> None:
         """Add inertia and damping to the unbalanced force."""
         if self._rest is None:
@@ -183,6 +194,7 @@ class BuiltImplicit(StaticSystem):
         """Find the acceleration at the start, or equilibrium there; return the step that follows [s]."""
         self._begin = perf_counter()
         if not self.moves:
+            self._set_contact_stiffness()
             self._begin_in_equilibrium(sink)
             sink.solve = self._account()
         self._set_coefficients(self._next(0.0, float(self._stops[0])))
@@ -215,6 +227,7 @@ class BuiltImplicit(StaticSystem):
         if sink.solve is not None:
             self._begin -= sink.solve["seconds"]
             self._counts = {name: sink.solve[name] for name in self._counts}
+        self._set_contact_stiffness()
         for index in range(sink.frame_index + 1, self.settings.frame_count + 1):
             steps = self._advance(self.settings.frame_time(index), sink)
             self._settle()
