@@ -60,6 +60,9 @@ class TornSheet:
         mirrored: Whether the right edge is a line of symmetry.
         membrane: The elements.
         damage: At the nodes, (N,).
+
+    Raises:
+        ArithmeticError: if elements are too large for the damage field or the crack.
     """
 
     width: float
@@ -92,6 +95,10 @@ class TornSheet:
         x, y = self.membrane.nodes.T
         # The element ahead of the last broken node bears next to nothing: the crack ends behind it.
         self._cracked = (abs(y - half) < 0.6 * self.size) & (x < self.crack - 0.5 * self.size)
+        if self._cracked.sum() < 2 or self.size > 0.75 * self.length:
+            raise ArithmeticError(
+                f"size = {self.size:g} m: expected at most 3/4 of the length, and less than the crack"
+            )
         self.damage = np.where(self._cracked, 1.0, 0.0)
         self._damaged_by(np.zeros_like(self._area))
 

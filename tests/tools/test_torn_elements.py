@@ -27,6 +27,12 @@ def test_a_crack_across_has_the_tearing_energy():
     assert sheet.tip > 0.97
 
 
+def test_elements_larger_than_the_damage_are_refused():
+    for points in (1, 2, 20):
+        with pytest.raises(ArithmeticError, match="size"):
+            SCENES["double_notch"](points, False)
+
+
 def test_two_notches_tear_at_a_load_that_coarse_elements_know():
     """An element of two thirds of the length of the field."""
     assert abs(SCENES["double_notch"](40, False).scalar) < 0.03

@@ -44,8 +44,8 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "--points", type=at_least_one, nargs="+", default=[], help="along a side; by default those of studies.py"
     )
     parser.add_argument("--horizon", type=float, nargs="+", default=[], help="in spacings, likewise")
-    parser.add_argument("--precision", type=int, nargs="+", default=[], help="in bits, likewise")
-    parser.add_argument("--repeats", type=int, default=3, help="runs of each case, at most")
+    parser.add_argument("--precision", type=int, choices=[32, 64], nargs="+", default=[], help="in bits, likewise")
+    parser.add_argument("--repeats", type=at_least_one, default=3, help="runs of each case, at most")
     parser.add_argument("--enough", type=float, default=10.0, help="seconds after which a case is not repeated")
     parser.add_argument(
         "--limit", type=float, default=60.0, help="seconds that a run may take; finer sheets are left out"
