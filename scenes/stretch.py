@@ -33,6 +33,7 @@ from warp_pd import (
     HyperelasticBonds,
     InputError,
     Measure,
+    Mirror,
     MooneyRivlin,
     Motion,
     Newton,
@@ -70,6 +71,7 @@ ELEMENTS = {
 # The uniaxial sheet without defect in grips that hold its width, likewise.
 GRIPPED = {1.5: 200.42e3, 2.0: 326.49e3, 2.5: 432.34e3, 3.0: 530.80e3, 3.5: 625.99e3, 4.0: 719.51e3}
 DEFECTS, GRIPS = ("none", "hole", "crack", "inclusion", "stiff_inclusion"), ("roller", "clamp")
+LAYERS = ("uniform", "mirror")
 LAWS = ("bond_based", "bond_based_refitted", "bond_associated")
 
 
@@ -86,6 +88,7 @@ def build(
     solver: str = "auto",
     tolerance: float | None = None,
     critical_stretch: float | None = None,
+    layers: str = "uniform",
 ) -> Simulation:
     """Build the scene.
 
@@ -94,16 +97,21 @@ def build(
         defect: none, hole, crack, inclusion or stiff_inclusion.
         law: Mode whose constants the bonds use; auto: the scene's.
         grip: Held directions at the edges: roller, only across the edge; clamp, both.
+        layers: Motion of the layers outside: uniform, as in a uniform stretch; mirror, as mirror images of the sheet
+            (HE eqs. 98, 99).
     """
     one_of("mode", mode, MODES)
     one_of("defect", defect, DEFECTS)
     one_of("law", law, ("auto", *MODES))
     one_of("grip", grip, GRIPS)
+    one_of("layers", layers, LAYERS)
     if not 1.0 < finite("stretch", stretch) <= 4.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 4")
     bonds = one_of("force", force, LAWS) != "bond_associated"
     if not bonds and law != "auto":
         raise InputError(f"law = {law!r}: expected 'auto' with force 'bond_associated', which has no mode")
+    if not bonds and layers != "uniform":
+        raise InputError(f"layers = {layers!r}: expected 'uniform' with force 'bond_associated', which has none")
     if bonds and weights != "auto":
         raise InputError(f"weights = {weights!r}: expected 'auto' with force {force!r}")
     if critical_stretch is not None and not bonds:
@@ -150,7 +158,10 @@ def build(
     return Simulation(
         sheet,
         force=chosen,
-        loads=supports(sheet, mode, grip, stretch, torn=critical_stretch is not None),
+        loads=[
+            *supports(sheet, mode, grip, stretch, torn=critical_stretch is not None, moves=layers == "uniform"),
+            *([mirrored(sheet, mode, grip, stretch)] if layers == "mirror" else []),
+        ],
         solver=solvers[one_of("solver", solver, solvers)],
         measures=[
             Measure("stretch", "1", lambda built, frame: 1.0 + (stretch - 1.0) * frame.time),
@@ -237,8 +248,27 @@ def stiff_inside(sheet: Sheet) -> Sheet:
     return sheet.stiffened(sheet.within((0.0, 0.0), RADIUS), STIFF)
 
 
-def supports(sheet: Sheet, mode: str, grip: str, stretch: float, torn: bool = False) -> list[Fixed | Motion]:
-    """Motions of the edges, or of the layers outside, as in a uniform stretch, and in-plane supports of all points."""
+def mirrored(sheet: Sheet, mode: str, grip: str, stretch: float) -> Mirror:
+    """The layers outside as mirror images of the sheet: across the edges, with grips along them too."""
+    across = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": 1.0}[mode]
+    outside = np.abs(sheet.points) > HALF * (1.0 + 1e-9)
+    if mode == "uniaxial":
+        outside[:, 1] = False
+    points = np.flatnonzero(outside.any(axis=1))
+    beyond, at = outside[points], sheet.points[points]
+    edge = np.where(beyond, np.sign(at) * HALF, at)
+    images = [sheet.nearest(*place) for place in 2.0 * edge - at]
+    held = beyond if grip == "roller" else np.ones_like(beyond)
+    return Mirror(points, images, edge * (stretch - 1.0, across - 1.0), held)
+
+
+def supports(
+    sheet: Sheet, mode: str, grip: str, stretch: float, torn: bool = False, moves: bool = True
+) -> list[Fixed | Motion]:
+    """Motions of the edges, or of the layers outside, as in a uniform stretch, and in-plane supports of all points.
+
+    Without `moves` the layers do not move so.
+    """
     x, y = np.abs(sheet.points).T >= HALF * (1.0 - 1e-9)
     across = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": 1.0}[mode]
     if mode == "uniaxial":
@@ -246,7 +276,7 @@ def supports(sheet: Sheet, mode: str, grip: str, stretch: float, torn: bool = Fa
     moved = {"x": (x, stretch), "y": (y, across)} if grip == "roller" else {"x": (x | y, stretch), "y": (x | y, across)}
     loose = np.setdiff1d(np.arange(sheet.size), np.concatenate([[], *sheet.inclusions]))
     loads: list[Fixed | Motion] = [Fixed(loose, "z")]
-    for c, (name, (held, goal)) in enumerate(moved.items()):
+    for c, (name, (held, goal)) in enumerate(moved.items() if moves else ()):
         # Points with the same coordinate move together; round-off separates them by far less than a spacing.
         place = np.round(sheet.points[:, c] / (1e-3 * sheet.spacing)).astype(int)
         for where in np.unique(place[held]):

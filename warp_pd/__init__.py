@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from .papers.boundary_force import BoundaryForce
     from .papers.critical_energy import CriticalEnergy
     from .papers.hyperelastic_bonds import BondNeoHookean, HyperelasticBonds
+    from .papers.mirror import Mirror
     from .papers.neural.law import Neural
     from .papers.nodal import Nodal
     from .papers.visco_bonds import ViscoBondBased
@@ -124,6 +125,7 @@ __all__ = [
     "Material",
     "Maxwell",
     "Measure",
+    "Mirror",
     "MooneyRivlin",
     "Motion",
     "NeoHookean",

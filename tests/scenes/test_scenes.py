@@ -442,6 +442,8 @@ def test_the_law_of_another_mode_is_wrong_by_ten_percent():
         ({"force": "nodal"}, "force = 'nodal'"),
         ({"grip": "glue"}, "grip = 'glue'"),
         ({"force": "bond_associated", "law": "planar"}, "law = 'planar'"),
+        ({"layers": "moving"}, "layers = 'moving'"),
+        ({"force": "bond_associated", "layers": "mirror"}, "layers = 'mirror'"),
         ({"weights": "plain"}, "weights = 'plain'"),
         ({"solver": "explicit"}, "solver = 'explicit'"),
         ({"force": "bond_associated", "critical_stretch": 2.0}, "critical_stretch = 2.0: expected None"),

@@ -38,6 +38,7 @@ from warp_pd import (
     Free,
     Implicit,
     Joint,
+    Mirror,
     Motion,
     Neural,
     Newton,
@@ -101,6 +102,8 @@ def further():
     in_plane = [Fixed(plane.edges("left")), Fixed(plane.where(lambda x, y: x > 0.0), "z")]
     dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    right = plane.edges("right")
+    mirrored = Mirror(right, right - 2, np.ones((25, 2)), np.ones((25, 2), bool))
     clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
     gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)], leak=0.8)
     volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
@@ -172,6 +175,7 @@ def further():
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
         "bonds torn": Simulation(plane, bonds, Explicit(1.0), damage=CriticalStretch(2.0)),
         "newton contact": Simulation(plane, law, Newton(), loads=[clamp], contact=bodies(0.0)[0]),
+        "mirror": Simulation(plane, bonds, Relaxation(), loads=[in_plane[1], mirrored]),
         "newton neural": Simulation(
             plane, Neural(NEO, 2.015, evaluation="closed_form"), Newton(preconditioner="jacobi"), loads=[clamp]
         ),
