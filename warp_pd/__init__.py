@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .contact.newton_world import newton_bodies
     from .contact.rigid_ball import RigidBall
     from .contact.self_contact import SelfContact
+    from .contact.weld import Weld, pillow
     from .device.checks import InputError
     from .gas.enclosed import EnclosedGas, EnclosedVolume
     from .implicit.solver import Implicit
@@ -163,10 +164,12 @@ __all__ = [
     "ValuesInTime",
     "Visco",
     "ViscoBondBased",
+    "Weld",
     "Yeoh",
     "draw_sheet",
     "glued",
     "newton_bodies",
+    "pillow",
     "placed",
     "read_mesh",
     "read_outline",

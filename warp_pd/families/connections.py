@@ -65,8 +65,8 @@ def require_unfolded(sheet: Sheet) -> None:
         raise InputError(
             f"sheet: it is folded by {turn[point]:.0f} degrees at {_text(sheet.points[point].tolist())}, where a "
             f"family has no tangent plane: expected at most {FOLD_REFUSED:g}: round the fold over some spacings; of "
-            "two equal halves, as of a cushion, take one flat half with its rim held in the plane of the fold: "
-            "Fixed(rim, 'z')"
+            "two equal halves, as of a cushion, take pillow(half), or one flat half with its rim held in the plane of "
+            "the fold: Fixed(rim, 'z')"
         )
 
 

@@ -188,12 +188,15 @@ class BuiltLoad(BuiltPart, Protocol):
         coarsens: Whether a displacement-dependent load can be built on coarser sheets, for multigrid.
         symmetric: Whether the tangent of a displacement-dependent load is symmetric.
         at_rest: The load as contact in static equilibrium, or None.
+        ties: Stiffness by which it holds each point to others [N/m], (N,), of which a factorisation takes the diagonal;
+            or None.
     """
 
     follows_displacement: bool = False
     coarsens: bool = False
     symmetric: bool = False
     at_rest: StaticContact | None = None
+    ties: np.ndarray | None = None
 
     def constant_force(self) -> np.ndarray | None:
         """The force [N], shape (N, 3), if it is constant; `add_force` is then not called. Otherwise None."""

@@ -145,9 +145,11 @@ class Level:
         self.run("linearise")
 
     def contact_stiffness(self) -> np.ndarray | None:
-        """Stiffness of contact at the last tangent [N/m], shape (N, 3, 3); None without contact."""
-        blocks = [contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
-        return -np.sum(blocks, axis=0) if blocks else None
+        """Stiffness of contact, and of loads that tie points, at the last tangent [N/m], (N, 3, 3); None without."""
+        blocks = [-contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
+        ties = [load.ties for load in self.following]
+        blocks += [tie[:, None, None] * np.eye(3) for tie in ties if tie is not None]
+        return np.sum(blocks, axis=0) if blocks else None
 
     def longest_step(self) -> float:
         """Fraction of the direction at which the first family turns inside out; infinite if families may."""

@@ -158,6 +158,9 @@ class StaticSystem(BuiltSolver):
             return "damage: expected None, because bonds must not break"
         if law.needs_finest:
             return law.needs_finest
+        for load in self.system.external.following:
+            if load.ties is not None:
+                return f"{load.label}: it holds parts of the sheet that are loose without it"
         return f"sheet of {size} points: expected more than {MAX_COARSEST} points" if size <= MAX_COARSEST else ""
 
     def _no_lattices(self) -> str:

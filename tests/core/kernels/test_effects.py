@@ -59,6 +59,7 @@ from warp_pd import (
     TearingEnergy,
     ValuesInTime,
     Visco,
+    Weld,
     Yeoh,
     placed,
     together,
@@ -107,7 +108,7 @@ def further():
     clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
     gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)], leak=0.8)
     volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
-    both = together(square(9), square(7))
+    both, welded = together(square(9), square(7)), (Place(), Place())
     moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
     shown = ("stretch", "direction", "first_piola", "cauchy", "wrinkle_state", "bonds")
     visco = Visco(Yeoh(1e5, 1e3), horizon=2.015, prony=(Prony(c10=1e5, time=1.0),))
@@ -161,6 +162,9 @@ def further():
             Explicit(1.0),
             initial_displacement=placed(both, Place(), Place((5e-3, 5e-3, 1e-3))),
             loads=[Joint(both.edges("sheet 2"), both.edges("sheet 1"), energy=1.0, reach=2e-3)],
+        ),
+        "weld": Simulation(
+            both, law, Explicit(1.0), loads=[Weld([0], [81])], initial_displacement=placed(both, *welded)
         ),
         "bodies": Simulation(plane, law, Explicit(1.0), loads=loads(plane), contact=bodies(0.0)),
         "bodies torn": Simulation(
