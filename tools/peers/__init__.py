@@ -1,0 +1,1 @@
+"""This code beside others: the same problems, error over time."""

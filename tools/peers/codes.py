@@ -1,0 +1,120 @@
+"""The codes, the ladder of settings of each, and what it cannot do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from peers.elements import newton_membrane
+
+Settings = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Code:
+    """One way to use one code.
+
+    Attributes:
+        name: In tables.
+        adapter: Module of `peers.adapters`.
+        how: What it does, in words.
+        runs: Problem -> settings, from coarse to fine.
+        cannot: Problem -> why it has no row of numbers.
+        gpu: Whether it has a GPU path.
+        material: Its own material, if it is not that of the problem and finite elements can have it.
+    """
+
+    name: str
+    adapter: str
+    how: str
+    runs: dict[str, list[Settings]]
+    cannot: dict[str, str] = field(default_factory=dict)
+    gpu: bool = False
+    material: Any = None
+
+
+def ladder(*points: int, **settings: Any) -> list[Settings]:
+    """The same settings for several numbers of points along the shorter side."""
+    return [{"points": n, **settings} for n in points]
+
+
+def settling(*points: int, keep: float, step: float, **settings: Any) -> list[Settings]:
+    """Settings of newton: steps in proportion to the spacing [s], damped alike, until 50 of them move less than
+    1e-4 of the displacement, or 3000.
+
+    Args:
+        points: Along the shorter side.
+        keep: Part of a velocity that a step leaves, with 25 points.
+        step: With 25 points [s].
+        settings: Others.
+    """
+    ending = {"between": 50, "tolerance": 1e-4, "most": 3000}
+    return [
+        {"points": n, "step": step * 24 / (n - 1), "keep": keep ** (24 / (n - 1)), **ending, **settings} for n in points
+    ]
+
+
+STATIC = ("pressure", "strip")
+NO_TEAR = {"tear": "it has no rupture"}
+BY_HAND = {"tear": "elements do not tear by themselves; a damage field would have to be written by hand"}
+FLAT = {
+    "drum": "there is no pressure that follows the sheet",
+    "pressure": "there is no pressure that follows the sheet",
+    "strip": "not run: bonds in one layer have another Poisson's ratio (1/3)",
+}
+vbd = settling(13, 25, 49, keep=0.97, step=1e-4, solver="vbd", iterations=5)
+xpbd = settling(13, 25, 49, keep=0.97, step=1e-4, solver="xpbd", iterations=4)
+example = ladder(25, solver="vbd", iterations=10, step=1 / 600, keep=0.97, between=50, tolerance=1e-4, most=2000)
+# In time, without damping: as many steps as make 6 ms.
+drum = [
+    {**s, "keep": 1.0, "tolerance": 0.0, "most": n, "between": n, "step": 6e-3 / n}
+    for s, n in zip(vbd, (30, 60, 120), strict=True)
+]
+springs = [{**s, "solver": "xpbd", "iterations": 4} for s in drum]
+CODES = [
+    Code(
+        "this code", "this_code",
+        "bond-associated, corrected weights: at rest Newton's method in float64, horizon 1.5; in time explicit in "
+        "float32, horizon 2.015; the tear with `TearingEnergy`",
+        {name: ladder(13, 25, 49, 97, horizon=1.5) for name in STATIC}
+        | {"drum": ladder(13, 25, 49, 97, horizon=2.015), "tear": ladder(20, 30, 40, horizon=2.015)},
+        gpu=True,
+    ),
+    Code(
+        "scikit-fem, nine nodes", "scikit_fem", "membrane elements of tools/finite_elements.py, Newton's method",
+        {name: ladder(13, 25, 49, 97, nodes=9) for name in STATIC},
+        {**BY_HAND, "drum": "explicit steps want lumped masses, which elements of nine nodes do not bear well"},
+    ),
+    Code(
+        "scikit-fem, four nodes", "scikit_fem",
+        "the same with four nodes an element; in time explicit, central differences",
+        {name: ladder(13, 25, 49, 97, nodes=4) for name in STATIC} | {"drum": ladder(13, 25, 49, nodes=4)}, BY_HAND,
+    ),
+    Code(
+        "FElupe", "felupe_solid",
+        "a layer of hexahedra of 27 nodes (it has no membranes); 4 load steps of the strip; under pressure 12, with a "
+        "stretch of 10 % that is taken back, as its Newton's method fails from a flat sheet and from a dome",
+        {"pressure": ladder(7, 13, 25), "strip": ladder(7, 13, 25)},
+        {**BY_HAND, "drum": "its dynamics are free vibrations alone"},
+    ),
+    Code(
+        "newton, VBD", "newton_cloth",
+        "triangles of a membrane energy of its own, 5 iterations a step, steps near the explicit limit, until at rest",
+        {"pressure": vbd, "strip": vbd, "drum": drum}, NO_TEAR, gpu=True, material=newton_membrane,
+    ),
+    Code(
+        "newton, VBD, as in its example", "newton_cloth", "the same with 10 iterations in steps of 1/600 s",
+        {"pressure": example, "strip": example}, {**NO_TEAR, "drum": "four of its steps are the whole time"},
+        gpu=True, material=newton_membrane,
+    ),
+    Code(
+        "newton, XPBD", "newton_cloth", "springs (it has no triangles), 4 iterations a step, until at rest",
+        {"pressure": xpbd, "strip": xpbd, "drum": springs}, NO_TEAR, gpu=True,
+    ),
+    Code(
+        "LAMMPS, PERI", "lammps_peri",
+        "pair_style peri/pmb in one layer of points, horizon 3.015, explicit; critical stretch from Gc by the formula "
+        "of plane stress",
+        {"tear": ladder(20, 30, 40, horizon=3.015, duration=3.0, most=1.4)}, FLAT,
+    ),
+]  # fmt: skip

@@ -1,0 +1,117 @@
+"""Tables and pictures of docs/peers.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from study import picture, table
+
+from peers.codes import CODES
+from peers.problems import PROBLEMS, Problem
+
+Row = Mapping[str, Any]
+HEAD = ["code", "points", "error", "of its own material", "CPU time [s]", "wall time [s]", "memory [MB]", "version"]
+ERRORS = (0.05, 0.01, 0.001)
+
+
+def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
+    """Sections by heading: what is fastest, one for each problem and device, the codes."""
+    found = {"## The fastest": fastest(rows)}
+    for name, problem in PROBLEMS.items():
+        for device in dict.fromkeys(r["device"] for r in rows if r["problem"] == name):
+            here = [r for r in rows if r["problem"] == name and r["device"] == device]
+            file = page.with_name(f"{page.stem}-{name}{'' if device == 'CPU' else '-gpu'}.png")
+            draw(here, file)
+            found[f"## {problem.title}: {device}"] = [
+                f"{', '.join(dict.fromkeys(r['made'] for r in here))}. {measured_by(problem, here)}",
+                "", f"![error over time]({file.name})", "", *table(HEAD, [cells(r) for r in here]), "",
+                *without(name, device), "",
+            ]  # fmt: skip
+    found["## How each code was used"] = [f"- **{code.name}**: {code.how}." for code in CODES]
+    return found
+
+
+def without(problem: str, device: str) -> list[str]:
+    """Codes that have no row, and why."""
+    reasons = {code.name: code.cannot[problem] for code in CODES if problem in code.cannot}
+    if device != "CPU":
+        reasons |= {code.name: "it has no GPU path here" for code in CODES if not code.gpu}
+    return [f"- {name}: no row, {reason}." for name, reason in reasons.items()]
+
+
+def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
+    """What the error is."""
+    if problem.cut:
+        ratios = ", ".join(
+            f"{r['code']} ({r['points']}) {r['release_ratio']:.3f}" for r in rows if "release_ratio" in r
+        )
+        return f"The error is that of G / Gc, exactly 1 when the cut grows (Rivlin and Thomas 1953): {ratios}."
+    changes = [r["reference_change"] for r in rows if r.get("reference_change")]
+    return f"The reference changes by {max(changes, default=0.0):.1g} when its elements are halved."
+
+
+def cells(row: Row) -> list[str]:
+    """One line of a table."""
+    begin = [row["code"], str(row["points"])]
+    if row.get("failed"):
+        return [*begin, row["failed"], *[""] * 5]
+    own = row.get("own_error")
+    return [
+        *begin, percent(row["error"]), percent(own) if own else "", f"{row['cpu']:.3g}", f"{row['wall']:.3g}",
+        f"{row['memory'] / 1e6:.0f}" if row["memory"] else "", row["version"],
+    ]  # fmt: skip
+
+
+def percent(share: float) -> str:
+    """Two digits."""
+    return f"{100.0 * share:.2g} %"
+
+
+def seconds(row: Row) -> float:
+    """CPU time on a CPU, wall time on a GPU [s]."""
+    return float(row["cpu"] if row["device"] == "CPU" else row["wall"])
+
+
+def fastest(rows: Sequence[Row]) -> list[str]:
+    """The least time of each code for an error, a column for each error."""
+    lines = []
+    for name in PROBLEMS:
+        for device in dict.fromkeys(r["device"] for r in rows if r["problem"] == name):
+            for code in dict.fromkeys(r["code"] for r in rows if r["problem"] == name and r["device"] == device):
+                done = [
+                    r for r in rows if (r["problem"], r["device"], r["code"]) == (name, device, code) and r.get("error")
+                ]
+                best = [least_time(done, e) for e in ERRORS]
+                lines.append([name, device, code, *("-" if t is None else f"{t:.3g}" for t in best)])
+    head = ["problem", "device", "code", *(f"{100 * e:g} %: [s]" for e in ERRORS)]
+    return [
+        "Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs of the code keep:", "",
+        *table(head, lines), "",
+    ]  # fmt: skip
+
+
+def least_time(rows: Sequence[Row], error: float) -> float | None:
+    """Least time [s] of the runs of a code within an error; one that a finer run leaves again is a coincidence."""
+    beyond = max((r["points"] for r in rows if r["error"] > error), default=0)
+    return min((seconds(r) for r in rows if r["points"] > beyond), default=None)
+
+
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """Error over time, a line for each code; dashed, to its own material."""
+    with picture(path, size=(7.0, 4.6)) as axes:
+        panel = axes[0, 0]
+        for i, code in enumerate(dict.fromkeys(r["code"] for r in rows)):
+            done = [r for r in rows if r["code"] == code and r.get("error")]
+            if not done:
+                continue
+            times = [seconds(r) for r in done]
+            panel.loglog(times, [r["error"] for r in done], "o-", color=f"C{i}", label=code)
+            if done[0].get("own_error"):
+                panel.loglog(
+                    times, [r["own_error"] for r in done], "x--", color=f"C{i}", label=f"{code}, its own material"
+                )
+        panel.set_xlabel("CPU time (s)" if rows[0]["device"] == "CPU" else "wall time (s)")
+        panel.set_ylabel("error (-)")
+        panel.legend(fontsize=7)
