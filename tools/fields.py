@@ -230,6 +230,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE")
     parser.add_argument("--points", type=at_least_one, default=None, help="along a side; by default 51")
     options = parser.parse_args(arguments)
+    if options.out == PAGE and (options.only != list(CASES) or options.points):
+        parser.error("--only, --points: expected --out FILE too, as the page shows all cases at their own size")
     found = []
     for name in options.only:
         found.append(fields_of(CASES[name], options.points, options.device))

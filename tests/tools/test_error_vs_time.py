@@ -99,6 +99,11 @@ def test_the_fast_version_of_error_over_time(tmp_path, capsys):
     assert "pressure corrected 2.015" not in capsys.readouterr().out, "nothing was left to run"
 
 
+def test_small_cases_are_no_rows_of_the_page():
+    options = parsed(["--fast"])
+    assert options.out is None and options.numbers.parts[-2:] == ("runs", "error-vs-time.json")
+
+
 def test_errors_against_finite_elements_vanish_for_their_own_field():
     """Their field, and what a sheet of 21 points finds: known from the runs of the solvers' tests."""
     case = Configuration("pressure", "corrected", 2.015, 21, 64, "newton")

@@ -37,6 +37,13 @@ def test_faces_of_a_crack_are_compared_each_with_its_own_side(monkeypatch):
     assert found.elements[faces, 0].min() < -0.01
 
 
+@pytest.mark.parametrize("options", [["--only", "tension"], ["--points", "21"]], ids=" ".join)
+def test_a_part_does_not_replace_the_page(options, capsys):
+    with pytest.raises(SystemExit):
+        fields.main(options)
+    assert "expected --out" in capsys.readouterr().err
+
+
 def test_a_rigid_inclusion_stays():
     points = np.array([[0.0, 0.0], [0.05, 0.02], [0.2, 0.0]])
     moved = fields.stretched(points, "inclusion", 1.1)

@@ -23,7 +23,7 @@ if not __package__:
     # The folder tools/, in place of this one.
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from study import DOCS, at_least_one, load_rows, renew, run_tool, study_parser
+from study import DOCS, RUNS, at_least_one, load_rows, renew, run_tool, study_parser
 
 from error_vs_time.studies import STUDIES
 from error_vs_time.sweep import sweep
@@ -51,10 +51,12 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "--limit", type=float, default=60.0, help="seconds that a run may take; finer sheets are left out"
     )
     parser.add_argument("--cpu-time", action="store_true", help="CPU time on one core, for a machine that others use")
-    parser.add_argument("--fast", action="store_true", help="a few small cases")
+    parser.add_argument("--fast", action="store_true", help="a few small cases, not for the page")
     parser.add_argument("--numbers", type=Path, default=NUMBERS, help="file of the numbers")
     options = parser.parse_args(arguments)
     if options.fast:
+        # Small cases are no rows of the page.
+        options.numbers = RUNS / "error-vs-time.json" if options.numbers == NUMBERS else options.numbers
         options.points, options.horizon, options.precision = [11, 21], [2.015], [64]
         options.repeats, options.scenes = 1, ["pressure"]
         options.laws = options.laws or ["published", "corrected", "bond_based"]
