@@ -39,6 +39,17 @@ def test_a_scene_is_within_its_closed_form(name, tmp_path):
         assert result.summary["measures"]["needle"]["value"] > 0.02
 
 
+def test_the_valve_lifts_as_far_the_other_way(tmp_path):
+    up, down = (
+        scene("valve", tmp_path)
+        .build(pressure=pressure, points=10)
+        .run(device="cpu")
+        .summary["measures"]["lift"]["value"]
+        for pressure in (3.0, -3.0)
+    )
+    assert up > 0.0 and down == pytest.approx(-up, rel=1e-6)
+
+
 def test_a_fit_finds_the_constants_of_its_curve(tmp_path):
     module = scene("fitted", tmp_path)
     found = module.build()
