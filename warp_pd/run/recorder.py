@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import warp as wp
 
 from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import Array
@@ -20,6 +21,7 @@ from .divergence import Soundness
 from .frame_points import FramePoints
 from .scene import Measure, Reported
 from .shape_notes import ShapeWatch
+from .trial import TIMED
 from .version import code_version
 
 if TYPE_CHECKING:
@@ -132,6 +134,9 @@ class Recorder:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
         self._saved_at = -math.inf
+        # Time in the run [s] and clock from which on steps are timed; whether their result has been told.
+        self._timed: tuple[float, float] | None = None
+        self._told = getattr(self.built.simulation.solver, "tolerance", None) is not None
         self._shown_at = perf_counter()
         self.note_code()
 
@@ -173,6 +178,7 @@ class Recorder:
 
     def stepped(self, now: float, dt: float, steps: int) -> None:
         """Show the progress and the time left between frames, from time to time."""
+        self._foretell(now)
         clock = perf_counter()
         if self.reporter is None or clock < self._shown_at + SECONDS_SHOWN or steps < STEPS_TIMED:
             return
@@ -181,6 +187,28 @@ class Recorder:
         duration = self.built.simulation.solver.duration
         left = (duration - now) / dt / rate
         self.reporter.between(now / duration, format_time(now, None), rate, left)
+
+    def _foretell(self, now: float) -> None:
+        """Once some steps have been timed, tell how long the run takes, unless its steps adapt."""
+        solver = self.built.simulation.solver
+        if self._told or self.reporter is None or not solver.dynamic:
+            return
+        clock = perf_counter()
+        if self._timed is not None and (now <= self._timed[0] or clock < self._timed[1] + TIMED):
+            return
+        # A GPU runs behind its launches.
+        wp.synchronize_device(self.built.context.device)
+        clock = perf_counter()
+        if self._timed is None:
+            # The first steps take longer.
+            self._timed = now, clock
+            return
+        from ..output.progress import duration_text
+
+        begun, at = self._timed
+        self._told = True
+        seconds = (solver.duration - now) * (clock - at) / (now - begun)
+        self.reporter.say(f"about {duration_text(max(1.0, seconds))} to go on this machine")
 
     def keep_going(self) -> None:
         """Abort a long frame after the user asked to stop; a resumed run repeats its computation."""
@@ -221,6 +249,8 @@ class Recorder:
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
         if self.fine is not None and not communicator.is_root:
             self.fine.forget()
+        if index > 0:
+            self._foretell(now)
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
 

@@ -7,7 +7,8 @@ from helpers import NEO, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Implicit, Newton, Pressure, RigidBall, Simulation
-from warp_pd.run import trial
+from warp_pd.output.progress import Progress
+from warp_pd.run import recorder, trial
 
 
 def column(table, name):
@@ -71,3 +72,15 @@ def test_a_plan_tells_how_long_a_run_takes_and_what_is_faster(solver, told, monk
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
     simulation = Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("left"))])
     assert re.search(told, trial.foretold(simulation.build("cpu")), re.MULTILINE)
+
+
+def test_a_run_tells_how_long_it_takes(monkeypatch, capsys):
+    """Not for steps that adapt, nor for load steps."""
+    monkeypatch.setattr(recorder, "TIMED", 0.01)
+    sheet = square(7)
+    law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    told = []
+    for solver in (Explicit(0.5), Implicit(1.0, steps=100), Implicit(1.0, tolerance=1e-3), Newton(load_steps=9)):
+        Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("left"))]).run(device="cpu", reporter=Progress())
+        told.append(len(re.findall(r"^about .+ to go on this machine$", capsys.readouterr().err, re.MULTILINE)))
+    assert told == [1, 1, 0, 0]
