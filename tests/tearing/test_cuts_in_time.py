@@ -25,6 +25,7 @@ from warp_pd import (
     Slit,
     TearingEnergy,
 )
+from warp_pd.device.checks import InputError
 from warp_pd.device.launches import Launch
 
 LAW = BondAssociated(NEO, horizon=2.015, weights="plain")
@@ -247,3 +248,20 @@ def test_arc_length_and_several_processes_are_refused():
     damage = CutsInTime(Slit(PATH, at=0.5), beside=TearingEnergy(5.0))
     with refused(match="expected TearingEnergy with ArcLength"):
         pulled(sheet, ArcLength(), damage).build("cpu")
+
+
+def test_a_sheet_is_as_without_cuts_until_they_open():
+    """The weights "auto" are those of a sheet without rupture: its deflection keeps its bits."""
+    sheet, late = square(13), CutsInTime(Punch((0.02, 0.02), 0.01, at=2.0))
+    loads, law = [Fixed(sheet.edges("all")), Pressure(5.0)], BondAssociated(NEO, horizon=3.15)
+    found = [
+        run(Simulation(sheet, law, Newton(preconditioner="direct"), loads=loads, damage=damage)).frame.displacement
+        for damage in (None, late)
+    ]
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("at", [["a"], [[1.0], [2.0, 3.0]], [], None, [np.nan], [-1.0]])
+def test_times_of_seams_are_refused_in_a_line(at):
+    with pytest.raises(InputError, match=r"^Seam\.at = .*: expected"):
+        Seam([0], [1], at=at)

@@ -16,6 +16,7 @@ from warp_pd import (
     Motion,
     Newton,
     Plate,
+    Sheet,
     Simulation,
 )
 from warp_pd.materials import energy_density
@@ -139,3 +140,20 @@ def test_limits_that_are_none_are_refused(make, message):
 def test_a_law_without_the_field_is_refused(damage, field):
     with refused(match=f"expected a law with the field {field}"):
         Simulation(square(7), BondBased(Bimodular(3.0 * MU)), Explicit(1.0), damage=damage).build("cpu")
+
+
+@pytest.mark.parametrize("horizon", [2.015, 3.15])
+def test_free_edges_and_grips_break_at_the_strength_with_the_weights_of_the_law(horizon):
+    """A strip with free sides, held by spared grips; plain weights would break it too early, or not at all."""
+    sheet, stretch = Sheet.rectangle(0.1, 0.05, thickness=1e-3, density=1000.0, points=(21, 11)), 1.2
+    grips = sheet.edges("left", "right")
+    nominal = 2.0 * (stretch - stretch**-2) * (2e5 + 1e4 / stretch)
+    for share, breaks in ((1.002, False), (0.998, True)):
+        pull = Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, (stretch - 1.0) * 0.1])
+        loads = [Fixed(sheet.edges("left"), "x"), Fixed([0], "y"), Fixed(range(sheet.size), "z"), pull]
+        simulation = Simulation(
+            sheet, BondAssociated(RUBBER, horizon=horizon), Newton(load_steps=2), loads=loads,
+            damage=CriticalStress(share * nominal, spared=grips),
+        )  # fmt: skip
+        history = simulation.run(device="cpu", precision=64).history
+        assert [row["largest_damage"] > 0.0 for row in history] == [False, False, breaks]

@@ -13,7 +13,7 @@ from ..device.checks import InputError, called, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw
+from ..interfaces import BuiltLaw, Law
 from ..kernels.bond_associated import family_energies, represented_area
 from ..kernels.factories import FunctionFactory
 from ..materials import Material, capabilities, check_material, largest_energy_density
@@ -39,9 +39,9 @@ class BondAssociated:
                 38 and 43). The force has no energy, and the error for uniform stress is about 1 %.
             "plain": in proportion to |D_ij|. It conserves energy and is exact for uniform stress inside the sheet.
             "corrected": the weights closest to "plain" for which uniform stress is in equilibrium at the edges, too.
-            "auto": "corrected", but "plain" at horizons above 4.5, and with rupture other than by TearingEnergy on
-                sheets that are not graded and whose material is not a TensionField: nothing else holds the free edges
-                of a TensionField, which closes like a curtain with plain weights.
+            "auto": "corrected", but "plain" at horizons above 4.5, and beside a criterion that asks each bond by
+                itself, such as CriticalStretch, on sheets that are not graded and whose material is not a TensionField:
+                nothing else holds the free edges of a TensionField, which closes like a curtain with plain weights.
             With rupture, "corrected" applies while the family of a point is undamaged; the area of broken bonds is
             lost.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
@@ -66,7 +66,7 @@ class BondAssociated:
         check_material(self.material, "functions")
 
     def resolved_weights(self, at_once: bool, graded: bool = False) -> str:
-        """The weights with "auto" resolved; `at_once`: bonds break without prior softening by a damage field."""
+        """The weights with "auto" resolved; `at_once`: bonds break, each by itself, without softening before."""
         if self.weights != "auto":
             return self.weights
         needed = graded or capabilities(self.material).goes_slack
@@ -80,6 +80,13 @@ class BondAssociated:
     def build(self, context: Context) -> BuiltLaw:
         """Build the law. Raises InputError if the sheet or the weights do not allow the horizon."""
         return BondAssociatedForce(self, context)
+
+
+def with_weights_of_intact_sheets(force: Law) -> Law:
+    """The law with the weights that "auto" means without rupture."""
+    if not isinstance(force, BondAssociated) or force.weights != "auto":
+        return force
+    return replace(force, weights=force.resolved_weights(False))
 
 
 class BondAssociatedForce(BondAssociatedLaw):

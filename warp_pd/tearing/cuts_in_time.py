@@ -19,6 +19,7 @@ from ..geometry.triangulation import crosses
 from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Part, Rupture
 from ..interfaces.scales import Scales
 from ..kernels.tearing.cuts_in_time import cut_bonds
+from ..laws.bond_associated import with_weights_of_intact_sheets
 from ..parts.rupture import AT_REST, Damaged
 from ..shapes.edits import tips_of
 from ..step import Phase
@@ -131,8 +132,13 @@ class Seam:
     at: Any
 
     def __post_init__(self) -> None:
-        at = np.asarray(self.at, float) if np.ndim(self.at) else np.array(finite("Seam.at", self.at))
-        if np.isnan(at).any() or (at < 0.0).any() or at.ndim > 1:
+        try:
+            at = np.asarray(self.at, float)
+        except (TypeError, ValueError):
+            raise InputError(f"Seam.at = {said(self.at)}: expected times from 0 on") from None
+        if at.ndim == 0:
+            finite("Seam.at", self.at)
+        if at.size == 0 or np.isnan(at).any() or (at < 0.0).any() or at.ndim > 1:
             raise InputError(f"Seam.at = {said(self.at)}: expected times from 0 on")
 
     def first(self) -> float:
@@ -230,8 +236,8 @@ class CutsInTime(Rupture):
         return self.beside is not None and self.beside.is_field
 
     def law(self, force: Law, context: Context) -> Law:
-        """The force law as the criterion needs it."""
-        return force if self.beside is None else self.beside.law(force, context)
+        """The force law as the criterion needs it; alone, cuts leave the sheet before them as it is without."""
+        return with_weights_of_intact_sheets(force) if self.beside is None else self.beside.law(force, context)
 
     def check(self, others: Sequence[Part]) -> None:
         """Raise InputError for parts that cannot be combined with the criterion."""

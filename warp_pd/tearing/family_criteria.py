@@ -13,9 +13,10 @@ from ..context import Context
 from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
-from ..interfaces import BuiltLaw, BuiltRupture
+from ..interfaces import BuiltLaw, BuiltRupture, Law
 from ..kernels.rupture import Criterion
 from ..kernels.tearing.family_criteria import mean_energy_density, mean_of_both_ends
+from ..laws.bond_associated import with_weights_of_intact_sheets
 from ..laws.point_fields import GROUPS, STRESSES, ShownFields, factors, grouped
 from ..parts.rupture import BondCriterion, BreakingBonds
 from ..step import Phase
@@ -37,6 +38,10 @@ class FamilyCriterion(BondCriterion):
     def reads(self) -> Mapping[str, str]:
         """The means that the criterion reads: array of its struct -> name of the field, such as "cauchy_1"."""
         raise NotImplementedError(f"{type(self).__name__}.reads: expected names of fields by names of arrays")
+
+    def law(self, force: Law, context: Context) -> Law:
+        """The law with weights that keep a uniform state uniform up to the edges, so that the means are its own."""
+        return with_weights_of_intact_sheets(force)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the criterion on a device. Raises InputError if the law does not have the fields."""
