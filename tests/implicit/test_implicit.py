@@ -228,8 +228,30 @@ def test_steps_adapt_to_a_load_that_grows_from_nothing():
     assert found.summary["steps"] < 250
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_slow_steps_adapt_to_a_motion_that_is_short_beside_the_run(tolerance):
+    """A velocity that jumps at the start and at each knot is no error, however short the step."""
+    knots = ((0.0, 0.0), (1.0, 0.02), (2000.0, 0.02), (2001.0, 0.01), (3600.0, 0.01))
+    move = Motion(RIGHT, times=[t for t, _ in knots], x=[x for _, x in knots], y=0.0, z=0.0)
+    law = Visco(NEO, horizon=2.015, branches=[Maxwell(5e2, 600.0)])
+    loads = [Fixed(LEFT), move, Reaction(RIGHT, "pull")]
+    found, expected = (
+        Simulation(SHEET, law, Implicit(3600.0, frames=4, inertia=False, **how), loads=loads).run(
+            device="cpu", precision=64
+        )
+        for how in ({"tolerance": tolerance}, {"steps": 2000})
+    )
+    assert found.status == "finished"
+    pulls = [[row["pull_x"] for row in result.history] for result in (found, expected)]
+    np.testing.assert_allclose(*pulls, rtol=2e-3)
+    assert found.summary["steps"] < 400
+
+
 @pytest.mark.parametrize("law", ["branches", "prony"])
-@pytest.mark.parametrize("solver", [{"steps": 20}, {"tolerance": 1e-3}, {"steps": 20, "inertia": False}])
+@pytest.mark.parametrize(
+    "solver",
+    [{"steps": 20}, {"tolerance": 1e-3}, {"steps": 20, "inertia": False}, {"tolerance": 1e-3, "inertia": False}],
+)
 def test_a_run_continues_from_the_middle_bit_for_bit(law, solver, tmp_path):
     def parts(duration, frames):
         return Simulation(SHEET, VISCOUS[law], Implicit(duration, frames=frames, **solver), loads=[

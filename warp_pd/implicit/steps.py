@@ -45,6 +45,9 @@ SMOOTH, FAR = 0.05, 0.5
 SOME = 1e-5
 # First adapted step over the duration, and times that count as one, over it.
 FIRST, SAME = 1e-4, 1e-10
+# Without inertia the velocity jumps at a knot and at the start, and is forgotten in two steps: their errors are those
+# of the jump, at any step. They count as small at this share of the way to the next stop.
+FORGOTTEN, JUMP = 2, 1e-4
 
 
 class BuiltImplicit(StaticSystem):
@@ -83,6 +86,8 @@ class BuiltImplicit(StaticSystem):
         self._set: tuple[float, bool, float] | None = None
         sheet = context.sheet
         self._largest = SOME * sheet.spacing * math.sqrt(sheet.size)
+        # Steps since the start or the last knot.
+        self._since = 0
         self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused", "rounds"), 0)
         self._residual = 0.0
         self.tears: Tears | None = None
@@ -181,9 +186,9 @@ class BuiltImplicit(StaticSystem):
         for constraint in self.system.constraints:
             schedules += [constraint.motion] if constraint.motion is not None else []
             schedules += [constraint.turn.angle] if constraint.turn is not None else []
-        times = [np.array([solver.frame_time(index) for index in range(1, solver.frame_count + 1)])]
-        times += [schedule.times for schedule in schedules]
-        every = np.unique(np.concatenate(times))
+        frames = np.array([solver.frame_time(index) for index in range(1, solver.frame_count + 1)])
+        self._knots = np.unique(np.concatenate([schedule.times for schedule in schedules] or [np.zeros(0)]))
+        every = np.unique(np.concatenate([frames, self._knots]))
         every = every[(every > SAME * end) & (every <= (1.0 + SAME) * end)]
         # Where two are the same but for round-off the later one stays: the last is a frame.
         return every[np.diff(every, append=math.inf) > SAME * end]
@@ -274,6 +279,7 @@ class BuiltImplicit(StaticSystem):
     def _step(self, now: float, dt: float, stop: float, sink: FrameSink) -> float:
         """Take a step of at most dt [s]; return the time at its end [s]."""
         planned, cuts, refused = self._wanted, 0, False
+        jumps = not self.moves and self._since < FORGOTTEN
         tears = self.tears
         if tears is not None:
             tears.begin()
@@ -282,7 +288,7 @@ class BuiltImplicit(StaticSystem):
             then = stop if now + dt > stop - 0.5 * dt else now + dt
             self._set_coefficients(dt)
             if self._solve(then, sink, refused):
-                factor = self._factor(dt)
+                factor = self._factor(dt, jumps and dt <= JUMP * (stop - now))
                 if factor >= 1.0:
                     break
                 self._counts["refused"] += 1
@@ -324,6 +330,8 @@ class BuiltImplicit(StaticSystem):
             tears.accept(then, dt)
         self._counts["steps"] += 1
         self._last, self._smooth = dt, self._is_smooth()
+        at_knot = bool((np.abs(self._knots - then) <= SAME * self.settings.duration).any())
+        self._since = 0 if at_knot else self._since + 1
         return then
 
     def _is_smooth(self) -> bool:
@@ -333,8 +341,11 @@ class BuiltImplicit(StaticSystem):
         size = float(np.einsum("ic,ic->", moved, moved, dtype=np.float64))
         return self._squared_error <= SMOOTH**2 * size
 
-    def _factor(self, dt: float) -> float:
-        """Factor on a step of dt [s], less than 1 if its error is above the tolerance, or damage grew too much."""
+    def _factor(self, dt: float, jumps: bool) -> float:
+        """Factor on a step of dt [s], less than 1 if its error is above the tolerance, or damage grew too much.
+
+        `jumps`: the error is that of a velocity that jumps.
+        """
         tears = self.tears
         if tears is not None and tears.look(dt):
             # It was given up before the damage had grown as far as it would.
@@ -346,7 +357,7 @@ class BuiltImplicit(StaticSystem):
         size = self.levels[0].displacement.numpy() - self.context.initial_displacement
         largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
         found = math.sqrt(self._squared_error) / (self.settings.tolerance * largest)
-        if found <= 1.0:
+        if found <= 1.0 or jumps:
             self._largest = largest
             return max(1.0, AIM / math.cbrt(max(found, 1e-6)))
         return max(SHORTEN, AIM / math.cbrt(found))
@@ -442,14 +453,15 @@ class BuiltImplicit(StaticSystem):
         """The scales and the step, for a bitwise identical restart."""
         return {
             **super().host_state(), "wanted": self._wanted, "largest": self._largest, "last": self._last,
-            "smooth": self._smooth, "jumps": self.tears.jumps if self.tears else [],
+            "smooth": self._smooth, "since": self._since,
+            "jumps": self.tears.jumps if self.tears else [],
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
         super().restore(state)
         self._wanted, self._largest = state["wanted"], state["largest"]
-        self._last, self._smooth = state["last"], state["smooth"]
+        self._last, self._smooth, self._since = state["last"], state["smooth"], state["since"]
         if self.tears is not None:
             self.tears.jumps = [tuple(jump) for jump in state["jumps"]]
         if self._last > 0.0:
