@@ -284,7 +284,7 @@ class DamageField(Damaged):
         refuse_shared_device(context.device)
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
         # In equilibrium there are many sweeps over few points: one CPU thread runs them sooner than so many launches.
-        on_cpu = self._threads if context.dynamic or self._ghosts is not None else 1
+        on_cpu = 1 if context.at_rest and self._ghosts is None else self._threads
         self._sweepers = blocks * WAITING_BLOCK if context.device.is_cuda else on_cpu
         # Whether several launches find the damage of a step beside the force of undamaged families, or one launch does
         # before it, and whether this also lists the points.
