@@ -36,6 +36,7 @@ import numpy as np  # noqa: E402
 from study import (  # noqa: E402
     DOCS,
     RUNS,
+    at_least_one,
     device_title,
     load_rows,
     provenance,
@@ -125,7 +126,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = study_parser(__doc__, device="cpu", out=PAGE, only_page=False, missing=False)
     parser.add_argument("--problems", nargs="+", default=list(PROBLEMS), choices=list(PROBLEMS), metavar="PROBLEM")
     parser.add_argument("--codes", nargs="+", default=[""], metavar="CODE", help="beginnings of their names")
-    parser.add_argument("--most-points", type=int, default=10**9, help="leave out larger runs")
+    parser.add_argument("--most-points", type=at_least_one, default=10**9, help="leave out larger runs")
     parser.add_argument("--python", type=Path, help="Python that has the peers; by default one is set up")
     options = parser.parse_args(arguments)
     if options.python and not options.python.is_file():
@@ -133,6 +134,8 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     for name in options.codes:
         if not any(code.name.startswith(name) for code in CODES):
             raise InputError(f"--codes {name}: expected the beginning of one of {[code.name for code in CODES]}")
+    if options.device != "cpu" and not any(c.gpu for c in CODES if c.name.startswith(tuple(options.codes))):
+        raise InputError(f"--device {options.device}: expected cpu, as none of these codes has a GPU path here")
     return options
 
 
