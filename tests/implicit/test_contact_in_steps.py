@@ -79,6 +79,14 @@ def test_viscous_rubber_under_a_body_that_stays():
     assert glassy > 1.6 * relaxed
 
 
+def test_rows_between_frames_have_the_forces_on_a_body():
+    solver = {"steps": 10, "inertia": False}
+    fine = result(Implicit(1.0, frames=1, history_every=0.2, **solver)).fine_history
+    frames = result(Implicit(1.0, frames=5, **solver)).history
+    forces, wanted = ([row["body_force_z"] for row in rows] for rows in (fine[-4:], frames[-4:]))
+    np.testing.assert_allclose(forces, wanted, rtol=1e-6)
+
+
 @pytest.mark.parametrize("inertia", [True, False])
 def test_contact_continues_from_the_middle_bit_for_bit(inertia, tmp_path):
     solver = Implicit(1.0, frames=5, steps=10, inertia=inertia)
