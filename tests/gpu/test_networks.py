@@ -5,7 +5,7 @@ import pytest
 from helpers import NEO, rough, square
 from point_laws import build, exact_module
 
-from warp_pd import Fixed, Neural, TearingEnergy
+from warp_pd import Fixed, Neural, Newton, Pressure, Simulation, TearingEnergy
 
 torch = pytest.importorskip("torch")
 
@@ -51,3 +51,17 @@ def test_a_module_of_a_user_steps_as_on_a_cpu_and_as_the_closed_form(device, tor
         assert (one == ten).all()
         wanted = velocity(other or law, other_device, precision, 1, **parts)
         assert np.abs(one - wanted).max() < (1e-9 if precision == 64 else 2e-3) * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+def test_newton_takes_a_module_of_a_user(device, precision):
+    sheet, found = square(9), []
+    for law, on in (
+        (Neural(NEO, 2.015, network=exact_module()), device),
+        (Neural(NEO, 2.015, evaluation="closed_form"), "cpu"),
+    ):
+        loads = [Fixed(sheet.edges("all")), Pressure(5.0)]
+        result = Simulation(sheet, law, Newton(), loads=loads).run(device=on, precision=precision)
+        assert result.status == "finished"
+        found.append(result.frame.displacement)
+    assert np.abs(found[0] - found[1]).max() < (1e-7 if precision == 64 else 1e-3) * np.abs(found[1]).max()
