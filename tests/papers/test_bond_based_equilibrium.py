@@ -5,7 +5,19 @@ import pytest
 from bond_based_cases import CRACK, LAWS, SHEETS, E, beam, built, flat, run
 from helpers import rough, sever, square, uniform
 
-from warp_pd import CriticalStretch, Explicit, Fixed, Motion, Newton, Pressure, Relaxation, Sheet
+from warp_pd import (
+    Bimodular,
+    BondBased,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Motion,
+    Newton,
+    Pressure,
+    Relaxation,
+    Sheet,
+    Simulation,
+)  # fmt: skip
 from warp_pd.device.fields import assign
 
 # Tangent ------------------------------------------------------------------------------------------------
@@ -173,3 +185,16 @@ def test_energy_balances_through_rupture_in_time():
     result = run(sheet, solver, loads, damage=CriticalStretch(1.008, spared=ends))
     assert result.frame.damage.max() > 0.2
     assert max(abs(row["balance_error"]) for row in result.history) < 0.01
+
+
+def test_a_sheet_that_is_torn_in_two_within_a_load_step_finds_equilibrium():
+    """Many bonds break at once: the tangent of before is of no use after."""
+    sheet = square(13).cut((0.0, 0.051), (0.04, 0.051))
+    motion = Motion(sheet.edges("right"), [0.0, 1.0], x=[0.02, 0.2], y=0.0, z=[0.0, 0.05])
+    for precision in (32, 64):
+        result = Simulation(
+            sheet, BondBased(Bimodular(3e3, 1e3)), Newton(load_steps=3), damage=CriticalStretch(1.5),
+            loads=[Fixed(sheet.edges("left")), motion],
+        ).run(device="cpu", precision=precision)  # fmt: skip
+        assert result.status == "finished" and result.summary["solve"]["iterations"] < 40
+        assert 0.0 < result.history[-1]["mean_damage"] < 1.0

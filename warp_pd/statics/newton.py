@@ -206,7 +206,8 @@ class BuiltNewton(StaticSystem):
         while converged and (then := self.rounds.following(entry, residual, self.tolerance)) is not None:
             if then.broken:
                 self._kept_factor = None
-            kept = secants if then.broken else None
+            # The rounds of a damage field change little; a criterion breaks many bonds at once.
+            kept = secants if then.broken and self.rounds.close_enough > 0.0 else None
             found, whole = self._descend(0, factor, sink, then.tolerance, then.title, kept), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]
