@@ -120,7 +120,10 @@ class Motion(Support):
         listed = np.asarray(self.points)
         listed = np.flatnonzero(listed) if listed.dtype == bool else listed.ravel()
         if len(points) != len(listed) or len(paths) != len(listed):
-            raise InputError(f"Motion.points = {said(self.points)}: expected {len(paths)}, one for each path")
+            raise InputError(
+                f"Motion.points = {said(self.points)}: expected {len(paths)} different points, one for each path, "
+                f"got {len(points)}"
+            )
         shared = np.unique([path.values.ravel() for path in paths], axis=0, return_inverse=True)[1].ravel()
         alike = [np.flatnonzero(shared == k) for k in range(shared.max() + 1)]
         return [Constraint("Motion", np.sort(listed[at]).astype(np.int32), bits, paths[at[0]], turn) for at in alike]

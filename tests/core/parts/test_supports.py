@@ -31,8 +31,14 @@ WRONG = [
     ),
     (lambda: Motion([0], [0.0, 1.0], x=np.ones((3, 2))).paths(), r"shape \(3, 2\): expected 1 or 2, one per time, or"),
     (lambda: Motion([0], [0.0], x=np.ones((1, 2)), y=np.ones((1, 3))).paths(), "paths of 2 and 3 points"),
-    (lambda: Motion([0, 1, 2], [0.0], x=np.ones((1, 2))).constraints(square(5)), "expected 2, one for each path"),
-    (lambda: Motion([1, 1], [0.0], x=np.ones((1, 2))).constraints(square(5)), "expected 2, one for each path"),
+    (
+        lambda: Motion([0, 1, 2], [0.0], x=np.ones((1, 2))).constraints(square(5)),
+        "expected 2 different points, one for each path, got 3",
+    ),
+    (
+        lambda: Motion([1, 1], [0.0], x=np.ones((1, 2))).constraints(square(5)),
+        "expected 2 different points, one for each path, got 1",
+    ),
     (lambda: Fixed([0], "xw").constraints(square(5)), "'xw'"),
     (lambda: Motion([0], [0.0], angle=1.0, axis=(0, 0, 0)).turn(), r"Motion\.axis = \(0, 0, 0\): expected a direction"),
     (lambda: Motion([0], [0.0], angle=1.0, about=(0, 0, 0, 0)).turn(), r"Motion\.about"),
