@@ -32,8 +32,8 @@ from study import in_processes, run_tool, study_parser, table, table_row
 from warp_pd.kernels.kinematics import SAMPLE
 from warp_pd.kernels.tearing.damage_field import NEAR, NEARLY, PASSED, PASSED_END
 from warp_pd.tearing.cut_profiles import _cap
+from warp_pd.tearing.damage_field import GROWN, MOST_AT_START, SEVERED
 from warp_pd.tearing.field_constants import bias
-from warp_pd.tearing.tearing_energy import GROWN, MOST_AT_START, SEVERED
 
 # Length of the strip and the place of the tip along it, in heights.
 LONG, TIP = 2.2, 0.9

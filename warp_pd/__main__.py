@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import errno
 import gc
 import inspect
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,8 +17,9 @@ from typing import Any
 import click
 
 from .command.completion import SceneName, complete_setting
+from .command.group import OneLineGroup, open_closed_streams, release_lost_streams, say, tell
 from .command.scene_help import SceneCommand
-from .device.checks import InputError, OutputError, count, device_name, one_of, said, vector
+from .device.checks import InputError, count, device_name, one_of, said, vector
 from .device.version import __version__
 from .run.scene_files import (
     build_scene,
@@ -35,102 +34,15 @@ from .run.scene_files import (
 COLLECT_AFTER = 10_000
 
 
-class OneLineGroup(click.Group):
-    """A command group that reports input errors in one line and exits with code 2."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the options before the command."""
-        try:
-            return super().parse_args(ctx, args)
-        except click.NoSuchOption as error:
-            ctx.exit(_refused(f"{error.format_message()} (see warp-pd --help)"))
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command."""
-        from .distributed import processes_here
-        from .run.stopping import SIGNALS, deadline
-
-        try:
-            with deadline.within(SIGNALS) if processes_here() == 1 else contextlib.nullcontext():
-                return super().invoke(ctx)
-        except click.UsageError as error:
-            where = error.ctx.command_path if error.ctx is not None else "warp-pd"
-            ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
-        except RuntimeError as error:
-            from .communicator import LAUNCHER_REPORTS, LostError
-            from .device.checks import LOST
-
-            if not isinstance(error, LostError):
-                raise
-            if LAUNCHER_REPORTS not in os.environ:
-                _tell(f"warp-pd: {error}", err=True)
-            # What still waits for the other process would hang.
-            os._exit(LOST)
-        except KeyboardInterrupt:
-            _say("interrupted")
-            ctx.exit(deadline.exit_code)
-        except OSError as error:
-            # Python's reader of a pipe that ended, such as `head`, is click's; a full disk is told in a line.
-            if error.errno == errno.EPIPE:
-                raise
-            ctx.exit(_refused(str(error)))
-        except (InputError, MemoryError) as error:
-            code = _refused(str(error))
-            if isinstance(error, OutputError):
-                # HDF5 crashes at the exit of a process in which a file could not be written.
-                _release_lost_streams()
-                os._exit(code)
-            ctx.exit(code)
-
-
-def _refused(text: str) -> int:
-    """Print the reason why input is refused, and return the exit code."""
-    from .device.checks import WRONG_INPUT
-
-    _say(text)
-    return WRONG_INPUT
-
-
-def _say(text: str) -> None:
-    """Print one line to stderr, from the first process only."""
-    from .distributed.launch import is_first
-
-    if is_first():
-        _tell(f"warp-pd: {text}", err=True)
-
-
-def _tell(line: str, err: bool = False) -> None:
-    """Print a line; a terminal or a log that is gone does not end a run, whose results are in its files."""
-    with contextlib.suppress(OSError, ValueError):
-        click.echo(line, err=err)
-
-
-def _release_lost_streams() -> None:
-    """Flush standard streams; what cannot be written goes nowhere, so that it does not change the exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except (OSError, ValueError, AttributeError):
-            with contextlib.suppress(OSError, ValueError, AttributeError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _open_closed_streams() -> None:
-    """Open what the caller closed of descriptors 0 to 2; a result file would get the number, and what is printed."""
-    while (opened := os.open(os.devnull, os.O_RDWR)) <= 2:
-        pass
-    os.close(opened)
-
-
 @click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__)
 def main() -> None:
     """Peridynamics of thin rubber sheets: stretching, wrinkling, tearing and puncture."""
     gc.set_threshold(COLLECT_AFTER)
-    _open_closed_streams()
+    open_closed_streams()
     # What is left at the end needs no look: the system takes it back.
     atexit.register(gc.freeze)
-    atexit.register(_release_lost_streams)
+    atexit.register(release_lost_streams)
 
 
 def _bits(value: int | None) -> int | None:
@@ -338,15 +250,15 @@ def run(
                 reporter=Progress(quiet),
             )
     except DivergedError as error:
-        _say(str(error))
+        say(str(error))
         sys.exit(DIVERGED)
     if as_json and is_first():
         _print_json({**result.summary, "folder": str(result.folder)})
     elif not quiet:
         for line in report(result):
-            _tell(line)
+            tell(line)
     if result.summary["message"]:
-        _say(result.summary["message"])
+        say(result.summary["message"])
     if result.status == STOPPED:
         from .run.stopping import deadline
 

@@ -19,7 +19,7 @@ from warp_pd.distributed import exchange
 from warp_pd.distributed.overlap import overlap_exchanges
 from warp_pd.kernels.effects import Effects
 from warp_pd.run.built import compose
-from warp_pd.tearing import tearing_energy
+from warp_pd.tearing import damage_field
 from warp_pd.tearing.damage_ghosts import DamageGhosts
 
 pytestmark = pytest.mark.usefixtures("joined_stages")
@@ -189,8 +189,8 @@ def test_bonds_break_after_the_force_of_inner_points_and_leave_the_same_bits(
     areas = alone.law.represented_areas()
     monkeypatch.setattr(DamageGhosts, "areas", lambda self, represented: areas[self.partition.points])
     if size == 1:
-        monkeypatch.setattr(tearing_energy, "finds_at_once", lambda context: True)
-        monkeypatch.setattr(tearing_energy, "MANY_POINTS", 0)
+        monkeypatch.setattr(damage_field, "finds_at_once", lambda context: True)
+        monkeypatch.setattr(damage_field, "MANY_POINTS", 0)
         everyone = [scene("field").build(device="cpu")]
         begun(everyone[0])
     else:

@@ -26,7 +26,7 @@ from warp_pd.kernels import block_sums
 from warp_pd.kernels.lanes import WARP
 from warp_pd.kernels.numeric import numeric
 from warp_pd.kernels.stable_step import power_iteration
-from warp_pd.tearing import tearing_energy
+from warp_pd.tearing import damage_field
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
 
@@ -132,7 +132,7 @@ def test_damage_found_beside_the_force_or_before_it_gives_the_same_bits(device, 
     results = []
     tune(lattice_bonds=0, ring=ring)
     for many in (0, 10**9):
-        monkeypatch.setattr(tearing_energy, "MANY_POINTS", many)
+        monkeypatch.setattr(damage_field, "MANY_POINTS", many)
         result = shared_scenes.scene("field").run(device=device)
         assert result.frame.damage.max() > 0.9
         names = [item.name for item in result.built.context.stages["step"]]

@@ -27,7 +27,7 @@ from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
 from warp_pd.scenes import running_crack
-from warp_pd.tearing import tearing_energy
+from warp_pd.tearing import damage_field
 from warp_pd.tearing.cut_profiles import CutEnds
 
 LAWS = [
@@ -507,8 +507,8 @@ def test_one_launch_finds_the_damage_that_several_find(few, strength, monkeypatc
         return driving, {name: fields[name] for name in FOUND}
 
     driving, several = torn()
-    monkeypatch.setattr(tearing_energy, "finds_at_once", lambda context: True)
-    monkeypatch.setattr(tearing_energy, "FEW_POINTS", few)
+    monkeypatch.setattr(damage_field, "finds_at_once", lambda context: True)
+    monkeypatch.setattr(damage_field, "FEW_POINTS", few)
     driving_again, one = torn()
     assert several["damage_field"].max() > 0.9 and several["released"].any()
     np.testing.assert_array_equal(driving_again, driving)
@@ -525,8 +525,8 @@ def test_damage_found_in_every_step_does_not_lag_behind_a_fast_crack(monkeypatch
     It takes less energy, and what it does not take of what the strip frees goes into waves and damping.
     """
     speeds, taken = [], []
-    for every_step, closer in ((False, 1.0), (True, tearing_energy.CLOSER), (True, 3.0 * tearing_energy.CLOSER)):
-        monkeypatch.setattr(tearing_energy, "CLOSER", closer)
+    for every_step, closer in ((False, 1.0), (True, damage_field.CLOSER), (True, 3.0 * damage_field.CLOSER)):
+        monkeypatch.setattr(damage_field, "CLOSER", closer)
         scene = running_crack.build(20, overload=1.3, duration=0.2, damage_length=5e-3, every_step=every_step)
         result = scene.run(device="cpu", usd=False, pictures=False)
         speeds.append(result.summary["measures"]["crack_speed"]["value"])

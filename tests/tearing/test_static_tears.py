@@ -23,7 +23,7 @@ from warp_pd import (
 from warp_pd.measures import support_force
 from warp_pd.statics import static_rounds
 from warp_pd.statics.tear_steps import TearSteps
-from warp_pd.tearing.tearing_energy import SETTLED
+from warp_pd.tearing.damage_field import SETTLED
 
 SHEET = square(17).cut((-0.01, 0.053), (0.035, 0.053))
 GRIPS = SHEET.edges("bottom", "top")

@@ -67,7 +67,7 @@ from warp_pd import (
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
 from warp_pd.kernels import block_sums
-from warp_pd.tearing import tearing_energy
+from warp_pd.tearing import damage_field
 
 ROOT = Path(__file__).parents[3]
 SPEC = importlib.util.spec_from_file_location("compare_checkouts", ROOT / "tools" / "compare_checkouts.py")
@@ -197,7 +197,7 @@ def gpu_paths():
         torn = {"damage": CriticalStretch(2.0)}
         cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))
         made = [Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases]
-        patch.setattr(tearing_energy, "finds_at_once", lambda context: True)
+        patch.setattr(damage_field, "finds_at_once", lambda context: True)
         made.append(Simulation(square(9), law, Explicit(1.0), damage=TearingEnergy(1.0)))
         made.append(Simulation(square(9), law, Implicit(1.0, steps=1)))
         return _launches_of([*made, compare_checkouts.parts()["newton jacobi"]()])
