@@ -7,7 +7,21 @@ from curved_sheets import small_tube
 from helpers import GENT, square
 from small_runs import run, simulate
 
-from warp_pd import BodyForce, Fixed, Motion, NeoHookean, Newton, PointForce, Pressure, Relaxation, Sheet, TensionField
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    Fixed,
+    MooneyRivlin,
+    Motion,
+    NeoHookean,
+    Newton,
+    PointForce,
+    Pressure,
+    Relaxation,
+    Sheet,
+    Simulation,
+    TensionField,
+)
 
 
 @pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "direct", "jacobi"])
@@ -162,3 +176,15 @@ def test_newton_on_cuda_is_newton_on_the_cpu(points, follower, preconditioner):
     here = run(sheet, Newton(), loads=loads)
     assert there.status == "finished"
     assert there.frame.displacement == pytest.approx(here.frame.displacement, abs=1e-9)
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+@pytest.mark.parametrize("load", [BodyForce((0.0, 0.0, 100.0)), Pressure(1.0)], ids=["dead", "follower"])
+def test_a_sheet_that_nothing_holds_finds_no_equilibrium(load, precision):
+    """The round-off of a singular tangent once was an equilibrium 5 m to 1e11 m away."""
+    sheet = Sheet.rectangle(0.1, 0.05, thickness=1e-3, density=1000.0, points=(9, 5))
+    scene = Simulation(sheet, BondAssociated(MooneyRivlin(5e4), horizon=2.015), Newton(), loads=[load])
+    result = scene.run(device="cpu", precision=precision)
+    assert result.status == "not converged"
+    assert not result.frame.displacement.any()
+    assert any(note.startswith("supports: none holds the sheet") for note in result.summary["notes"])

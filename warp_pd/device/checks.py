@@ -211,9 +211,13 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
 def numbers(name: str, value: Any) -> np.ndarray:
     """`value`, a number or an array of numbers, as a float64 array."""
     try:
-        found = np.asarray(value, dtype=np.float64)
+        # Neither True nor "1" is the number 1.
+        given = np.asarray(value)
+        found = given.astype(np.float64) if given.dtype.kind not in "bSU" else None
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {said(value)}: expected numbers") from None
+        found = None
+    if found is None:
+        raise InputError(f"{name} = {said(value)}: expected numbers")
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         place = "" if found.ndim == 0 else f"[{', '.join(map(str, bad[0]))}]"

@@ -216,15 +216,22 @@ class BuiltImplicit(StaticSystem):
         if self.tears is not None:
             self.tears.begin()
         if not self._descent(target, False, sink) or not self._follow_rounds(target, sink):
-            raise DivergedError(
-                "diverged: Newton's method does not converge at t = 0; likely cause: the loads there are too large for "
-                "one step from the initial displacement; expected loads that grow in time (ramp)"
+            cause = self._without_supports() or (
+                "the loads there are too large for one step from the initial displacement; expected loads that grow in "
+                "time (ramp)"
             )
+            raise DivergedError(f"diverged: Newton's method does not converge at t = 0; likely cause: {cause}")
         if self.tears is not None:
             self.tears.accept(0.0, 0.0)
         if self.internal is not None:
             self.internal.end_step()
             self.internal.settle()
+
+    def _without_supports(self) -> str:
+        """Why nothing balances the loads of a sheet that has neither supports nor inertia; "" for others."""
+        if self.settings.inertia or self.levels[0].held.any():
+            return ""
+        return "no support holds the sheet, and nothing else balances its loads; expected Fixed or Motion"
 
     def run(self, sink: FrameSink) -> str:
         """Run to the end, passing every frame to the sink; return the final status."""
@@ -311,7 +318,7 @@ class BuiltImplicit(StaticSystem):
             self.kept.restore()
             self._wanted, refused = dt, True
             if cuts > self.settings.most_cuts:
-                cause = "the load is far too large"
+                cause = self._without_supports() or "the load is far too large"
                 if not self.settings.inertia:
                     cause += ", or there is no equilibrium nearby (a limit point), which takes inertia = True to pass"
                 raise DivergedError(

@@ -34,8 +34,8 @@ LOOSEST, LOOSEST_ALGEBRAIC, TIGHTEST = 0.05, 0.01, 1e-6
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
 # Residual over the last one from which it falls no more; relative round-off of a number by precision, and margin of the
-# forces that come from it.
-STUCK, UNIT_ROUND_OFF, MARGIN = 0.5, {64: 2.0**-53, 32: 2.0**-24}, 4.0
+# forces that come from it. A residual above the last number is never round-off: a load that nothing bears is one.
+STUCK, UNIT_ROUND_OFF, MARGIN, LARGEST_UNSEEN = 0.5, {64: 2.0**-53, 32: 2.0**-24}, 4.0, 1e-2
 # Residual to which coarser lattices are solved: their discretisation error is larger.
 COARSE_TOLERANCE = 1e-3
 
@@ -113,7 +113,7 @@ class Descent:
                 self.report(len(self.step_lengths), relative)
             if not math.isfinite(norm) or (iteration == 0 and relative > self._farthest):
                 break
-            if relative > self.tolerance and self._unseen(norm):
+            if self.tolerance < relative < LARGEST_UNSEEN and self._unseen(norm):
                 relative = self.residuals[-1] = self.tolerance
             converged = relative <= self.tolerance and not self.lifting
             if converged and self.report is not None:

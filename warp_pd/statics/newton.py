@@ -19,6 +19,7 @@ from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER
 from .newton_settings import StaticSolver
 from .secants import Secants
+from .static_rounds import FARTHEST
 from .static_system import StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
@@ -105,6 +106,7 @@ class BuiltNewton(StaticSystem):
         # Lengths of the last load steps, and how far they moved the sheet [m].
         self._moved: list[tuple[float, float]] = []
         self.jumps: list[dict[str, float]] = []
+        self._flew_at: float | None = None
 
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
@@ -150,6 +152,10 @@ class BuiltNewton(StaticSystem):
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
             converged, sink.residual = self._equilibrium(factor, sink)
+            if converged and self._flies():
+                # Round-off of a tangent that nothing holds is no equilibrium, whatever its residual.
+                converged, self._flew_at = False, factor
+                self.report.load_steps[-1]["converged"] = False
             if converged:
                 self._compare(reached, factor)
                 reached = factor
@@ -179,6 +185,12 @@ class BuiltNewton(StaticSystem):
         if 0.0 < usual < far / JUMP and prescribed < far / JUMP:
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
+
+    def _flies(self) -> bool:
+        """Whether a point is too far from its place for any equilibrium."""
+        moved = np.abs(self.levels[0].displacement.numpy()).astype(np.float64)
+        prescribed = float(moved[self.levels[0].held].max(initial=0.0))
+        return bool(moved.max() > prescribed + FARTHEST * float(self.context.whole.extent.max()))
 
     def _keep(self, reached: float) -> None:
         """Store the state as the last good load step."""
@@ -232,6 +244,11 @@ class BuiltNewton(StaticSystem):
         steps, notes = self.report.load_steps, []
         if not steps or steps[-1]["converged"]:
             return []
+        if self._flew_at == steps[-1]["share"]:
+            return [
+                f"Newton: at load factor {self._flew_at:.4g} a point moved more than {FARTHEST:g} times the size of "
+                "the sheet, as one does that no support holds: add Fixed or Motion, or prescribe the displacement"
+            ]
         if self.preconditioner == "multigrid":
             notes.append(
                 f"Newton: the load step to {steps[-1]['share']:.4g} did not converge with 'multigrid', whose "

@@ -22,7 +22,7 @@ from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
 from .load_scale import LoadScale
-from .static_rounds import MIN_LOAD, StaticRounds
+from .static_rounds import FARTHEST, MIN_LOAD, StaticRounds
 
 if TYPE_CHECKING:
     from ..solvers.stable_step import StableStep
@@ -38,9 +38,6 @@ STIFFNESS = 0.5
 # from the start, which counts as none below so many units of round-off.
 ACCURACY, ROUNDED = 1e-4, 10.0
 EPSILON = {64: 2.0**-52, 32: 2.0**-23}
-# A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
-# stretches that far.
-FARTHEST = 100.0
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ from typing import Any
 from ..device.fields import Array
 from ..interfaces import System
 
+# A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
+# stretches that far.
+FARTHEST = 100.0
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
 # carried before.
 MIN_LOAD = 1e-3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import refused
 
-from warp_pd.device.checks import finite, point_indices
+from warp_pd.device.checks import finite, numbers, point_indices
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,9 @@ def test_a_number_is_a_number(value):
     """True would count as 1 in silence."""
     with refused(match=r"size = .*: expected a (finite )?number"):
         finite("size", value)
+
+
+@pytest.mark.parametrize("value", [True, [False, True], "1", ["1", "2"], [[1.0], [1.0, 2.0]]])
+def test_truth_values_texts_and_ragged_lists_are_no_numbers(value):
+    with refused(match=r"^times = .*: expected numbers$"):
+        numbers("times", value)
