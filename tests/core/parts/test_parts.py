@@ -3,7 +3,7 @@
 import pytest
 from helpers import NEO, refused, square
 
-from warp_pd import BodyForce, CriticalEnergy, CriticalStretch, Explicit, Nodal, RigidBall, Simulation
+from warp_pd import BodyForce, BondAssociated, CriticalEnergy, CriticalStretch, Explicit, RigidBall, Simulation
 
 NAN = float("nan")
 WRONG = [
@@ -12,8 +12,8 @@ WRONG = [
     (lambda: CriticalStretch(1.0), r"stretch = 1\.0"),
     (lambda: BodyForce((1.0, NAN, 0.0)), r"BodyForce\.value = "),
     (
-        lambda: Simulation(square(5), Nodal(NEO), Explicit(1.0), damage=CriticalEnergy(1.0)).build("cpu"),
-        "CriticalEnergy with Nodal",
+        lambda: Simulation(square(5), BondAssociated(NEO), Explicit(1.0), damage=CriticalEnergy(1.0)).build("cpu"),
+        "CriticalEnergy with BondAssociated",
     ),
 ]
 
