@@ -13,6 +13,7 @@ from small_runs import run, simulate
 from warp_pd import (
     BondAssociated,
     CriticalStretch,
+    CutsInTime,
     EnclosedGas,
     EnclosedVolume,
     Explicit,
@@ -20,6 +21,7 @@ from warp_pd import (
     MooneyRivlin,
     Newton,
     Pressure,
+    Punch,
     Relaxation,
     Sheet,
     Simulation,
@@ -182,6 +184,16 @@ def test_gas_flows_through_what_is_torn_as_through_an_orifice(gauge, exponent):
         # Of first order in the step, which is a hundredth of the time of the flow and less.
         assert 1.0 - ((200.0 + found[index]) / (200.0 + gauge)) ** (1.0 / exponent) == pytest.approx(lost, rel=5e-3)
     assert abs(found[-1]) < 1e-9 * 200.0
+
+
+@pytest.mark.parametrize(("leak", "at", "notes"), [(0.0, 0.002, 1), (0.7, 0.002, 0), (0.0, 1.0, 0)])
+def test_a_gas_that_cannot_leave_a_torn_sheet_is_noted(leak, at, notes):
+    sheet = Sheet.sphere(RADIUS, thickness=THICKNESS, density=1e3, points=8)
+    punch = CutsInTime(Punch((0.0, 0.0, RADIUS), 0.4 * RADIUS, at=at))
+    gas = EnclosedGas(gauge=5.0, ambient=1e3, leak=leak)
+    result = simulate(sheet, Explicit(0.004, frames=2), loads=[gas], material=RUBBER, damage=punch).run(device="cpu")
+    found = [note for note in result.summary["notes"] if "nothing flows out" in note]
+    assert len(found) == notes and all(note.startswith("EnclosedGas: ") for note in found)
 
 
 def test_a_burst_that_is_resumed_goes_on_bit_for_bit(tmp_path):

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule, factor_schedule
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltLoad, Columns, Load
+from ..interfaces import BuiltLaw, BuiltLoad, Columns, History, Load
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.damage import face_damage
@@ -275,6 +275,16 @@ class BuiltEnclosed(BuiltLoad):
             self._open_blocks = context.array("open_areas", self.owner, wp.float64, shape=(2, blocks), per="block")
             shape = (2, -(-blocks // GROUP))
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """A note if the sheet is torn and nothing flows out."""
+        if self._intact is None or self._outflow[0] > 0.0:
+            return []
+        torn = int(np.count_nonzero(self._intact.numpy() == 0))
+        note = (
+            f"{self.owner}: {torn} triangles are torn and nothing flows out, so that what is enclosed drives the pieces"
+        )
+        return [f"{note}: EnclosedGas(leak=, density=) lets gas out"] if torn else []
 
     def _caps(self) -> list[np.ndarray]:
         """Triangles of the caps that close the edges of the sheet, ring by ring."""

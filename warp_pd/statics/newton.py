@@ -230,12 +230,14 @@ class BuiltNewton(StaticSystem):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on load steps between which the sheet may have jumped, or that multigrid did not solve."""
+        # A path takes a damage field, and no other criterion.
+        by_path = self.system.rupture is None or self.rounds.close_enough > 0.0
+        advice = "the solver ArcLength follows what lies between, or prescribe" if by_path else "prescribe"
         return [
             f"Newton: between load factors {jump['from']:.4g} and {jump['to']:.4g} the sheet moved "
             f"{jump['moved']:.3g} m, {jump['times']:.1f} times as far as in the load steps before: it may have "
-            "jumped over a maximum of the load (a limit point), or buckled; "
-            "the solver ArcLength follows what lies between, or prescribe a displacement (Motion) or the volume "
-            "(EnclosedVolume)"
+            f"jumped over a maximum of the load (a limit point), or buckled; {advice} a displacement (Motion) or the "
+            "volume (EnclosedVolume)"
             for jump in self.jumps
         ] + [*self._unsolved_notes(), *self.rounds.notes()]
 
