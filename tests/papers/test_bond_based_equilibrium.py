@@ -188,7 +188,10 @@ def test_energy_balances_through_rupture_in_time():
 
 
 def test_a_sheet_that_is_torn_in_two_within_a_load_step_finds_equilibrium():
-    """Many bonds break at once: the tangent of before is of no use after."""
+    """Many bonds break at once: the tangent of before is of no use after.
+
+    In float32 the loose half flies off at first, 2e6 m far, which is no equilibrium; halved load steps find one.
+    """
     sheet = square(13).cut((0.0, 0.051), (0.04, 0.051))
     motion = Motion(sheet.edges("right"), [0.0, 1.0], x=[0.02, 0.2], y=0.0, z=[0.0, 0.05])
     for precision in (32, 64):
@@ -196,5 +199,7 @@ def test_a_sheet_that_is_torn_in_two_within_a_load_step_finds_equilibrium():
             sheet, BondBased(Bimodular(3e3, 1e3)), Newton(load_steps=3), damage=CriticalStretch(1.5),
             loads=[Fixed(sheet.edges("left")), motion],
         ).run(device="cpu", precision=precision)  # fmt: skip
-        assert result.status == "finished" and result.summary["solve"]["iterations"] < 40
+        assert result.status == "finished"
+        assert result.summary["solve"]["iterations"] < {64: 40, 32: 80}[precision]
+        assert np.abs(result.frame.displacement).max() < 0.2 + 1e-6
         assert 0.0 < result.history[-1]["mean_damage"] < 1.0
