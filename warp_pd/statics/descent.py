@@ -113,7 +113,7 @@ class Descent:
                 self.report(len(self.step_lengths), relative)
             if not math.isfinite(norm) or (iteration == 0 and relative > self._farthest):
                 break
-            if self.tolerance < relative < LARGEST_UNSEEN and self._unseen(norm):
+            if relative > self.tolerance and self._unseen(norm):
                 relative = self.residuals[-1] = self.tolerance
             converged = relative <= self.tolerance and not self.lifting
             if converged and self.report is not None:
@@ -135,7 +135,7 @@ class Descent:
     def _unseen(self, norm: float) -> bool:
         """Whether an unbalanced force [N] that falls no more is the round-off of the displacement."""
         last, level = self.residuals[-2:], self.level
-        if len(last) < 2 or last[1] < STUCK * last[0] or self.step_lengths[-1] < 1.0:
+        if len(last) < 2 or not STUCK * last[0] <= last[1] < LARGEST_UNSEEN or self.step_lengths[-1] < 1.0:
             return False
         far = math.sqrt(dot(level.displacement, level.displacement))
         stiffness = self.sizes.modulus * float(np.mean(level.context.sheet.thickness))

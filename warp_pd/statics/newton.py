@@ -19,7 +19,7 @@ from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER
 from .newton_settings import StaticSolver
 from .secants import Secants
-from .static_rounds import FARTHEST
+from .static_rounds import FARTHEST, flies
 from .static_system import StaticSystem
 
 STIFFNESSES = ("tangent", "constant")
@@ -189,8 +189,7 @@ class BuiltNewton(StaticSystem):
     def _flies(self) -> bool:
         """Whether a point is too far from its place for any equilibrium."""
         moved = np.abs(self.levels[0].displacement.numpy()).astype(np.float64)
-        prescribed = float(moved[self.levels[0].held].max(initial=0.0))
-        return bool(moved.max() > prescribed + FARTHEST * float(self.context.whole.extent.max()))
+        return flies(self.context, moved, float(moved[self.levels[0].held].max(initial=0.0)))
 
     def _keep(self, reached: float) -> None:
         """Store the state as the last good load step."""

@@ -22,7 +22,7 @@ from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
 from .load_scale import LoadScale
-from .static_rounds import FARTHEST, MIN_LOAD, StaticRounds
+from .static_rounds import FARTHEST, MIN_LOAD, StaticRounds, flies
 
 if TYPE_CHECKING:
     from ..solvers.stable_step import StableStep
@@ -137,7 +137,7 @@ class BuiltRelaxation(BuiltSolver):
         # Whether loads were lost in the round-off of its stress.
         self._hidden = False
         # Why the last load step has no equilibrium, and how far points may move in it [m].
-        self._lost, self._farthest = "", math.inf
+        self._lost, self._prescribed = "", math.inf
         # Steps of this run, and entries of the report, one per load step.
         self._done = 0
         self._entries: list[dict[str, Any]] = []
@@ -240,8 +240,7 @@ class BuiltRelaxation(BuiltSolver):
         self._lost = ""
         duration, count = solver.duration, solver.load_steps
         self.system.set_clock(duration / (count * solver.ramp_steps), duration * index / count)
-        prescribed = float(np.abs(self.system.prescribed(duration * end)).max())
-        self._farthest = prescribed + FARTHEST * float(self.context.whole.extent.max())
+        self._prescribed = float(np.abs(self.system.prescribed(duration * end)).max())
         converged = self._relax(entry, sink, self.tolerance, solver.ramp_steps)
         while converged and (then := rounds.following(entry, entry["residuals"][-1], self.tolerance)) is not None:
             converged = self._relax(entry, sink, then.tolerance, 0, then.title) and not rounds.runs_through(entry)
@@ -279,8 +278,7 @@ class BuiltRelaxation(BuiltSolver):
     def _flies(self) -> bool:
         """Whether a point is too far from its place for any equilibrium; then says why in `_lost`."""
         context = self.context
-        moved = np.abs(context.own(context.state.displacement).numpy()).max(axis=1)
-        if context.communicator.any(bool(moved.max() > self._farthest)):
+        if flies(context, context.own(context.state.displacement).numpy(), self._prescribed):
             self._lost = (
                 f"a point has moved more than {FARTHEST:g} times the size of the sheet, as a piece does that has torn "
                 "off: try more load_steps, prescribe the displacement (Motion) instead of the load, or follow the tear "

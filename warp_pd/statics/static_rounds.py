@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ..context import Context
 from ..device.fields import Array
 from ..interfaces import System
 
@@ -17,6 +20,12 @@ FARTHEST = 100.0
 MIN_LOAD = 1e-3
 # Rounds of rupture at one load step after which the tear counts as running through.
 MAX_ROUNDS = 1000
+
+
+def flies(context: Context, moved: np.ndarray, prescribed: float) -> bool:
+    """Whether a displacement [m], shape (N, 3), is too large for any equilibrium, beyond the prescribed one [m]."""
+    farthest = prescribed + FARTHEST * float(context.whole.extent.max())
+    return context.communicator.any(bool(np.abs(moved).max() > farthest))
 
 
 @dataclass(frozen=True)
