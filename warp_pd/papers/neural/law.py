@@ -263,8 +263,11 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tup
 @tangent_of.register
 def _(law: NeuralForce, context: Context, geometric: bool) -> Tangent:
     """Refuses `geometric` = False, and bonds that can break."""
+    from ...laws.bond_associated import BondAssociated
     from .tangent import NeuralTangent
 
     if not geometric:
         raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
-    return NeuralTangent(law, context)
+    given = law.law
+    like = BondAssociated(given.material, horizon=given.horizon, influence=given.influence, weights="plain")
+    return NeuralTangent(law, like, context)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...context import Context
 from ...device.checks import InputError
 from ...device.fields import Array
 from ...device.launches import Stage
 from ...kernels.papers.differences import differences
 from ...laws.bond_associated import BondAssociated, BondAssociatedForce
+from ...laws.family_law import FamilyLaw
 from ...statics.bond_associated_tangent import BondAssociatedTangent
 from ...statics.tangent import SparseTangent, Tangent
-
-if TYPE_CHECKING:
-    from .law import NeuralForce
 
 OWNER = "Newton"
 # Distance by which a difference moves a point, in spacings, by precision: truncation and round-off are alike.
@@ -31,12 +27,11 @@ class NeuralTangent(Tangent):
     symmetric = False
     direct_points = 100_000
 
-    def __init__(self, force: NeuralForce, context: Context) -> None:
-        """Build the other law. Raises InputError if bonds can break, or for a material without `response`."""
+    def __init__(self, force: FamilyLaw, like: BondAssociated, context: Context) -> None:
+        """Build `like`, the other law. Raises InputError if bonds can break, or for a material without `response`."""
         if force.intact is not None:
             raise InputError("damage: expected None with the law Neural and the solver Newton, or the solver Explicit")
-        self.force, self.context, law = force, context, force.law
-        like = BondAssociated(law.material, horizon=law.horizon, influence=law.influence, weights="plain")
+        self.force, self.context = force, context
         near, bare = (context.on(context.sheet, name, context.held) for name in ("near ", "bare "))
         near.state = bare.state = context.state
         other = BondAssociatedForce(like, near)
