@@ -71,9 +71,14 @@ def _other_solver(built: Built, dt: float, passage: float, wave: float) -> str:
                 f"{passage:.2g} s; the run takes {duration:g} s: Implicit({duration:g}, tolerance=1e-4) follows what "
                 "is slow"
             )
-    if not explicit and dt < wave and getattr(scene.solver, "tolerance", None) is None:
+    if not explicit and dt < wave and not adapts_steps(scene.solver):
         return f"step: {dt:.3g} s is shorter than a wave takes from point to point, {wave:.2g} s: Explicit is faster"
     return ""
+
+
+def adapts_steps(solver: Any) -> bool:
+    """Whether a solver in time adapts its steps to a tolerance, so that their number is not known before."""
+    return getattr(solver, "tolerance", None) is not None
 
 
 def count_text(number: float) -> str:

@@ -18,6 +18,7 @@ from ..interfaces.frame import Frame, format_time
 from . import stopping
 from .built import Built
 from .divergence import Soundness
+from .foreseen import adapts_steps
 from .frame_points import FramePoints
 from .scene import Measure, Reported
 from .shape_notes import ShapeWatch
@@ -136,7 +137,7 @@ class Recorder:
         self._saved_at = -math.inf
         # Time in the run [s] and clock from which on steps are timed; whether their result has been told.
         self._timed: tuple[float, float] | None = None
-        self._told = getattr(self.built.simulation.solver, "tolerance", None) is not None
+        self._told = adapts_steps(self.built.simulation.solver)
         self._shown_at = perf_counter()
         self.note_code()
 

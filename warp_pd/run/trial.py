@@ -6,7 +6,7 @@ from time import perf_counter
 
 from ..interfaces import DivergedError, FrameSink
 from .built import Built
-from .foreseen import count_text, step_note
+from .foreseen import adapts_steps, count_text, step_note
 
 # Seconds of steps that are timed, after the first ones.
 TIMED = 1.0
@@ -75,7 +75,7 @@ def steps_text(built: Built, dt: float, rate: float | None = None) -> str:
     from ..output.progress import duration_text
 
     solver, text = built.simulation.solver, f"step {dt:.3g} s"
-    if getattr(solver, "tolerance", None) is None:
+    if not adapts_steps(solver):
         steps = solver.duration / dt
         text += f", about {count_text(steps)} steps for {solver.duration:g} s"
         text += "" if rate is None else f", about {duration_text(max(1.0, steps / rate))} on this machine"
