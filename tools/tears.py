@@ -196,17 +196,18 @@ def found(rows: Sequence[Row], scene: str, settings: dict[str, Any]) -> Row:
     return next((row for row in rows if row["scene"] == scene and row["settings"] == settings), {})
 
 
+def kind_of_strip(row: Row) -> tuple[str, float, int]:
+    """Material, horizon in spacings and rows of points of a strip."""
+    settings = row["settings"]
+    return settings.get("material", "neo_hookean"), settings["horizon"], settings["points"]
+
+
 def strips_table(rows: Sequence[Row]) -> list[str]:
-    """Lowest, mean and largest G / Gc at onset and released, over grids and tearing energies."""
-
-    def kind(row: Row) -> tuple[str, float, int]:
-        settings = row["settings"]
-        return settings.get("material", "neo_hookean"), settings["horizon"], settings["points"]
-
+    """Lowest, mean and largest G / Gc at onset and released, over grids and tearing energies; then the page's table."""
     lines = []
     rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
-    for material, horizon, points in sorted({kind(row) for row in rows}):
-        some = [row for row in rows if kind(row) == (material, horizon, points)]
+    for material, horizon, points in sorted(set(map(kind_of_strip, rows))):
+        some = [row for row in rows if kind_of_strip(row) == (material, horizon, points)]
         cells = []
         for number in ("onset_3", "onset_10", "released_ratio"):
             values = [row[number] for row in some if row.get(number) is not None]
@@ -219,7 +220,23 @@ def strips_table(rows: Sequence[Row]) -> list[str]:
         )
     head = ["material", "horizon", "rows", "strips", "finished", "G / Gc after 3 spacings", "after 10", "released"]
     head.append("worst energy balance")
-    return table(head, lines)
+    return [*strips_at_a_glance(rows), "", *table(head, lines)]
+
+
+def strips_at_a_glance(rows: Sequence[Row]) -> list[str]:
+    """Lowest to largest G / Gc after ten spacings, a line a material, a column a horizon and number of rows."""
+
+    def between(some: Sequence[Row], number: str) -> str:
+        values = [row[number] for row in some if row.get(number) is not None]
+        return f"{min(values):.3f}-{max(values):.3f}" if values else ""
+
+    grids = sorted({kind_of_strip(row)[1:] for row in rows})
+    lines = []
+    for material in sorted({kind_of_strip(row)[0] for row in rows}):
+        of_material = [row for row in rows if kind_of_strip(row)[0] == material]
+        cells = [between([r for r in of_material if kind_of_strip(r)[1:] == grid], "onset_10") for grid in grids]
+        lines.append([material, *cells, between(of_material, "released_ratio")])
+    return table(["material", *(f"{horizon:g}: {points}" for horizon, points in grids), "released"], lines)
 
 
 def scenes_table(rows: Sequence[Row]) -> list[str]:
