@@ -21,7 +21,7 @@ SMALLER = {
     "bench --points 101 --horizon 2.015 --horizon 3.15": (
         "bench --points 15 --horizon 2.015 --horizon 3.15 --seconds 0.05"
     ),
-    "run slit.py": "run slit.py --points 24 --duration 0.05 --frames 5",
+    "run slit.py --pictures png,pdf": "run slit.py --points 24 --duration 0.05 --frames 5 --pictures png,pdf",
     "run pressure --points 31 --solver explicit --quiet": "run pressure --points 11 --solver explicit --quiet",
     "run pressure --points 31 --solver relaxation": "run pressure --points 15 --solver relaxation",
     "plan pressure --points 31": "plan pressure --points 15",
