@@ -8,29 +8,24 @@ import own_parts
 import pytest
 from small_runs import cli
 
-PAGE = (Path(__file__).parents[2] / "docs" / "cookbook.md").read_text()
-BLOCKS = dict(own_parts.BLOCK.findall(PAGE))
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "cookbook.md").read_text()
+FILES = {path.stem: path for path in (DOCS / "cookbook").glob("*.py")}
 WITHIN = {
-    name: float(percent) / 100.0 for name, percent in re.findall(r"^\| `(\w+)\.py` .* ([\d.]+) % \|$", PAGE, re.M)
+    name: float(percent) / 100.0
+    for name, percent in re.findall(r"^\| \[\w+\]\(cookbook/(\w+)\.py\) .* ([\d.]+) % \|$", PAGE, re.M)
 }
 SMALLER = {"perforated": {"points": 41, "size": 16e-3}}
 
 
-def scene(name, folder):
-    """The module of a scene, saved and imported as a reader would."""
-    path = folder / f"{name}.py"
-    path.write_text(BLOCKS[name])
-    return own_parts.imported(path)
-
-
 def test_the_table_names_every_scene():
-    assert list(WITHIN) and set(WITHIN) == set(BLOCKS)
-    assert max(len(text.splitlines()) for text in BLOCKS.values()) < 90
+    assert list(WITHIN) and set(WITHIN) == set(FILES)
+    assert max(len(path.read_text().splitlines()) for path in FILES.values()) < 100
 
 
-@pytest.mark.parametrize("name", [name for name in BLOCKS if name != "fitted"])
+@pytest.mark.parametrize("name", [name for name in sorted(FILES) if name != "fitted"])
 def test_a_scene_is_within_its_closed_form(name, tmp_path):
-    result = scene(name, tmp_path).build(**SMALLER.get(name, {})).run(device="cpu")
+    result = own_parts.imported(FILES[name]).build(**SMALLER.get(name, {})).run(device="cpu")
     assert result.status == "finished", result.summary["message"]
     errors = [found["error"] for found in result.summary["measures"].values() if found["reference"] is not None]
     assert len(errors) == 1
@@ -41,7 +36,7 @@ def test_a_scene_is_within_its_closed_form(name, tmp_path):
 
 def test_the_valve_lifts_as_far_the_other_way(tmp_path):
     up, down = (
-        scene("valve", tmp_path)
+        own_parts.imported(FILES["valve"])
         .build(pressure=pressure, points=10)
         .run(device="cpu")
         .summary["measures"]["lift"]["value"]
@@ -51,16 +46,15 @@ def test_the_valve_lifts_as_far_the_other_way(tmp_path):
 
 
 def test_a_fit_finds_the_constants_of_its_curve(tmp_path):
-    module = scene("fitted", tmp_path)
+    module = own_parts.imported(FILES["fitted"])
     found = module.build()
     assert found.values == pytest.approx(list(module.EXACT.values()), rel=WITHIN["fitted"])
 
 
 def test_the_trampoline_is_swept_as_on_the_page(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    scene("trampoline", tmp_path)
     (command,) = re.findall(r"^warp-pd (sweep .*)$", PAGE, re.M)
-    result = cli(*command.replace("--points 16", "--points 8").split(), "--device", "cpu")
+    result = cli(*command.replace("--points 16", "--points 8").replace("docs", str(DOCS)).split(), "--device", "cpu")
     assert result.exit_code == 0, result.output
     with next(tmp_path.rglob("sweep.csv")).open() as table:
         rows = list(csv.DictReader(table))
