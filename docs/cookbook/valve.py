@@ -1,6 +1,6 @@
 """A diaphragm valve: a rigid disc in a stretched sheet, under a pressure from below or, negative, from above.
 
-`prestretched` refuses a rigid insert, which does not stretch. So the sheet is described in its stress-free size, the
+The disc is in the sheet before the stretch. So the sheet is described in its stress-free size, the
 rim begins where it is clamped and the disc where it is. The first load step settles the ring between them, the
 second brings the pressure. The closed form is the radial balance of the ring, whose tension then carries the
 pressure.

@@ -44,7 +44,9 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         # The points of body b are the entries begins[b] to begins[b + 1] - 1 of `members`.
         begins: wp.array(dtype=wp.int32)
         members: wp.array(dtype=wp.int32)
+        # Positions from the centre of mass in the clamped sheet, and those from which displacements count.
         arms: wp.array(dtype=wp.vec3d)
+        origins: wp.array(dtype=wp.vec3d)
         masses: wp.array(dtype=wp.float64)
         inverse_inertia: wp.array(dtype=wp.mat33d)
         step: wp.array(dtype=real)
@@ -111,7 +113,7 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         a.rotation[b] = R
         for q in range(a.begins[b], a.begins[b + 1]):
             i = a.members[q]
-            shift = d + R * a.arms[q] - a.arms[q] - wp.vec3d(a.displacement[i])
+            shift = d + R * a.arms[q] - a.origins[q] - wp.vec3d(a.displacement[i])
             a.velocity[i] = vec3(shift / dt)
 
     @kernel(per="body", writes=("a.linear", "a.angular", "a.velocity"))
@@ -140,3 +142,62 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         turn[b] = turned_by
 
     return RigidInclusions(Bodies, move_bodies, kick_bodies, show_forces)
+
+
+@functools.cache
+def held_inclusions(bits: int) -> Kernel:
+    """Kernel of bodies whose points are held or moved: their motion and the internal force on them, from the points.
+
+    `moments` becomes sum m x X^T of the positions x and X about the centre, whose nearest rotation is that of the body.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @kernel(per="body")
+    def show_held(
+        begins: wp.array(dtype=wp.int32),
+        members: wp.array(dtype=wp.int32),
+        arms: wp.array(dtype=wp.vec3d),
+        origins: wp.array(dtype=wp.vec3d),
+        masses: wp.array(dtype=wp.float64),
+        mass: wp.array(dtype=real),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        force: wp.array(dtype=vec3),
+        first: int,
+        place: wp.array(dtype=wp.vec3d),
+        linear: wp.array(dtype=wp.vec3d),
+        angular: wp.array(dtype=wp.vec3d),
+        moments: wp.array(dtype=wp.mat33d),
+        push: wp.array(dtype=wp.vec3d),
+        turn: wp.array(dtype=wp.vec3d),
+    ):
+        b = wp.tid() + first
+        centre = wp.vec3d()
+        for p in range(begins[b], begins[b + 1]):
+            i = members[p]
+            centre += (wp.float64(mass[i]) / masses[b]) * (origins[p] + wp.vec3d(displacement[i]))
+        pushed = wp.vec3d()
+        turned = wp.vec3d()
+        moving = wp.vec3d()
+        spinning = wp.vec3d()
+        sums = wp.mat33d()
+        for p in range(begins[b], begins[b + 1]):
+            i = members[p]
+            m = wp.float64(mass[i])
+            x = origins[p] + wp.vec3d(displacement[i]) - centre
+            v = wp.vec3d(velocity[i])
+            f = wp.vec3d(force[i])
+            pushed += f
+            turned += wp.cross(x, f)
+            moving += m * v
+            spinning += m * wp.cross(x, v)
+            sums += m * wp.outer(x, arms[p])
+        place[b] = centre
+        linear[b] = moving
+        angular[b] = spinning
+        moments[b] = sums
+        push[b] = pushed
+        turn[b] = turned
+
+    return show_held

@@ -21,9 +21,10 @@ __all__ = ["BodyShape"]
 def _inclusions(scene: Scene) -> Sequence[Part]:
     if not scene.sheet.inclusions:
         return ()
-    from .rigid_inclusions import RigidInclusions
+    from .rigid_inclusions import inclusions_of
 
-    return [RigidInclusions(scene.sheet.inclusions, scene.initial("initial_velocity"))]
+    constraints = [c for load in scene.loads for c in load.constraints(scene.sheet)]
+    return inclusions_of(scene.sheet, constraints, scene.initial("initial_velocity"))
 
 
 PARTS.append(_inclusions)

@@ -15,11 +15,13 @@ from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Columns, Constraint, Part
-from ..kernels.contact.rigid import rigid_inclusions
+from ..kernels.contact.rigid import held_inclusions, rigid_inclusions
 from ..kernels.integrate import RIGID
 from ..step import Phase
 
 OWNER = "rigid inclusions"
+# Bits of a point that supports hold or move in x, y and z.
+HELD = 7
 # Largest deviation of displacements or velocities of an inclusion from those of a rigid body, over the largest of them.
 RIGID_WITHIN = 1e-6
 # Deviation that is rounding, over the largest of all points.
@@ -28,14 +30,16 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class RigidInclusions(Part):
-    """The rigid inclusions of a sheet, see `Sheet.inclusion`.
+    """The free rigid inclusions of a sheet, see `Sheet.rigid`: bodies that the sheet moves.
 
     Attributes:
         groups: Point indices of each inclusion.
+        names: Prefixes of its columns.
         velocity: Velocity of all points of the sheet at time 0 [m/s], shape (N, 3).
     """
 
-    groups: tuple[np.ndarray, ...]
+    groups: Sequence[np.ndarray]
+    names: Sequence[str]
     velocity: np.ndarray
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
@@ -44,11 +48,53 @@ class RigidInclusions(Part):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the bodies on a device."""
-        return BuiltInclusions(self.groups, self.velocity, context)
+        return FreeInclusions(self.groups, self.names, self.velocity, context)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenInclusions(RigidInclusions):
+    """Rigid inclusions that a `Fixed` or a `Motion` holds or moves; they add only columns to the history."""
+
+    def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
+        """None: those of the supports are enough."""
+        return ()
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """Build the sums on a device."""
+        return BuiltInclusions(self.groups, self.names, self.velocity, context)
+
+
+def inclusions_of(sheet: Sheet, constraints: Sequence[Constraint], velocity: np.ndarray) -> list[Part]:
+    """The parts of the rigid inclusions of a sheet, given what the supports hold and the initial velocity [m/s].
+
+    Raises:
+        InputError: if supports hold some points or some components of an inclusion, which leaves it neither free nor
+            held.
+    """
+    names = _names(sheet, sheet.inclusions)
+    free, given = [], []
+    for number, members in enumerate(sheet.inclusions):
+        bits, touched = 0, None
+        for constraint in constraints:
+            common = np.isin(members, constraint.points)
+            touched = constraint if common.any() else touched
+            bits |= constraint.components if common.all() else 0
+        if touched is not None and bits & HELD != HELD:
+            held = "".join(c for k, c in enumerate("xyz") if bits & 1 << k) or "only some of its points"
+            raise InputError(
+                f"{touched.owner}.points contains points of the rigid inclusion {names[number]!r}, but holds {held}: "
+                "expected all points of the inclusion and x, y and z (0.0 holds one), or none of them"
+            )
+        (free if touched is None else given).append(number)
+    return [
+        part([sheet.inclusions[k] for k in numbers], [names[k] for k in numbers], velocity)
+        for part, numbers in ((RigidInclusions, free), (GivenInclusions, given))
+        if numbers
+    ]
 
 
 class BuiltInclusions(BuiltPart):
-    """The bodies on a device: masses, arms, positions, momenta and rotations.
+    """The bodies on a device: masses, arms, positions, momenta and rotations; their points give these at frames.
 
     The history has columns of each: its centre of mass NAME_position_x [m] to z, its rotation vector NAME_rotation_x
     [rad], the force of the sheet on it, NAME_force_x [N], and its torque about the centre, NAME_torque_x [N m]; in
@@ -62,72 +108,72 @@ class BuiltInclusions(BuiltPart):
     """
 
     label = "sheet.inclusions"
+    restart = False
 
-    def __init__(self, groups: tuple[np.ndarray, ...], velocity: np.ndarray, context: Context) -> None:
-        self.context, self.count = context, len(groups)
-        sheet = context.sheet
-        self.names = _names(sheet, groups)
+    def __init__(
+        self, groups: Sequence[np.ndarray], names: Sequence[str], velocity: np.ndarray, context: Context
+    ) -> None:
+        self.context, self.count, self.names = context, len(groups), names
+        sheet, positions = context.sheet, context.clamped_positions
         mass = sheet.areas * sheet.thickness * sheet.density
+        placement = 0.0 if context.placement is None else context.placement
+        start = context.initial_displacement - placement
         arms, masses, inertia, place, rotation, linear, angular = [], [], [], [], [], [], []
         for members in groups:
-            m, X = mass[members], sheet.positions[members]
+            m, X = mass[members], positions[members]
             arm = X - m @ X / m.sum()
             arms.append(arm)
             masses.append(m.sum())
             inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
-            u, v = context.initial_displacement[members], velocity[members]
+            u, v = start[members], velocity[members]
             place.append(m @ u / m.sum())
             turned = _rotation(arm, u - place[-1], m)
             rotation.append(turned)
-            _require_rigid(
-                "initial_displacement", context.initial_displacement, place[-1] + arm @ turned.T - arm, members
-            )
+            _require_rigid("initial_displacement", start, place[-1] + arm @ turned.T - arm, members)
             arm = arm @ turned.T
             linear.append(m @ v)
             angular.append(m @ np.cross(arm, v))
             omega = turned @ inertia[-1] @ turned.T @ angular[-1]
             _require_rigid("initial_velocity", velocity, linear[-1] / masses[-1] + np.cross(omega, arm), members)
         begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
+        kind = "inclusion" if self.restart else "given inclusion"
 
         def table(name: str, dtype: Any, values: np.ndarray) -> Any:
-            return context.array(name, OWNER, dtype, values, per="table")
+            return context.array(f"{kind} {name}", OWNER, dtype, values, per="table")
 
         def body(name: str, dtype: Any, values: np.ndarray) -> Any:
-            return context.array(name, OWNER, dtype, values, per="body", restart=True)
+            return context.array(f"{kind} {name}", OWNER, dtype, values, per="body", restart=self.restart)
 
-        self._bodies = {
-            "begins": table("inclusion begins", wp.int32, begins),
-            "members": table("inclusion members", wp.int32, np.concatenate(groups)),
-            "arms": table("inclusion arms", wp.vec3d, np.vstack(arms)),
-            "masses": table("inclusion masses", wp.float64, np.array(masses)),
-            "inverse_inertia": table("inclusion inverse_inertia", wp.mat33d, np.array(inertia)),
+        self._points = {
+            "begins": table("begins", wp.int32, begins),
+            "members": table("members", wp.int32, np.concatenate(groups)),
+            "arms": table("arms", wp.vec3d, np.vstack(arms)),
+            "masses": table("masses", wp.float64, np.array(masses)),
         }
-        self.place = body("inclusion place", wp.vec3d, np.array(place))
-        self.linear = body("inclusion linear", wp.vec3d, np.array(linear))
-        self.angular = body("inclusion angular", wp.vec3d, np.array(angular))
-        self.rotation = body("inclusion rotation", wp.mat33d, np.array(rotation))
-        self._centres = np.array([mass[g] @ sheet.positions[g] / mass[g].sum() for g in groups])
+        self._origins = self._points["arms"]
+        if context.placement is not None:
+            shifts = np.vstack([context.placement[members] for members in groups])
+            self._origins = table("origins", wp.vec3d, np.vstack(arms) - shifts)
+        self.place = body("place", wp.vec3d, np.array(place))
+        self.linear = body("linear", wp.vec3d, np.array(linear))
+        self.angular = body("angular", wp.vec3d, np.array(angular))
+        self.rotation = body("rotation", wp.mat33d, np.array(rotation))
+        self._centres = np.array([mass[g] @ positions[g] / mass[g].sum() for g in groups])
         self._masses, self._inverse_inertia = np.array(masses), np.array(inertia)
         self.push, self.turn = (
-            context.array(f"inclusion {name}", OWNER, wp.vec3d, shape=self.count, per="body")
-            for name in ("push", "turn")
+            context.array(f"{kind} {name}", OWNER, wp.vec3d, shape=self.count, per="body") for name in ("push", "turn")
         )
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches that drift and kick the bodies, and at frames those of the forces on them."""
-        if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK, Phase.FRAME):
-            return
-        context, state = self.context, self.context.state
-        kernels = rigid_inclusions(context.options)
-        bodies = with_values(kernels.struct(), {
-            **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
-            "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,
-            "velocity": state.velocity, "displacement": state.displacement, "place": self.place,
-        })  # fmt: skip
+        """Add the launch of frames: where the bodies are, and the forces on them."""
         if phase is Phase.FRAME:
-            stage.launch(OWNER, kernels.show, self.count, a=bodies, push=self.push, turn=self.turn)
-        else:
-            stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
+            state = self.context.state
+            stage.launch(
+                OWNER, held_inclusions(self.context.bits), self.count, **self._points, origins=self._origins,
+                mass=state.mass, displacement=state.displacement, velocity=state.velocity, force=state.force,
+                place=self.place, linear=self.linear, angular=self.angular, moments=self.rotation, push=self.push,
+                turn=self.turn,
+            )  # fmt: skip
 
     def _quantities(self) -> list[str]:
         moving = ["velocity", "spin"] if self.context.dynamic else []
@@ -145,7 +191,7 @@ class BuiltInclusions(BuiltPart):
         """Motion and forces of each body, see the class."""
         from scipy.spatial.transform import Rotation
 
-        turned = self.rotation.numpy()
+        turned = self._rotations()
         about = np.einsum("bij,bjk,blk,bl->bi", turned, self._inverse_inertia, turned, self.angular.numpy())
         values = {
             "position": self._centres + self.place.numpy(), "rotation": Rotation.from_matrix(turned).as_rotvec(),
@@ -155,8 +201,47 @@ class BuiltInclusions(BuiltPart):
         rows = np.stack([values[what] for what in self._quantities()], axis=1)
         return dict(zip(self._column_names(), rows.ravel().tolist(), strict=True))
 
+    def _rotations(self) -> np.ndarray:
+        """Rotation of each body, (B, 3, 3): the one that best fits its points (Kabsch 1976)."""
+        u, _, vt = np.linalg.svd(self.rotation.numpy())
+        u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+        return np.asarray(u @ vt)
 
-def _names(sheet: Sheet, groups: tuple[np.ndarray, ...]) -> list[str]:
+
+class FreeInclusions(BuiltInclusions):
+    """Bodies that the sheet moves, integrated with its points."""
+
+    restart = True
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self._inertia = self.context.array(
+            "inclusion inverse_inertia", OWNER, wp.mat33d, self._inverse_inertia, per="table"
+        )
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that drift and kick the bodies, and at frames those of the forces on them."""
+        if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK, Phase.FRAME):
+            return
+        context, state = self.context, self.context.state
+        kernels = rigid_inclusions(context.options)
+        bodies = with_values(kernels.struct(), {
+            **self._points, "origins": self._origins, "inverse_inertia": self._inertia, "step": state.step,
+            "damping": state.damping, "force": state.force, "external": state.external, "linear": self.linear,
+            "angular": self.angular, "rotation": self.rotation, "velocity": state.velocity,
+            "displacement": state.displacement, "place": self.place,
+        })  # fmt: skip
+        if phase is Phase.FRAME:
+            stage.launch(OWNER, kernels.show, self.count, a=bodies, push=self.push, turn=self.turn)
+        else:
+            stage.launch(OWNER, kernels.move if phase is Phase.RIGID_DRIFT else kernels.kick, self.count, a=bodies)
+
+    def _rotations(self) -> np.ndarray:
+        """Rotation of each body, (B, 3, 3)."""
+        return np.asarray(self.rotation.numpy())
+
+
+def _names(sheet: Sheet, groups: Sequence[np.ndarray]) -> list[str]:
     """Prefixes of the columns of each inclusion, all different."""
     names: list[str] = []
     for number, members in enumerate(groups, start=1):

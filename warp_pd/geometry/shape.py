@@ -94,6 +94,13 @@ class Shape:
         """Reference positions [m], shape (N, 3); z is zero on a flat sheet."""
         return np.column_stack([self.points, np.zeros((self.size, 3 - self.points.shape[1]))])
 
+    def body_of(self, points: np.ndarray) -> np.ndarray:
+        """Index (from 0) of the rigid inclusion of each of these points, of their shape; -1 outside."""
+        body = np.full(self.size, -1, np.int32)
+        for number, members in enumerate(self.inclusions):
+            body[members] = number
+        return np.asarray(body[points])
+
     @property
     def normals(self) -> np.ndarray:
         """Unit normals [-], shape (N, 3): +z on a flat sheet, outward on a curved one."""

@@ -202,6 +202,9 @@ class Sheet(Shape):
     def rigid(self, points: np.ndarray, mass: float | None = None) -> Self:
         """A copy in which `points` move as one rigid body, such as a frame at an edge.
 
+        On a prestretched sheet the body is glued on after the stretch. A `Fixed` or a `Motion` of all its points, in
+        x, y and z, holds or moves it.
+
         Args:
             points: Point indices.
             mass: Mass of the body [kg], spread evenly over the area of its points; by default that of the points.
@@ -227,7 +230,7 @@ class Sheet(Shape):
             )
         density = self.density
         if mass is not None:
-            volume = (self.areas * self.thickness)[members].sum()
+            volume = (self.unstretched().areas * self.thickness)[members].sum()
             density = np.broadcast_to(np.asarray(self.density, float), self.size).copy()
             density[members] = positive("rigid: mass", mass) / volume
         return replace(self, inclusions=(*self.inclusions, members), density=density)
@@ -260,17 +263,19 @@ class Sheet(Shape):
             InputError: if a stretch is not positive, for a bar or rigid inclusions, or for different stretches of a
                 curved sheet.
         """
+        if self.inclusions:
+            raise InputError(
+                f"prestretched: the sheet has {len(self.inclusions)} rigid inclusions, which do not stretch: expected "
+                "prestretched(...).rigid(points), glued on after the stretch, or an initial_displacement that "
+                "stretches the sheet around them"
+            )
         stretches = positive("first", first), positive("second", first if second is None else second)
         before = np.eye(2) if self.stretch is None else self.stretch
         (stretched := replace(self, stretch=np.diag(stretches) @ before)).unstretched()
         return stretched
 
     def unstretched(self) -> Self:
-        """The stress-free sheet before prestretching, the reference for strains.
-
-        Raises:
-            InputError: if rigid inclusions were added after prestretching.
-        """
+        """The stress-free sheet before prestretching, the reference for strains."""
         return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
 
     def placement(self) -> np.ndarray | None:
@@ -284,10 +289,6 @@ def before_stretch(shape: AnySheet, gradient: np.ndarray) -> AnySheet:
     `gradient` is the deformation gradient in the plane, shape (2, 2); a multiple of the identity for a curved shape.
     """
     even = bool(np.array_equal(gradient, gradient[0, 0] * np.eye(2)))
-    if shape.inclusions:
-        raise InputError(
-            f"prestretched: the sheet has {len(shape.inclusions)} rigid inclusions, which do not stretch: expected none"
-        )
     if len(shape.triangles) == 0:
         raise InputError("prestretched: the sheet is a bar: expected a sheet with an area; take `initial_displacement`")
     if shape.points.shape[1] == 3 and not even:

@@ -33,6 +33,10 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     """Copy a shape with a cut, without the triangles that it crosses."""
     if segment[0] == segment[1]:
         raise InputError(f"{name}: expected a segment of nonzero length")
+    for cut in shape.cuts:
+        apart = distance_from_segments(np.array(segment), np.array([cut]), ON_SEGMENT * shape.spacing)
+        if (apart <= ON_SEGMENT * shape.spacing).all():
+            raise InputError(f"{name} lies on an earlier cut from {cut[0]} to {cut[1]}: expected each cut once")
     corners = shape.points[shape.triangles]
     # Only sides near the segment are tried.
     low, high = np.min(segment, axis=0), np.max(segment, axis=0)
@@ -40,13 +44,18 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     near = ((corners.max(axis=1) >= low - margin) & (corners.min(axis=1) <= high + margin)).all(axis=1)
     tried = corners[near]
     tips = tips_of(shape, segment)
-    gone = np.flatnonzero(near)[crosses(tried, np.roll(tried, -1, axis=1), segment, tips[-1]).any(axis=1)]
+    crossed = crosses(tried, np.roll(tried, -1, axis=1), segment, tips[-1])
+    gone = np.flatnonzero(near)[crossed.any(axis=1)]
     if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         raise InputError(
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
+    body = shape.body_of(shape.triangles[near])
+    if len(inside := np.argwhere(crossed & (body >= 0) & (body == np.roll(body, -1, axis=1)))):
+        place = tuple(tried[tuple(inside[0])].round(6).tolist())
+        raise InputError(f"{name} passes through a rigid inclusion at {place}: expected a cut beside it")
     return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment), tips=tips)
 
 

@@ -18,6 +18,7 @@ from ..device.launches import Stage
 from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
+from ..kernels.integrate import RIGID
 from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
@@ -49,8 +50,8 @@ class Relaxation:
     critical by the Rayleigh quotient (HE eqs. 94 to 97, with the tangent along the motion instead of a diagonal). HE
     use a unit step, which is stable by Gershgorin's bound; here the largest frequency is estimated, which allows a
     step almost four times as long (docs/solvers.md), except for bimodular bonds, which need the bound. The true mass
-    is used instead for laws without a tangent, materials without `response`, and sheets with rigid
-    inclusions, whose bodies have true masses.
+    is used instead for laws without a tangent, materials without `response`, and sheets with free
+    rigid inclusions, whose bodies have true masses.
 
     With a rupture criterion every load step relaxes, breaks the bonds that exceed the criterion, and repeats until none
     break.
@@ -146,7 +147,7 @@ class BuiltRelaxation(BuiltSolver):
         """The fictitious mass, or the true mass if there is none; adds the stage that updates it."""
         if self._inertia is None:
             stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
-            found = None if self.context.sheet.inclusions else fictitious_mass(self.law, stage)
+            found = None if (self.context.held & RIGID).any() else fictitious_mass(self.law, stage)
             self._inertia = self.context.state.mass if found is None else found
         return self._inertia
 

@@ -296,19 +296,31 @@ class OpeningCuts(BuiltRupture):
         """Points with bonds that are cut, (P,), and the times of these [s], (P, members).
 
         Raises:
-            InputError: for a cut without a bond.
+            InputError: for a cut without a bond, one through a rigid inclusion, and one that another has made before.
         """
         families = self.law.families
         members = families.members_of(np.arange(sheet.size))
         tail, member = np.nonzero(members >= 0)
         head, found = members[tail, member], np.full(members.shape, np.inf)
-        for cut in self.rupture.each:
+        inside, maker = sheet.body_of(tail), np.full(members.shape, -1)
+        inside[inside != sheet.body_of(head)] = -1
+        for number, cut in enumerate(self.rupture.each):
             times = cut.times(sheet, tail, head)
             if not np.isfinite(times).any():
                 raise InputError(
-                    f"{cut!r}: cuts no bond; expected a place inside the sheet, that passes between points"
+                    f"{cut!r}: cuts no bond; expected a place inside the sheet, that passes between points and is not "
+                    "cut before the run"
                 )
+            if (through := np.isfinite(times) & (inside >= 0)).any():
+                place = tuple(sheet.points[tail[through][0]].round(6).tolist())
+                raise InputError(f"{cut!r}: passes through a rigid inclusion at {place}: expected a cut beside it")
+            earlier = times < found[tail, member]
+            maker[tail[earlier], member[earlier]] = number
             found[tail, member] = np.minimum(found[tail, member], times)
+        if len(idle := np.setdiff1d(np.arange(len(self.rupture.each)), maker)):
+            raise InputError(
+                f"{self.rupture.each[idle[0]]!r}: other cuts open all its bonds no later: expected each cut once"
+            )
         points = np.flatnonzero(np.isfinite(found).any(axis=1))
         return points, found[points]
 

@@ -15,6 +15,14 @@ WRONG = [
     (lambda: square(5, thickness=0.0), r"thickness = 0\.0"),
     (lambda: square(5, density=NAN), "density = nan"),
     (lambda: square(5).cut((2.0, 2.0), (3.0, 3.0)), "crosses no bond"),
+    (
+        lambda: square(9).cut((0.03, 0.04), (0.06, 0.04)).cut((0.03, 0.04), (0.06, 0.04)),
+        "lies on an earlier cut from .*: expected each cut once",
+    ),
+    (
+        lambda: square(9).inclusion((0.05, 0.05), 0.03).cut((0.0, 0.044), (0.06, 0.044)),
+        r"passes through a rigid inclusion at \(0.025, 0.0375\): expected a cut beside it",
+    ),
     (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of nonzero length"),
     (lambda: square(5).hole((5.0, 5.0), 0.01), "contains no points"),
     (lambda: square(5).hole((0.05, 0.05), 1.0), "removes the whole sheet"),

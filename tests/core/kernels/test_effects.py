@@ -139,6 +139,9 @@ def further():
         ),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
+        "given inclusion": Simulation(
+            plane.rigid([0, 1, 25]), law, Explicit(1.0), loads=[Fixed([0, 1, 25]), Pressure(2.0)]
+        ),
         "curved torn": Simulation(
             small_tube(),
             law,
