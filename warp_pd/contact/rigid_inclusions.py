@@ -72,7 +72,8 @@ def inclusions_of(sheet: Sheet, constraints: Sequence[Constraint], velocity: np.
             held.
     """
     names = _names(sheet, sheet.inclusions)
-    free, given = [], []
+    free: list[int] = []
+    given: list[int] = []
     for number, members in enumerate(sheet.inclusions):
         bits, touched = 0, None
         for constraint in constraints:
