@@ -39,6 +39,7 @@ def torn(
     length: float,
     spared: np.ndarray,
     device: str | None,
+    horizon: float = 1.5,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Damage and intact faces of a sheet whose upper and lower edges were moved apart.
 
@@ -52,6 +53,7 @@ def torn(
         length: Of the damage field [m].
         spared: Points that do not tear.
         device: Where it runs.
+        horizon: In spacings.
     """
     top, bottom = sheet.edges("top"), sheet.edges("bottom")
     times = [0.0, *(np.cumsum(load_steps) / np.sum(load_steps)).tolist()]
@@ -59,7 +61,7 @@ def torn(
     result = whole(
         Simulation(
             sheet,
-            force=BondAssociated(NeoHookean(MU, BULK), horizon=1.5),
+            force=BondAssociated(NeoHookean(MU, BULK), horizon=horizon),
             loads=[
                 Fixed(np.arange(sheet.size), "z"),
                 Motion(top, times=times, x=0.0, y=way),
@@ -74,7 +76,7 @@ def torn(
     return result.frame.damage, result.frame.intact_faces
 
 
-def kink(points: int, angle: float, device: str | None, turn: float = 0.0) -> float:
+def kink(points: int, angle: float, device: str | None, turn: float = 0.0, horizon: float = 1.5) -> float:
     """Angle between an inclined crack and its growth, the mean of both tips [degrees].
 
     Args:
@@ -82,6 +84,7 @@ def kink(points: int, angle: float, device: str | None, turn: float = 0.0) -> fl
         angle: Of the crack to the line across the load [degrees].
         device: Where it runs.
         turn: Of the grid [degrees].
+        horizon: In spacings.
     """
     sheet = Sheet.filled(WIDE, WIDE, thickness=THICKNESS, density=DENSITY, points=(points, points), turn=turn)
     along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
@@ -89,7 +92,7 @@ def kink(points: int, angle: float, device: str | None, turn: float = 0.0) -> fl
     distance = {sign: np.hypot(*(sheet.points[:, :2] - tip).T) / FIELD for sign, tip in tips.items()}
     far = np.flatnonzero(np.minimum(distance[-1.0], distance[1.0]) > GROWN)
     strain = OVERLOAD * (TEARING_ENERGY / (3.0 * MU * np.pi * HALF)) ** 0.5 / intensity(angle)
-    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), [strain * WIDE], [5], FIELD, far, device)
+    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), [strain * WIDE], [5], FIELD, far, device, horizon)
     found = []
     for sign, tip in tips.items():
         place = sign * (sheet.points[:, :2] - tip)
@@ -106,7 +109,11 @@ def kinks(points: int, device: str | None) -> Sequence[float]:
 
 def what_moves_kinks(points: int, device: str | None) -> Mapping[str, float]:
     """The crack of 30 degrees, which grows across a turned grid; the formula a length of the field from the tip."""
-    turned = {"at 30 degrees on a grid turned by 20 degrees": kink(points, 30.0, device, turn=20.0)}
+    # No weights balance a turned grid at a horizon of 1.5 spacings.
+    turned = {
+        f"at 30 degrees, horizon 2.015, grid turned by {turn:g} degrees": kink(points, 30.0, device, turn, 2.015)
+        for turn in (0.0, 20.0)
+    }
     away = {
         f"formula {1e3 * FIELD:g} mm from the tip at {angle:g} degrees": away_from_tip(angle, FIELD) for angle in ANGLES
     }
