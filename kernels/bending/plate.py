@@ -30,6 +30,8 @@ from ..numeric import entry_of, numeric, put_entry
 
 # With this factor the energy of a single row of points is that of the second difference over three adjacent points.
 STIFFENING = 4.0
+# Steps longer than this are not of interest.
+FAR = 1e3
 # Rows of what triangles store: the normal, the couples of three corners, what pulls at corners 1 and 2.
 NORMAL, COUPLES, PULLS, ROWS = 0, 3, 9, 15
 
@@ -45,6 +47,8 @@ class TriangleFunctions:
             corners make of them.
         moments_of: (plate, t, strains) -> derivatives of its energy by the six strains.
         changed: (plate, t, displacement, slope) -> what a displacement adds to its sides and vectors.
+        added_to_sides: (corners, displacement) -> what it adds to the sides.
+        sides_by: (plate, t, first, second) -> its sides, from what a displacement adds to them.
         bent_by: (plate, t, first, second, vectors) -> its state, from what a displacement adds to these.
         bent: (plate, t, displacement, slope) -> its state.
     """
@@ -54,6 +58,8 @@ class TriangleFunctions:
     vectors: wp.Function
     moments_of: wp.Function
     changed: wp.Function
+    added_to_sides: wp.Function
+    sides_by: wp.Function
     bent_by: wp.Function
     bent: wp.Function
 
@@ -68,6 +74,7 @@ class BendingKernels:
         slopes: Gradient of a displacement at each point.
         moments: Gradient of the energy of each triangle by the slopes and sides of its corners.
         change: Its derivative along a direction.
+        turning: Step along a direction that turns or stretches a side of a triangle at a point by its length.
         gather: Adds the triangles' gradients by slopes up at each point, those by positions to the force.
         gather_change: The same of the change.
         spread: Adds the force of the slopes to the points that they were fitted to.
@@ -81,6 +88,7 @@ class BendingKernels:
     slopes: Kernel
     moments: Kernel
     change: Kernel
+    turning: Kernel
     gather: Kernel
     gather_change: Kernel
     spread: Kernel
@@ -245,10 +253,14 @@ def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunc
         return plate.corners[plate.face_kind[t]] + wp.vec3i(start, start, start)
 
     @wp.func
+    def added_to_sides(corners: wp.vec3i, displacement: wp.array(dtype=vec3)):
+        origin = point_of(displacement, corners[0])
+        return point_of(displacement, corners[1]) - origin, point_of(displacement, corners[2]) - origin
+
+    @wp.func
     def changed(plate: Plate, t: int, displacement: wp.array(dtype=vec3), slope: wp.array2d(dtype=real)):
         c = corners_of(plate, t)
-        origin = point_of(displacement, c[0])
-        first, second = point_of(displacement, c[1]) - origin, point_of(displacement, c[2]) - origin
+        first, second = added_to_sides(c, displacement)
         d0, d1, d2 = (
             matrix_at(slope, c[0]) * plane(plate, t, 0),
             matrix_at(slope, c[1]) * plane(plate, t, 1),
@@ -257,17 +269,20 @@ def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunc
         return first, second, vectors(first, second, d0, d1, d2)
 
     @wp.func
+    def sides_by(plate: Plate, t: int, first: vec3, second: vec3):
+        if wp.static(curved):
+            return first + plate.rest_sides[0, t], second + plate.rest_sides[1, t]
+        else:
+            s, zero = plane(plate, t, 0), real(0.0)
+            return first + vec3(s[0, 0], s[1, 0], zero), second + vec3(s[0, 1], s[1, 1], zero)
+
+    @wp.func
     def bent_by(plate: Plate, t: int, first: vec3, second: vec3, given: mat63):
         b = Bent()
         found = given
-        if wp.static(curved):
-            b.first = first + plate.rest_sides[0, t]
-            b.second = second + plate.rest_sides[1, t]
-        else:
-            s = plane(plate, t, 0)
-            zero = real(0.0)
-            b.first = first + vec3(s[0, 0], s[1, 0], zero)
-            b.second = second + vec3(s[0, 1], s[1, 1], zero)
+        here_first, here_second = sides_by(plate, t, first, second)
+        b.first = here_first
+        b.second = here_second
         product = wp.cross(b.first, b.second)
         b.over = real(1.0) / wp.length(product)
         b.normal = product * b.over
@@ -289,7 +304,7 @@ def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunc
         first, second, found = changed(plate, t, displacement, slope)
         return bent_by(plate, t, first, second, found)
 
-    return TriangleFunctions(plane, corners_of, vectors, moments_of, changed, bent_by, bent)
+    return TriangleFunctions(plane, corners_of, vectors, moments_of, changed, added_to_sides, sides_by, bent_by, bent)
 
 
 @functools.cache
@@ -307,7 +322,7 @@ def bending(
     """
     types = numeric(bits)
     real, vec3, vec2, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat32, types.vec6
-    half = wp.constant(real(0.5))
+    half, far = wp.constant(real(0.5)), wp.constant(real(FAR))
     Plate, of = plate_tables(bits), triangle_functions(bits, curved, breakable)
     plane, moments_of, changed, bent = of.plane, of.moments_of, of.changed, of.bent
     matrix_at, put_matrix, vector_at, put_vector = components(bits)
@@ -398,6 +413,35 @@ def bending(
         put_vector(changes, PULLS + 3, t, second_pull)
 
     @wp.func
+    def steps_of(side: vec3, change: vec3):
+        """Length of a side over that of a change, at most FAR."""
+        length = wp.length(side)
+        return length / wp.max(wp.length(change), length / far)
+
+    @kernel(gathers=("displacement", "direction"))
+    def turning(
+        plate: Plate,
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        of_law: wp.array(dtype=real),
+        first: int,
+        longest: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        shortest, kind = real(far), plate.kind[i]
+        if of_law:
+            shortest = of_law[i]
+        for k in range(plate.counts[kind][2]):
+            t = plate.first_triangle[i] + step_of(plate.around, k * plate.around.shape[1] + kind) / 3
+            corners = of.corners_of(plate, t)
+            first_change, second_change = of.added_to_sides(corners, direction)
+            u, v = of.added_to_sides(corners, displacement)
+            first_side, second_side = of.sides_by(plate, t, u, v)
+            shortest = wp.min(shortest, steps_of(first_side, first_change))
+            shortest = wp.min(shortest, steps_of(second_side, second_change))
+        longest[i] = shortest
+
+    @wp.func
     def pulled(values: wp.array2d(dtype=real), corner: int, t: int):
         if corner == 0:
             return -vector_at(values, PULLS, t) - vector_at(values, PULLS + 3, t)
@@ -460,8 +504,8 @@ def bending(
 
     weaken, share_lost = damage_of_bending(bits, curved, softened, tracked) if breakable else (None, None)
     return BendingKernels(
-        Plate, keep, slopes, moments, moments_change, declare_gather(False), declare_gather(True), spread, energy,
-        weaken, share_lost,
+        Plate, keep, slopes, moments, moments_change, turning, declare_gather(False), declare_gather(True), spread,
+        energy, weaken, share_lost,
     )  # fmt: skip
 
 

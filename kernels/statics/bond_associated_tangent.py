@@ -38,6 +38,7 @@ class TangentKernels:
 
     Attributes:
         linearise: Fills gradient, stress, moduli [members, points] at a displacement.
+        predict: Replaces stress by what `Prediction` of warp_pd/statics/tangent.py says.
         product: Fills bond_force [members, points] with its derivative along a direction; `gather` sums it.
         turning: Fills `longest` with the step along a direction at which the first intersection of a family turns
             inside out: its area is zero there, or its normal at a right angle to what it was; at most FAR.
@@ -48,6 +49,7 @@ class TangentKernels:
     """
 
     linearise: Kernel
+    predict: Kernel
     product: Kernel
     turning: Kernel
     inverse_blocks: Kernel
@@ -197,6 +199,60 @@ def bond_associated_tangent(
             for j in range(family.members):
                 stress[j, i] = scale * stress[j, i]
                 moduli[j, i] = scale * moduli[j, i]
+
+    @wp.func
+    def tensile_part(S: vec3):
+        """S (11, 12, 22) without its negative principal stresses."""
+        mean, half_difference = real(0.5) * (S[0] + S[2]), real(0.5) * (S[0] - S[2])
+        radius = wp.sqrt(half_difference * half_difference + S[1] * S[1])
+        result = S
+        if mean + radius <= real(0.0):
+            result = vec3(real(0.0), real(0.0), real(0.0))
+        elif mean < radius:
+            factor, less = real(0.5) * (mean + radius) / radius, radius - mean
+            result = factor * vec3(S[0] + less, S[1], S[2] + less)
+        return result
+
+    @kernel(gathers=("base", "change"))
+    def predict(
+        family: Family,
+        base: wp.array(dtype=vec3),
+        change: wp.array(dtype=vec3),
+        tensile: wp.array(dtype=real),
+        constants: Constants,
+        tension: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        terms: wp.array(dtype=types.parameters),
+        state: wp.array2d(dtype=types.parameters),
+        first: int,
+        stress: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        undamaged = f.is_undamaged(family, i)
+        for j in range(family.members):
+            there, H1, H2, _inverse, weight, tilt = visit(family, base, i, j, undamaged)
+            if there:
+                G, here = motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants)
+                if wp.static(remembers):
+                    S, T = response_of(G, here, i, j, family.members, terms, state)
+                else:
+                    S, T = response_of(G, here)
+                F1, F2 = motion.gradient(H1, H2, tilt)
+                _there, D1, D2, _inverse, _weight, _tilt = visit(family, change, i, j, undamaged)
+                c11 = real(2.0) * wp.dot(F1, D1)
+                c22 = real(2.0) * wp.dot(F2, D2)
+                c12 = wp.dot(F1, D2) + wp.dot(F2, D1)
+                s11 = S[0, 0] + T[0] * c11 + T[1] * c22 + T[2] * c12
+                s22 = S[1, 1] + T[1] * c11 + T[3] * c22 + T[4] * c12
+                s12 = S[0, 1] + real(0.5) * (T[2] * c11 + T[4] * c22 + T[5] * c12)
+                predicted = vec3(s11, s12, s22)
+                if tensile[0] > real(0.0):
+                    predicted = tensile_part(predicted)
+                stress[j, i] = weight * (predicted + vec3(tension[0], real(0.0), tension[0]))
+        if wp.static(layout.softened):
+            scale = left(damage[i])
+            for j in range(family.members):
+                stress[j, i] = scale * stress[j, i]
 
     @kernel(gathers=("direction",))
     def product(
@@ -449,4 +505,4 @@ def bond_associated_tangent(
                                     entry = entry_of(columns, begin, end, m)
                                     matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
 
-    return TangentKernels(linearise, product, turning, inverse_blocks, assemble)
+    return TangentKernels(linearise, predict, product, turning, inverse_blocks, assemble)

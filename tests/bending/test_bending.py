@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 import small_runs
 from helpers import internal_force, jittered, random_gradient, refused, sever, square, strain_energy, uniform
+from scipy.integrate import solve_bvp
 
 from warp_pd import (
     ArcLength,
+    BodyForce,
     Circle,
     CriticalStretch,
     Explicit,
@@ -185,6 +187,49 @@ def test_a_cantilever_bends_like_a_beam():
     (frequency,) = natural_modes(result.built, 1).frequencies
     exact = 3.516 * np.sqrt(STIFFNESS / (1000.0 * THICKNESS)) / LENGTH**2 / (2.0 * np.pi)
     assert frequency == pytest.approx(exact, rel=5e-3)
+
+
+def elastica_drop(load):
+    """Drop of the tip of a heavy clamped strip over its length; `load` is weight x length^2 over stiffness."""
+    s, y = np.linspace(0.0, 1.0, 101), np.zeros((2, 101))
+    for part in np.geomspace(1.0, load, 20):
+        found = solve_bvp(
+            lambda s, y, part=part: [y[1], -part * (1.0 - s) * np.cos(y[0])],
+            lambda begin, end: [begin[0], end[1]], s, y, tol=1e-8, max_nodes=10_000,
+        )  # fmt: skip
+        s, y = found.x, found.y
+    return np.trapezoid(np.sin(y[0]), s)
+
+
+@pytest.mark.parametrize(("weight", "most"), [(400.0, 12), (1000.0, 12), (4000.0, 15)])
+def test_a_heavy_strip_hangs_as_the_elastica_after_few_steps(weight, most):
+    sheet, spacing = strip(21)
+    held = Fixed(sheet.where(lambda x, y: x < 1.01 * spacing))
+    weighs = BodyForce((0.0, 0.0, -weight))
+    result = run(sheet, Newton(), material=BEAM, weights="corrected", loads=[held, weighs], bending=True)
+    solve = result.summary["solve"]
+    assert sheet.size == 110 and len(solve["load_steps"]) == 1 and solve["iterations"] <= most
+    drop = -result.frame.displacement[sheet.edges("right"), 2].mean()
+    # The strip stretches under its weight, too.
+    stretch = 0.5 * weight * LENGTH / 2e5
+    assert drop == pytest.approx(
+        LENGTH * (elastica_drop(weight * THICKNESS * LENGTH**3 / STIFFNESS) + stretch), rel=4.4e-3
+    )
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+def test_a_sheet_draped_over_a_plateau_takes_few_steps(precision):
+    sheet = square(21)
+    held = Fixed(sheet.where(lambda x, y: np.hypot(x - 0.05, y - 0.05) < 0.012))
+    result = run(
+        sheet,
+        Newton(),
+        precision=precision,
+        weights="corrected",
+        loads=[held, BodyForce((0.0, 0.0, -9810.0))],
+        bending=True,
+    )
+    assert len(result.summary["solve"]["load_steps"]) == 1 and result.summary["solve"]["iterations"] <= 12
 
 
 def test_a_clamped_plate_vibrates_at_its_frequency():

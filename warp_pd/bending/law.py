@@ -20,7 +20,7 @@ from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.fictitious_mass import fictitious_mass
 from ..statics.sparse import factorised
-from ..statics.tangent import Solve, SparseTangent, Tangent
+from ..statics.tangent import Prediction, Solve, SparseTangent, Tangent
 from ..statics.tangent_of import tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
@@ -346,7 +346,7 @@ class BendingTangent(Tangent):
 
     def __init__(self, force: BendingForce, law: Tangent) -> None:
         self.force, self.law, self.inverse_blocks = force, law, law.inverse_blocks
-        self.symmetric = law.symmetric
+        self.symmetric, self.predicts = law.symmetric, law.can_predict
         self._stage: str | None = None
         context, t = force.context, force.context.types
         self._here, self._along, self._out = (
@@ -372,9 +372,12 @@ class BendingTangent(Tangent):
         """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
         return self.law.min_tension(relative)
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
         """Add the launches that compute the tangent at a displacement; see `Tangent`."""
-        self.law.add_linearise(stage, displacement, tension, inertia)
+        self.law.add_linearise(stage, displacement, tension, inertia, predicted)
         force = self.force
         n = force.context.sheet.size
         stage.launch(NEWTON, force.kernels.keep, n, displacement=displacement, kept=self._here)
@@ -386,8 +389,17 @@ class BendingTangent(Tangent):
         self.add_bending(stage, direction, change)
 
     def add_turning(self, stage: Stage, direction: Array) -> Array | None:
-        """Add the launch of the law without bending."""
-        return self.law.add_turning(stage, direction)
+        """Add the launch of the law, and with predicted stresses one of how far sides of triangles turn."""
+        longest = self.law.add_turning(stage, direction)
+        if not self.predicts:
+            return longest
+        force, context = self.force, self.force.context
+        shortest = context.array("longest_turn", NEWTON, context.types.real, shape=context.sheet.size)
+        stage.launch(
+            NEWTON, force.kernels.turning, context.sheet.size, plate=force.plate, displacement=self._here,
+            direction=direction, of_law=longest, longest=shortest,
+        )  # fmt: skip
+        return shortest
 
     def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
         """Add the launches that add the part of bending."""

@@ -15,7 +15,7 @@ from ..kernels.papers.bond_based import bond_based_tangent
 from ..laws.family_law import FamilyLaw
 from ..materials import PairwiseMaterial, capabilities
 from ..statics.sparse import factorised
-from ..statics.tangent import Solve
+from ..statics.tangent import Prediction, Solve
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -40,6 +40,7 @@ class BondBasedTangent:
 
     direct_points = 100_000
     symmetric = True
+    can_predict = predicts = False
 
     def __init__(self, force: FamilyLaw, material: PairwiseMaterial, context: Context, geometric: bool) -> None:
         """Allocate the tangent; `geometric` is whether the stiffness includes the tension of the bonds."""
@@ -50,7 +51,10 @@ class BondBasedTangent:
         self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=force.points)
         self.kernels = bond_based_tangent(context.layout, material.pairwise, context.options.held, geometric)
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
         """Add the launches that compute the tangent at a displacement; see `Tangent`."""
         if inertia is not None:
             raise InputError("force = BondBased: not supported by the solver Implicit; expected Explicit")

@@ -18,7 +18,7 @@ from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.variational import BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
 from .sparse import factorised
-from .tangent import Solve
+from .tangent import Prediction, Solve
 
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix, csc_matrix
@@ -43,6 +43,7 @@ class BondAssociatedTangent:
 
     direct_points = 0
     symmetric = True
+    can_predict, predicts = True, False
 
     def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
         """Allocate the tangent. Raises InputError for a material without `response`."""
@@ -67,7 +68,10 @@ class BondAssociatedTangent:
         self.matrix: TangentMatrix | None = None
         self._assembly: tuple[Stage, Array] | None = None
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
         """Add the launches that compute the tangent at a displacement; see `Tangent`."""
         force, n, self.inertia = self.force, self.force.points, inertia
         state: dict[str, Any] = {"gradient": self.gradient, "stress": self.stress, "moduli": self.moduli}
@@ -77,6 +81,12 @@ class BondAssociatedTangent:
             family=force.struct, displacement=displacement, constants=force.constants, tension=tension,
             damage=force.damage, **self._remembered, **state,
         )  # fmt: skip
+        if predicted is not None:
+            stage.launch(
+                OWNER, self.kernels.predict, n,
+                family=force.struct, **predicted._asdict(), constants=force.constants, tension=tension,
+                damage=force.damage, **self._remembered, stress=self.stress,
+            )  # fmt: skip
         self._assembly = (stage, displacement)
         if stored_on(self.context.device):
             self.matrix = TangentMatrix(self, stage, displacement)

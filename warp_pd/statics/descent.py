@@ -124,6 +124,7 @@ class Descent:
             if advanced is None:
                 break
             norm, scale = advanced
+        self.level.predicting = False
         return {
             "points": self.level.points,
             "converged": converged,
@@ -221,7 +222,8 @@ class Descent:
             new_norm, scale = level.evaluate()
             left = dot(level.direction, level.residual)
             settled = left >= -MAX_OVERSHOOT * work and new_norm < MAX_GROWTH * norm
-            if math.isfinite(new_norm) and (self.lifting or settled or new_norm < norm):
+            taken = level.predicts or self.lifting or settled or new_norm < norm
+            if taken and math.isfinite(new_norm):
                 self._accept(step_length, ratio(new_norm, scale))
                 return new_norm, scale
             step_length *= shortening(work, left)
@@ -237,7 +239,7 @@ class Descent:
         return norm, scale
 
     def _accept(self, step_length: float, relative: float) -> None:
-        wp.copy(self.level.base, self.level.displacement)
+        self.level.accept(step_length < 1.0)
         self.step_lengths.append(step_length)
         if self._secants is not None and step_length < 1.0:
             self._secants.begin()

@@ -17,7 +17,7 @@ from ..interfaces import BuiltLaw, BuiltLoad
 from ..interfaces.part import StaticContact
 from ..kernels.statics.equilibrium import equilibrium
 from .load_scale import LoadScale
-from .tangent import Tangent
+from .tangent import Prediction, Tangent
 
 OWNER = "Newton"
 # By precision: unbalanced force over what moves a stressed sheet, in equilibrium; and over loads and reactions, below
@@ -45,7 +45,11 @@ class Level:
         inertia: Stiffness of inertia and damping in a time step [N/m], (N,); None in equilibrium.
         vector: Input of the product.
         image: Output of the product.
+        predicts: Whether Newton's steps take tangents with predicted stresses.
+        predicting: Whether the next tangent does.
     """
+
+    predicting = False
 
     def __init__(
         self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
@@ -77,7 +81,13 @@ class Level:
         )  # fmt: skip
         linearise = context.stage("linearise", "every tangent of Newton")
         self.inertia = context.array("inertia", OWNER, t.real, shape=n) if moves else None
-        tangent.add_linearise(linearise, self.displacement, self._tension, self.inertia)
+        self.predicts = tangent.predicts
+        self._prediction: Prediction | None = None
+        if self.predicts:
+            base = context.array("base_before", OWNER, t.vec3, shape=n)
+            tensile = context.array("tensile", OWNER, t.real, shape=1, per="once")
+            self._prediction = Prediction(base, self.direction, tensile)
+        tangent.add_linearise(linearise, self.displacement, self._tension, self.inertia, self._prediction)
         for contact in self.contacts:
             contact.add_blocks(linearise, self.displacement)
         self._longest: Array | None = None
@@ -142,7 +152,18 @@ class Level:
     def linearise(self, tension: float) -> None:
         """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
         assign(self._tension, np.array([tension]))
+        if self._prediction is not None and not self.predicting:
+            wp.copy(self._prediction.base, self.displacement)
+            self.direction.zero_()
         self.run("linearise")
+
+    def accept(self, shortened: bool) -> None:
+        """Make the displacement of a trial step the base of the next one."""
+        if self._prediction is not None:
+            self.predicting = True
+            wp.copy(self._prediction.base, self.base)
+            assign(self._prediction.tensile, np.array([float(shortened)]))
+        wp.copy(self.base, self.displacement)
 
     def contact_stiffness(self) -> np.ndarray | None:
         """Stiffness of contact, and of loads that tie points, at the last tangent [N/m], (N, 3, 3); None without."""

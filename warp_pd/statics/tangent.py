@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -40,6 +40,25 @@ class SparseTangent(Protocol):
         ...
 
 
+class Prediction(NamedTuple):
+    """What predicts the stresses of a tangent: those at `base` and their linear change along `change`.
+
+    In a thin sheet a step that turns it stretches it too, in second order, and that stress is far above those of
+    bending. With it a tangent is too stiff for all later steps; with the predicted one the steps of slender bodies
+    are few and may be long (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313, 2017).
+
+    Attributes:
+        base: Displacement before the last step [m], (N,) vec3.
+        change: Newton's whole step from there, also if a part of it was taken [m], (N,) vec3.
+        tensile: 1 if principal stresses that are compressive count as zero, as after a step of which a part was
+            taken: far from equilibrium the tangent is then not indefinite; otherwise 0, (1,).
+    """
+
+    base: Array
+    change: Array
+    tensile: Array
+
+
 class Tangent(Protocol):
     """The derivative of the internal force by the displacement, for Newton's method.
 
@@ -48,13 +67,20 @@ class Tangent(Protocol):
         direct_points: Number of points up to which a factorisation on the host is faster than iterations on a GPU.
         symmetric: Whether products are symmetric; otherwise they are solved by GMRES, and the sparse matrix is one that
             preconditions them.
+        can_predict: Whether stresses may be predicted.
+        predicts: Whether Newton's steps take predicted ones: of a sheet that resists bending.
     """
 
     inverse_blocks: Array
     direct_points: int
     symmetric: bool = True
+    can_predict: bool = False
+    predicts: bool = False
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
         """Add the launches that compute the tangent at a displacement.
 
         Args:
@@ -62,6 +88,7 @@ class Tangent(Protocol):
             displacement: The displacement [m], (N,) vec3.
             tension: An isotropic tension that is added [Pa].
             inertia: Stiffness of inertia and damping of each point in a time step [N/m], (N,); None in equilibrium.
+            predicted: What predicts the stresses; None for those that are here.
         """
         ...
 

@@ -10,7 +10,7 @@ from ...kernels.papers.differences import differences
 from ...laws.bond_associated import BondAssociated, BondAssociatedForce
 from ...laws.family_law import FamilyLaw
 from ...statics.bond_associated_tangent import BondAssociatedTangent
-from ...statics.tangent import SparseTangent, Tangent
+from ...statics.tangent import Prediction, SparseTangent, Tangent
 
 OWNER = "Newton"
 # Distance by which a difference moves a point, in spacings, by precision: truncation and round-off are alike.
@@ -48,7 +48,10 @@ class NeuralTangent(Tangent):
         self._step = context.array("difference_step", OWNER, t.real, shape=1, per="once")
         self._displacement: Array | None = None
 
-    def add_linearise(self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None) -> None:
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
         """Add the launches that compute the tangent of the bond-associated law at a displacement; see `Tangent`."""
         if inertia is not None:
             raise InputError("force = Neural: not supported by the solver Implicit; expected Explicit")
