@@ -387,7 +387,10 @@ def draw(
 @click.option("--every", type=int, default=1, help="Show one in so many frames.")
 @click.option("--rate", type=float, default=20.0, help="Pictures a second.")
 @click.option("--view", help="Elevation and azimuth of the viewpoint in degrees, such as 28,-60.")
-def film(folder: Path, out: Path | None, field: str | None, every: int, rate: float, view: str | None) -> None:
+@click.option("--cut", help="What is cut away [m], such as y<0.05.")
+def film(
+    folder: Path, out: Path | None, field: str | None, every: int, rate: float, view: str | None, cut: str | None
+) -> None:
     """Make a film of all frames of a run in FOLDER: .gif or .webp, and .mp4 or .webm where ffmpeg is installed."""
     from .viewer.film import film as make
 
@@ -398,7 +401,7 @@ def film(folder: Path, out: Path | None, field: str | None, every: int, rate: fl
     if view is not None:
         elevation, azimuth = vector("--view", view.split(","), 2)
         angles = (elevation, azimuth)
-    pictures = make(folder, path, field, every=count("--every", every, 1), rate=rate, view=angles)
+    pictures = make(folder, path, field, every=count("--every", every, 1), rate=rate, view=angles, cut=cut)
     click.echo(f"  {path}: {pictures} pictures, {pictures / rate:.3g} s")
 
 

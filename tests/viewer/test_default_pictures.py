@@ -41,8 +41,13 @@ def run(folder, solver, move, *arguments):
 
 
 def test_a_scene_without_a_function_is_drawn(tmp_path, default_pictures):
-    drawn = run(tmp_path, "Explicit(0.01, frames=4)", PULL, "--set", "torn=true")
-    assert drawn == ["damage.png", "energy.png", "measures.png", "sheet.png"]
+    options = "--set", "torn=true", "--fields", "damage,stretch,direction,cauchy"
+    drawn = run(tmp_path, "Explicit(0.01, frames=4)", PULL, *options)
+    assert drawn == ["damage.png", "energy.png", "measures.png", "sheet.png", "stress.png", "thickness.png"]
+    last = frames_at(tmp_path / "out", [1.0])[0].fields
+    np.testing.assert_array_equal(last["stress"], last["cauchy_1"])
+    product = last["thickness"] * last["stretch_1"] * last["stretch_2"]
+    assert np.isfinite(product).sum() == 72 and np.nanmax(np.abs(product - 1.0)) < 1e-6
     assert run_summary(tmp_path / "out")["pictures"] == drawn
     assert min(imread(tmp_path / "out" / name).shape[0] for name in drawn) > 300
 

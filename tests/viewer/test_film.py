@@ -2,6 +2,7 @@
 
 import os
 
+import numpy as np
 import pytest
 from helpers import refused, square
 from PIL import Image
@@ -53,3 +54,12 @@ def test_wrong_films_are_refused(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with refused(match=r"a\.mp4': expected \.gif or \.webp, or ffmpeg on the path$"):
         film(folder, tmp_path / "a.mp4")
+
+
+def test_the_bar_of_a_gif_has_no_steps(folder):
+    film(folder, folder / "smooth.gif")
+    with Image.open(folder / "smooth.gif") as images:
+        pixels = np.asarray(images.convert("RGB")).astype(int)
+    column = pixels[:, np.flatnonzero((np.ptp(pixels, axis=2) > 20).mean(axis=0) > 0.5)[-1]]
+    bar = column[np.ptp(column, axis=1) > 20]
+    assert len(bar) > 100 and np.abs(np.diff(bar, axis=0)).max() <= 8

@@ -17,7 +17,7 @@ from warp_pd.run.folder import picture_formats, pictures_in
 from warp_pd.viewer import picture_files, plots
 from warp_pd.viewer.colour_scale import scale_of
 from warp_pd.viewer.picture_frames import Shown
-from warp_pd.viewer.projection import View, material_lines, places_of
+from warp_pd.viewer.projection import View, material_lines, places_of, strokes
 
 
 def sheet_shown(points=21, lift=0.0, width=1.0, height=1.0, **fields):
@@ -337,3 +337,52 @@ def test_a_thin_strip_is_wide_enough_to_see(width, height, monkeypatch):
     longest = "y" if height > width else "x"
     assert ("x drawn" if longest == "y" else "y drawn") in figure.axes[0].get_title()
     assert np.ptp(figure.axes[0].get_xlim()) < 1.2 * max(width, 0.1), "coordinates are those of the sheet"
+    titles = [axes.title.get_window_extent() for axes in figure.axes[:2]]
+    assert not titles[0].overlaps(titles[1])
+
+
+@pytest.mark.parametrize(("width", "height"), [(1.0, 0.1), (0.1, 1.0)])
+def test_strips_lie_beside_each_other_along_their_length(width, height, monkeypatch):
+    figure = figure_of(monkeypatch, plots.from_above, [sheet_shown(9, 0.0, width, height)] * 4, "u3")
+    boxes = [axes.get_window_extent() for axes in figure.axes[:4]]
+    apart = [box.y0 if width > height else box.x0 for box in boxes]
+    assert len({round(place) for place in apart}) == 4
+    titles = [axes.title.get_window_extent() for axes in figure.axes[:4]]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(titles, 2))
+
+
+def test_what_is_cut_away_is_not_drawn(monkeypatch):
+    """Half of a sheet from above, and what a ball hides of it in space."""
+    frame = sheet_shown(21)
+    whole, half = (
+        figure_of(monkeypatch, plots.from_above, [frame], "u3", cut=cut).axes[0].images[0].get_array()[..., 3]
+        for cut in (None, "x > 0.5")
+    )
+    assert (half > 0).sum() == pytest.approx(0.5 * (whole > 0).sum(), rel=0.02)
+    ball = Sphere(0.6).outline(0.0)
+    below = [replace(frame, bodies=[(ball[0] + [0.5, 0.5, 0.31], ball[1])])]
+    hidden, cut = (
+        figure_of(monkeypatch, plots.surfaces, below, "u3", view=(80.0, -90.0), cut=away).axes[0].images[0].get_array()
+        for away in (None, "y<0.5")
+    )
+    grey = [(np.ptp(image[..., :3].astype(int), axis=2) < 45) & (image[..., 3] > 0) for image in (hidden, cut)]
+    assert 0.4 < grey[1].sum() / grey[0].sum() < 0.6
+    for wrong in ("w<1", "x=1", "x<a", ""):
+        with refused(match=r"^cut = .*: expected x, y or z, < or >, and a number"):
+            figure_of(monkeypatch, plots.from_above, [frame], "u3", cut=wrong)
+
+
+def test_strokes_follow_a_field_of_directions(monkeypatch):
+    """They stand across the material lines' place, on the sheet and not beyond its hidden side."""
+    along = np.tile([0.0, 1.0, 0.0], (441, 1))
+    along[:20] = np.nan
+    frame = sheet_shown(21, stretch_direction=along)
+    ends, owners = strokes(frame, "stretch_direction")
+    assert 380 < len(ends) < 441 and np.abs(np.diff(ends, axis=1)[..., [0, 2]]).max() < 1e-12
+    corners = frame.points[frame.triangles[owners]]
+    assert (np.linalg.norm(corners - ends.mean(axis=1)[:, None], axis=2).min(axis=1) < 1e-12).all()
+    plain, drawn = (
+        len(figure_of(monkeypatch, plots.from_above, [frame], "u3", along=field).axes[0].collections[0].get_segments())
+        for field in (None, "stretch_direction")
+    )
+    assert plain != drawn > 400

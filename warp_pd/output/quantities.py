@@ -25,6 +25,8 @@ FIELDS = {
     "cauchy_2": ("smallest Cauchy stress", "Pa"),
     "wrinkle_state": ("wrinkle state", "0 taut, 1 wrinkled, 2 slack"),
     "wrinkle_level": ("wrinkle level", ""),
+    "stress": ("largest principal stress", "Pa"),
+    "thickness": ("thickness over that without stress", ""),
     "principal_stress_1": ("largest principal stress", "Pa"),
     "principal_stress_2": ("smallest principal stress", "Pa"),
     "principal_stress_3": ("angle of the largest principal stress", "rad"),

@@ -44,7 +44,7 @@ def draw(
     held: np.ndarray | Sequence[int] = (),
     fine: Sequence[dict[str, float]] = (),
 ) -> None:
-    """Draw sheet.png, damage.png, energy.png and measures.png, except those for which the run has no data.
+    """Draw sheet, damage, stress, thickness, energy and measures, except those for which the run has no data.
 
     `regions` are the points of each region of another material, whose outline is drawn; pieces without points of `held`
     do not widen a picture. Columns that have rows between frames, `fine`, are drawn from these.
@@ -96,6 +96,10 @@ def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
     picture(folder / "sheet.png", frames, field)
     if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):
         picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))
+    along = "stretch_direction" if "stretch_direction" in frames[0].fields else None
+    for name in ("stress", "thickness"):
+        if name in frames[0].fields:
+            picture(folder / f"{name}.png", frames, name, along=along)
 
 
 def telling_field(last: Shown) -> tuple[str, bool]:

@@ -19,18 +19,20 @@ class DepthBuffer:
         pixel: Width and height of a pixel, shape (2,).
         depth: Depth at the centres of the pixels, towards the viewer, shape (rows, columns); -inf without a triangle.
         image: Red, green, blue and opacity of the pixels, shape (rows, columns, 4), the lowest row first.
+        cut: (a, b, c, d): nothing is drawn where a right + b up + c depth > d; None to draw everything.
     """
 
     low: np.ndarray
     pixel: np.ndarray
     depth: np.ndarray
     image: np.ndarray
+    cut: np.ndarray | None = None
 
     @staticmethod
-    def of(low: np.ndarray, high: np.ndarray, columns: int, rows: int) -> DepthBuffer:
+    def of(low: np.ndarray, high: np.ndarray, columns: int, rows: int, cut: np.ndarray | None = None) -> DepthBuffer:
         """An empty one, transparent white."""
         image = np.full((rows, columns, 4), (255, 255, 255, 0), np.uint8)
-        return DepthBuffer(low, (high - low) / (columns, rows), np.full((rows, columns), -np.inf), image)
+        return DepthBuffer(low, (high - low) / (columns, rows), np.full((rows, columns), -np.inf), image, cut)
 
     def draw(self, corners: np.ndarray, colours: np.ndarray) -> None:
         """Draw triangles.
@@ -53,6 +55,10 @@ class DepthBuffer:
             found = base[:, 2] + slope[:, 0] * (column + 0.5 - base[:, 0]) + slope[:, 1] * (y + 0.5 - base[:, 1])
             # Rounding of a steep triangle must not lead beyond its corners.
             found = np.clip(found, lowest[triangle], highest[triangle])
+            if self.cut is not None:
+                places = self.low + self.pixel * np.stack([column + 0.5, y + 0.5], axis=1)
+                kept = self._kept(np.column_stack([places, found]))
+                found, y, column, triangle = found[kept], y[kept], column[kept], triangle[kept]
             place = y * self.depth.shape[1] + column
             np.maximum.at(depth, place, found)
             seen = found == depth[place]
@@ -73,13 +79,17 @@ class DepthBuffer:
         middle = cut.mean(axis=1)
         column, row = ((middle[:, :2] - self.low) / self.pixel).astype(int).T
         rows, columns = self.depth.shape
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows) & self._kept(middle)
         column, row = np.clip(column, 0, columns - 1), np.clip(row, 0, rows - 1)
         # Within two pixels the triangle itself, or the next one, may be nearer than the line.
         steep = 2.0 * np.abs(_slopes(_ordered(corners, self.low, self.pixel))).sum(axis=1)
         slack = np.minimum(steep, np.ptp(corners[..., 2], axis=1)) + 1e-9 * self.pixel.max()
         shown = inside & (middle[:, 2] >= self.depth[row, column] - slack[line])
         return cut[shown][..., :2], line[shown]
+
+    def _kept(self, places: np.ndarray) -> np.ndarray:
+        """Whether places, shape (P, 3), are not cut away, shape (P,)."""
+        return np.full(len(places), True) if self.cut is None else places @ self.cut[:3] <= self.cut[3]
 
     def _rows(self, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First row with a centre in each triangle, and the one after its last, shape (F,)."""

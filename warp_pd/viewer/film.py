@@ -11,8 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..device.checks import InputError, OutputError, one_of, positive, said
 from ..output.vtkhdf import read_series
+from .colour_scale import ColourScale, scale_of
 from .default_pictures import telling_field
 from .picture_files import Drawing, drawing
 from .picture_frames import Shown, frames_at
@@ -22,6 +25,8 @@ from .plots import VIEW, from_above_figure, surfaces_figure
 BY_PILLOW, BY_FFMPEG = (".gif", ".webp"), (".mp4", ".webm")
 # Pictures a second, and dots per inch.
 RATE, DOTS = 20.0, 100
+# Colours of the palette of a GIF that are those of the scale, and how dark lines make some of them.
+SCALE, DARKER = 176, (0.7, 0.5)
 # Points times frames that are held at once, at most: some two gigabytes.
 MOST = 30_000_000
 
@@ -34,6 +39,7 @@ def film(
     every: int = 1,
     rate: float = RATE,
     view: tuple[float, float] | None = None,
+    cut: str | None = None,
 ) -> int:
     """Write a film of all frames of a run; return their number.
 
@@ -44,6 +50,7 @@ def film(
         every: One in so many frames is shown.
         rate: Pictures a second.
         view: Elevation and azimuth of the viewpoint [degrees]; by default that of sheet.png.
+        cut: What is cut away, such as "y<0.05" [m].
 
     Raises:
         InputError: if an argument is wrong, or the frames are too many to be held at once.
@@ -62,11 +69,12 @@ def film(
     shown, in_space = telling_field(frames[-1])
     field = shown if field is None else one_of("field", field, frames[-1].fields)
     limits = (0.0, 1.0) if field == "damage" else None
-    drawn: Any = partial(from_above_figure, field=field, limits=limits)
+    inks = scale_of(frames, field, "", limits)
+    drawn: Any = partial(from_above_figure, field=field, limits=limits, cut=cut)
     if in_space or view is not None:
-        drawn = partial(surfaces_figure, field=field, limits=limits, view=view or VIEW)
+        drawn = partial(surfaces_figure, field=field, limits=limits, view=view or VIEW, cut=cut)
     aside = path.with_name(f".{path.stem}.unfinished{path.suffix}")
-    write = _by_pillow if path.suffix.lower() in BY_PILLOW else _by_ffmpeg
+    write: Any = partial(_by_pillow, inks=inks) if path.suffix.lower() in BY_PILLOW else _by_ffmpeg
     try:
         with drawing(Drawing()):
             write(aside, _pictures(frames, drawn), rate)
@@ -86,11 +94,31 @@ def _pictures(frames: Sequence[Shown], drawn: Any) -> Iterator[bytes]:
         yield stream.getvalue()
 
 
-def _by_pillow(path: Path, pictures: Iterator[bytes], rate: float) -> None:
+def _by_pillow(path: Path, pictures: Iterator[bytes], rate: float, inks: ColourScale) -> None:
     from PIL import Image
 
     first, *others = (Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures)
+    if path.suffix.lower() == ".gif":
+        # One palette for all: Pillow's own has too few of the colours of the scale, whose bar would have steps.
+        colours = inks.colours(np.linspace(inks.low, inks.high, SCALE))[:, :3]
+        dark = np.concatenate([share * colours[::8] for share in DARKER])
+        greys = np.linspace(0.0, 1.0, 256 - len(colours) - len(dark))[:, None] * np.ones(3)
+        palette = np.round(255.0 * np.concatenate([colours, dark, greys])).astype(np.uint8)
+        first, *others = (_with_palette(picture, palette) for picture in (first, *others))
     first.save(path, save_all=True, append_images=others, duration=1e3 / rate, loop=0)
+
+
+def _with_palette(picture: Any, palette: np.ndarray) -> Any:
+    """A picture whose colours are the nearest of a palette, shape (256, 3)."""
+    from PIL import Image
+    from scipy.spatial import cKDTree
+
+    pixels = np.asarray(picture)
+    found, number = np.unique(pixels.reshape(-1, 3), axis=0, return_inverse=True)
+    nearest = cKDTree(palette).query(found)[1].astype(np.uint8)
+    made = Image.fromarray(nearest[number.ravel()].reshape(pixels.shape[:2]), "P")
+    made.putpalette(palette.tobytes())
+    return made
 
 
 def _by_ffmpeg(path: Path, pictures: Iterator[bytes], rate: float) -> None:

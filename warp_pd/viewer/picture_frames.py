@@ -28,8 +28,9 @@ class Shown:
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name; u is the size of the displacement, u1, u2, u3 are its components, and
-            NAME_1, NAME_2, NAME_3 those of any other vector field NAME. Pieces are displaced from where they were
-            placed, which is where they are in the first frame.
+            NAME_1, NAME_2, NAME_3 those of any other vector field NAME. "stress" is the largest principal one,
+            Cauchy's if there is one; "thickness" is that over the stress-free one of a material of constant volume.
+            Pieces are displaced from where they were placed, which is where they are in the first frame.
         bodies: Vertices [m] and triangles of rigid bodies.
         balls: Centres [m], shape (3,), and diameters [m] of those that are spheres.
         scene: Name of the scene.
@@ -86,6 +87,12 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str, plac
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
+    for name in ("cauchy_1", "first_piola_1", "principal_stress_1"):
+        if name in fields:
+            fields.setdefault("stress", fields[name])
+    if {"stretch_1", "stretch_2"} <= set(fields):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fields.setdefault("thickness", 1.0 / (fields["stretch_1"] * fields["stretch_2"]))
     outlines = [(body, poses[index]) for body, poses in read_outlines(path)]
     return Shown(
         when=format_time(time, load_duration),

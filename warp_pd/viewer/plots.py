@@ -26,15 +26,16 @@ from .picture_files import (
     save,
 )
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, places_of
+from .projection import View, material_lines, places_of, strokes
 
 # Triangles of a sheet above which larger ones are drawn, about half as many.
 MOST_TRIANGLES = 400_000
 STYLES = ("-", "--", "-.", ":")
 # Rows of a history below which every one has a marker.
 FEW = 40
-# Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
+# Colours of the lines of the material, of edges and cracks, of bodies, and of strokes [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
+STRONG = (0.0, 0.0, 0.0, 0.9)
 # Elevation and azimuth of the viewpoint [degrees].
 VIEW = (28.0, -60.0)
 # Width of a body over that of the sheet below which it is marked in a picture from above.
@@ -43,8 +44,12 @@ NEEDLE = 0.05
 STROKE = 0.5
 # Sheets closer than this fraction of the picture are in contact.
 IN_CONTACT = 1e-3
+# Bodies are drawn so much further away than they are.
+FACETS = 4e-3
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
+# Ratio of its sides from which a sheet is a strip, and the width of a title [inches].
+STRIP, TITLE_WIDTH = 2.5, 2.0
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
 LOWEST, TALLEST = 0.3, 1.4
 # Room for the label of a tick across and upwards [inches].
@@ -61,6 +66,8 @@ def surfaces(
     label: str | None = None,
     limits: tuple[float, float] | None = None,
     view: tuple[float, float] = VIEW,
+    cut: str | None = None,
+    along: str | None = None,
 ) -> None:
     """Draw the deformed sheet in 3D at some times, coloured by a field, with material lines.
 
@@ -73,8 +80,10 @@ def surfaces(
         label: Its name and unit; by default from `labels`.
         limits: Limits of the colour scale; by default those of the field.
         view: Elevation and azimuth of the viewpoint [degrees].
+        cut: What of sheet and bodies is cut away, such as "y<0.05" [m].
+        along: A field of directions, such as "stretch_direction", drawn as strokes in place of the material lines.
     """
-    save(surfaces_figure(frames, frames, field, label, limits, view), path)
+    save(surfaces_figure(frames, frames, field, label, limits, view, cut, along), path)
 
 
 def surfaces_figure(
@@ -84,6 +93,8 @@ def surfaces_figure(
     label: str | None = None,
     limits: tuple[float, float] | None = None,
     view: tuple[float, float] = VIEW,
+    cut: str | None = None,
+    along: str | None = None,
 ) -> Any:
     """The figure of `surfaces` for some `frames` of `every` one, all of which it has room and colours for."""
     scale = scale_of(every, field, label or field_label(field), limits)
@@ -103,7 +114,7 @@ def surfaces_figure(
         axes.set_axis_off()
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title("\n".join([frame.when, *grown]), fontsize=10)
-        _paint(axes, frame, field, scale, seen, (wide, wide * shape))
+        _paint(axes, frame, field, scale, seen, (wide, wide * shape), cut, along)
         _scale_the_box(axes, seen, points)
     scale.add_bar(figure, panels, shrink=0.7)
     _name(figure, frames)
@@ -117,9 +128,11 @@ def from_above(
     field: str,
     label: str | None = None,
     limits: tuple[float, float] | None = None,
+    cut: str | None = None,
+    along: str | None = None,
 ) -> None:
     """Draw the deformed sheet and thin bodies at some times, seen from +z; arguments as for `surfaces`."""
-    save(from_above_figure(frames, frames, field, label, limits), path)
+    save(from_above_figure(frames, frames, field, label, limits, cut, along), path)
 
 
 def from_above_figure(
@@ -128,11 +141,12 @@ def from_above_figure(
     field: str,
     label: str | None = None,
     limits: tuple[float, float] | None = None,
+    cut: str | None = None,
+    along: str | None = None,
 ) -> Any:
     """The figure of `from_above` for some `frames` of `every` one, all of which it has room and colours for."""
     from matplotlib.ticker import MaxNLocator
 
-    columns = _columns(len(frames))
     scale = scale_of(every, field, label or field_label(field), limits)
     corners = np.concatenate([f.points[f.framed, :2] for f in every])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -141,18 +155,20 @@ def from_above_figure(
     margin = 0.03 * longest / grown
     extent = high - low + 2.0 * margin
     shape = float(np.divide(*(extent * grown)[::-1]))
+    # Strips lie beside each other along their length.
+    columns = 1 if shape < 1.0 / STRIP else len(frames) if shape > STRIP else _columns(len(frames))
     wide = (6.0 if columns == 1 else 4.2) * min(1.0, 1.5 / shape)
     size = (wide, wide * shape)
     told = enlarged(grown)
     # The bar of colours needs some height.
-    room = (max(wide, 1.5), max(size[1], 1.2) + 0.5 + TITLE_LINE * len(told))
+    room = (max(wide, TITLE_WIDTH if told else 1.5), max(size[1], 1.2) + 0.5 + TITLE_LINE * len(told))
     figure, panels = new_panels(len(frames), columns, room, (1.4, 0.4), sharex=True, sharey=True)
     seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
     for axes, frame in zip(panels, frames, strict=True):
         axes.set_aspect(grown[1] / grown[0])
         axes.set_title("\n".join([frame.when, *told]), fontsize=10)
         axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
-        _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen, size)
+        _paint(axes, replace(frame, bodies=(), balls=()), field, scale, seen, size, cut, along)
         for vertices, _ in frame.bodies:
             # A larger body would hide the sheet, and the lines of this one could not be seen.
             if len(vertices) and np.ptp(vertices[:, :2], axis=0).max() < NEEDLE * (high - low).max():
@@ -322,7 +338,10 @@ def _name(figure: Any, frames: Sequence[Shown]) -> None:
         figure.suptitle(frames[0].scene, fontsize=10)
 
 
-def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View, size: tuple[float, float]) -> None:
+def _paint(
+    axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View, size: tuple[float, float], cut: str | None,
+    along: str | None,
+) -> None:  # fmt: skip
     """Draw sheet, lines and bodies within the limits of `axes`, of that size [inches]; near ones hide far ones."""
     from matplotlib.collections import LineCollection
 
@@ -332,26 +351,29 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View, 
     # Of two sheets in contact the one with a value is shown.
     sheet[~np.isfinite(values), :, 2] -= IN_CONTACT * seen.size
     bodies, greys = _bodies(frame, seen)
+    # Facets of a body cut into a sheet that lies on it.
+    bodies[..., 2] -= FACETS * seen.size
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
-    buffer = DepthBuffer.of(low, high, *(max(1, round(RESOLUTION_IN_VECTORS * side)) for side in size))
+    pixels = [max(1, round(RESOLUTION_IN_VECTORS * side)) for side in size]
+    buffer = DepthBuffer.of(low, high, *pixels, None if cut is None else seen.cut(cut))
     buffer.draw(sheet, scale.colours(values))
     buffer.draw(bodies, greys)
     extent = (low[0], high[0], low[1], high[1])
     axes.imshow(buffer.image, extent=extent, origin="lower", aspect=axes.get_aspect(), zorder=0.5)
-    lines, owners = material_lines(frame)
+    lines, owners = material_lines(frame) if along is None else strokes(frame, along)
     outline, rim = _outlines(frame)
     owners = np.concatenate([owners, rim])
     ends = seen.seen(np.concatenate([lines, outline]))
     ends[~np.isfinite(values[owners]), :, 2] -= IN_CONTACT * seen.size
     pieces: Any
     pieces, line = buffer.seen(ends, sheet[owners])
-    inks = np.where(line[:, None] < len(lines), LINE, EDGE)
-    strokes = LineCollection(
+    inks = np.where(line[:, None] < len(lines), LINE if along is None else STRONG, EDGE)
+    drawn_lines = LineCollection(
         pieces, colors=inks, linewidths=STROKE, capstyle="butt", rasterized=len(pieces) > MOST_VECTORS
     )
     # Limits and layout come from elsewhere, and asking every line for its extent takes long.
-    strokes.set_in_layout(False)
-    axes.add_collection(strokes, autolim=False)
+    drawn_lines.set_in_layout(False)
+    axes.add_collection(drawn_lines, autolim=False)
     for ball in frame.balls:
         _dash_the_ball(axes, ball, seen)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.checks import InputError, said
 from .picture_frames import Shown
 
 # A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
@@ -15,6 +17,8 @@ SHORTEST, FLAT = 0.25, 1e-6
 LARGEST_BODY = 2.0
 # Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
 SQUARES, SQUARES_OF_CURVED = 12, 8
+# Strokes along the longest side.
+STROKES = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,22 @@ class View:
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Coordinates of points to the right, up, and towards the viewer, shape (..., 3)."""
         return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
+
+    def cut(self, away: str) -> np.ndarray:
+        """The plane of a cut, see `DepthBuffer`; what is `away`, such as "y<0.05" [m], is not drawn.
+
+        Raises:
+            InputError: for any other text.
+        """
+        found = re.fullmatch(r"\s*([xyz])\s*([<>])\s*(\S+)\s*", away)
+        try:
+            name, side, value = found.groups() if found else ("", "", "")
+            c, sign, level = "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, float(value)
+        except ValueError:
+            raise InputError(
+                f"cut = {said(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
+            ) from None
+        return sign * np.append(self.axes[:, c] / self.grown[c], level - self.low[c])
 
     @property
     def size(self) -> float:
@@ -111,6 +131,20 @@ def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
             segments.append(np.stack(ends, axis=1))
             owners.append(cut)
     return np.concatenate(segments), np.concatenate(owners)
+
+
+def strokes(frame: Shown, field: str) -> tuple[np.ndarray, np.ndarray]:
+    """Strokes along a direction at some points: ends [m], shape (S, 2, 3), and the triangle of each, shape (S,)."""
+    step = float(np.ptp(frame.reference, axis=0).max()) / STROKES
+    points, first = np.unique(frame.triangles, return_index=True)
+    cells = np.floor((frame.reference[points] - frame.reference.min(axis=0)) / step)
+    apart = ((frame.reference[points] - frame.reference.min(axis=0)) / step - cells - 0.5) ** 2
+    order = np.argsort(apart.sum(axis=1), kind="stable")
+    chosen = order[np.unique(cells[order], axis=0, return_index=True)[1]]
+    chosen = chosen[np.isfinite(frame.fields[field][points[chosen]]).all(axis=1)]
+    along = 0.4 * step * frame.fields[field][points[chosen]]
+    middle = frame.points[points[chosen]]
+    return np.stack([middle - along, middle + along], axis=1), first[chosen] // 3
 
 
 def _crossing(
