@@ -354,8 +354,8 @@ def _paint(
     # Facets of a body cut into a sheet that lies on it.
     bodies[..., 2] -= FACETS * seen.size
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
-    pixels = [max(1, round(RESOLUTION_IN_VECTORS * side)) for side in size]
-    buffer = DepthBuffer.of(low, high, *pixels, None if cut is None else seen.cut(cut))
+    columns, rows = (max(1, round(RESOLUTION_IN_VECTORS * side)) for side in size)
+    buffer = DepthBuffer.of(low, high, columns, rows, None if cut is None else seen.cut(cut))
     buffer.draw(sheet, scale.colours(values))
     buffer.draw(bodies, greys)
     extent = (low[0], high[0], low[1], high[1])
