@@ -33,7 +33,7 @@ from types import CodeType
 from typing import Any
 
 from code_changes import Mutation, mutations, mutations_in
-from study import DOCS, ROOT, Row, load_rows, provenance, renew, run_tool, save_rows, study_parser, table
+from study import DOCS, ROOT, Row, load_rows, provenance, renew, run_tool, save_rows, study_parser
 
 from warp_pd.run.folder import write_atomically
 
@@ -232,15 +232,12 @@ def again(options: argparse.Namespace) -> None:
 
 def page(options: argparse.Namespace) -> None:
     """Renew the section of the page."""
-    rows, lines = [row for row in load_rows(options.out) if row["result"] != "does not compile"], []
-    for folder in (*NUMBERS, ""):
-        here = [row for row in rows if row["file"].startswith(folder)]
-        told = [sum(row["result"] == "found" for row in here), sum(bool(row["reason"]) for row in here)]
-        lines.append([folder or "all", *map(str, (len(here), *told, len(here) - sum(told)))])
-    head = ("folder", "changes", "found", "of no effect", "missed")
-    origin = "Small changes of the code that tests should notice, by `python tools/mutations.py` on "
-    origin += f"{provenance('a CPU')}. Every change, and why some have no effect: [mutations.json](mutations.json)."
-    text = [origin, "", *table(head, lines), ""]
+    rows = [row for row in load_rows(options.out) if row["result"] != "does not compile"]
+    found, same = sum(row["result"] == "found" for row in rows), sum(bool(row["reason"]) for row in rows)
+    origin = f"`python tools/mutations.py` made {len(rows)} small changes of the code that tests should notice, on "
+    origin += f"{provenance('a CPU')}: {found} were found, {same} have no effect, {len(rows) - found - same} missed. "
+    origin += "Every change, and why some have no effect: [mutations.json](mutations.json)."
+    text = [origin, ""]
     missed = [row for row in rows if row["result"] == "survived" and not row["reason"]]
     listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}`" for row in missed]
     text += ["Missed:", "", *listed, ""] if listed else []
