@@ -185,6 +185,7 @@ def _print_json(values: Any) -> None:
 @click.option("--stride", type=int, default=1, help="Store only every n-th column and row of a lattice in frames.")
 @click.option("--no-restart", is_flag=True, help="Do not write restart.npz; the run cannot be resumed.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
+@click.option("--live", is_flag=True, help="Show the run in a browser on this machine, pause and stop it there.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 @click.option("--json", "as_json", is_flag=True, help="Print the contents of summary.json and the folder as JSON.")
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among this number of GPUs.")
@@ -198,7 +199,7 @@ def run(
     scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, out: str | None,
     resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
     no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool, gpus: int, processes: int,
-    stride: int, no_restart: bool, as_json: bool, **named: Any,
+    stride: int, no_restart: bool, as_json: bool, live: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
@@ -207,6 +208,8 @@ def run(
     from .run.folder import picture_formats
 
     require_scene(scene)
+    if live and (asked := max(gpus, processes, processes_here())) > 1:
+        raise InputError(f"--live: expected one process, got {asked}")
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     count("stride", stride, 1)
@@ -233,6 +236,14 @@ def run(
             if out is None and not resume and not overwrite and is_first():
                 folder = stack.enter_context(claimed_folder(Path(folder)))
             stack.enter_context(processes_beside(number_beside(simulation.sheet.size) if drawn else 0))
+            reporter, watching = Progress(quiet), []
+            if live:
+                from .viewer.live import LiveRun
+
+                reporter = page = LiveRun(quiet)
+                stack.callback(page.end)
+                watching.append(page)
+                tell(f"live: {page.address}", err=True)
             result = simulation.run(
                 out=folder,
                 device=device,
@@ -247,7 +258,8 @@ def run(
                 history_every=history_every,
                 stride=stride,
                 restarts=not no_restart,
-                reporter=Progress(quiet),
+                reporter=reporter,
+                writers=watching,
             )
     except DivergedError as error:
         say(str(error))

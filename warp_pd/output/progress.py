@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from ..interfaces import FrameReport
+from ..interfaces.frame import Surface
 from .notebook import has_widgets, in_notebook
 
 # Seconds left that are worth a line, and between two lines.
@@ -51,6 +52,12 @@ class Progress:
             return
         with self._may_be_lost():
             self._bar = self._new_bar()
+
+    def shows(self, surface: Surface) -> None:
+        """Receive what is common to all frames, before the first one."""
+
+    def stops(self) -> None:
+        """The user asked to stop."""
 
     def _new_bar(self) -> Any:
         bar, width = _bar_class()

@@ -171,6 +171,8 @@ class Recorder:
     def ask_to_stop(self) -> None:
         """Make the run end at the next frame, or during a long one."""
         self.stop_asked, self._asked_at = True, perf_counter()
+        if self.reporter is not None:
+            self.reporter.stops()
 
     def row(self, now: float, dt: float) -> None:
         """Record a row of the finer history."""

@@ -166,6 +166,8 @@ def _run(
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
     recorder.points = points
+    if reporter is not None:
+        reporter.shows(points.surface)
     foreseen_notes = communicator.broadcast(communicator.root(lambda: foreseen(built)))
     recorder.notes = foreseen_notes or []
     if folder is not None:
