@@ -82,7 +82,7 @@ class LiveRun(Progress):
     def frame(self, report: FrameReport) -> None:
         """Show the progress, and wait while the run is paused."""
         super().frame(report)
-        self._rows.append(report.row)
+        self._rows.append(dict(report.row))
         self._tell(report.fraction, report.when)
 
     def between(self, fraction: float, when: str, rate: float, left: float) -> None:
@@ -147,7 +147,7 @@ class LiveRun(Progress):
         known = {"damage": frame.damage, **frame.point_data}
         values = np.asarray(frame.displacement if known.get(field) is None else known[field], np.float32)
         values = np.linalg.norm(values, axis=1) if values.ndim == 2 else values
-        faces = frame.faces(surface)
+        faces: np.ndarray = frame.faces(surface)
         faces = faces if self._cluster is None else contracted(faces, self._cluster)
         chosen, corners = np.unique(faces, return_inverse=True)
         places, triangles, inks = [frame.positions(surface)[chosen]], [corners.reshape(-1, 3)], [values[chosen]]
