@@ -84,7 +84,8 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
 def published_force(layout: Layout, material: PairFactory) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, in the published form.
 
-    Its arguments are those of `reference_force` without those of viscous laws.
+    Its arguments are those of `reference_force` without those of viscous laws, and `own`: how much of the area of a
+    point counts in its own family, 0 or 1 (BA eq. 39 does not say).
     """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
@@ -95,11 +96,11 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
     law, motion = family_mechanics(layout, "published"), kinematics(bits, layout.curved)
 
     @wp.func
-    def present_area(family: Family, i: int):
+    def present_area(family: Family, i: int, own: real):
         """|H_i| of the intact bonds, divided by the reference area."""
         if f.is_undamaged(family, i):
-            return f.family_area(family, i)
-        size = real(0.0)
+            return f.family_area(family, i) + own * f.area(family, i)
+        size = own * f.area(family, i)
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 size += f.area(family, f.neighbour(family, i, k))
@@ -111,12 +112,13 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
         displacement: wp.array(dtype=vec3),
         constants: Constants,
         unit: real,
+        own: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
         undamaged = f.is_undamaged(family, i)
-        own_area = present_area(family, i)
+        own_area = present_area(family, i, own)
         for j in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             there, H1, H2, inverse, size, tilt = law.visit(family, displacement, i, j, undamaged)
@@ -125,8 +127,8 @@ def published_force(layout: Layout, material: PairFactory) -> Kernel:
                 A1, A2 = motion.stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
                 xi = f.bond(family, i, j)
                 m = f.neighbour(family, i, j)
-                intact_fraction = size / own_area
-                pair = (own_area + present_area(family, m)) / (real(2.0) * own_area)
+                intact_fraction = (size + own * f.area(family, i)) / own_area
+                pair = (own_area + present_area(family, m, own)) / (real(2.0) * own_area)
                 c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
                 force = unit * intact_fraction * pair * c * (xi[0] * A1 + xi[1] * A2)
             bond_force[j, i] = f.from_frame(family, i, force)

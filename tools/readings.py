@@ -1,14 +1,16 @@
-"""Readings that the text of BA and NN allows: which area a point on an edge has, and what holds the edges.
+"""Readings that the text of BA and NN allows: which area a point on an edge has, and what a family counts.
 
     python tools/readings.py --device cuda:0 --points 101 --out docs/papers/readings.json     for docs/papers/ba.md
     python tools/readings.py --points 51 --out runs/readings.json                             a few minutes on a CPU
 
 Published weights at a horizon of 3.15, beside corrected ones and the finite elements. `whole`: every point has the area
-of a cell, as papers with one volume a point count. `shared`: half and quarter areas on edges and corners.
+of a cell, as papers with one volume a point count. `shared`: half and quarter areas on edges and corners. `own point`:
+the areas of BA eq. 39 have that of the family's own point; NN has no such fractions.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from study import (
@@ -34,16 +36,21 @@ EXAMPLES: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
     ("NN 6.1, 1 s after a sudden pressure", "pressure_dynamic", "largest_deflection_at_1_s", "within 5 %",
      {"force": "closed_form"}),
 )  # fmt: skip
-READINGS = {
+READINGS: dict[str, dict[str, Any]] = {
     "published, whole areas": {"weights": "published", "areas": "whole"},
     "published, shared areas": {"weights": "published", "areas": "shared"},
+    "whole areas, own point": {"weights": "published", "areas": "whole", "own_point": True},
     "corrected": {"weights": "corrected"},
 }
 
 
 def run(scene: str, name: str, settings: dict[str, Any], device: str | None) -> Row:
     """One run: its number, and how far this is from the finite elements."""
-    result = whole(build_scene(scene, settings).run(device=device, usd=False, pictures=False))
+    built_from = {key: value for key, value in settings.items() if key != "own_point"}
+    simulation = build_scene(scene, built_from)
+    if "own_point" in settings:
+        simulation = replace(simulation, force=replace(simulation.force, own_point=settings["own_point"]))
+    result = whole(simulation.run(device=device, usd=False, pictures=False))
     found = result.summary["measures"][name]
     return {"scene": scene, "settings": settings, "status": result.status, **found}
 
@@ -74,6 +81,7 @@ def main() -> None:
             (scene, name, {"points": options.points, "horizon": 3.15, **further, **reading}, options.device)
             for _title, scene, name, _printed, further in EXAMPLES
             for reading in READINGS.values()
+            if scene in ("tension", "pressure") or "own_point" not in reading
         ]
         for (scene, _name, settings, _device), row in in_processes(run, cases, options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]

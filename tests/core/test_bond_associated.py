@@ -20,7 +20,7 @@ from helpers import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from warp_pd import CriticalStretch
+from warp_pd import BondAssociated, CriticalStretch, InputError
 from warp_pd.families import pack
 from warp_pd.families.weights import edge_vectors
 
@@ -76,6 +76,25 @@ def test_published_weights_miss_uniform_stress():
         internal_force(built, uniform(sheet, F))
         carried = force_across(built, horizontal=False)[0] / (sheet.thickness * exact_stress(NEO, F)[0, 0])
         assert carried == pytest.approx(share, abs=6e-4)
+
+
+def test_own_points_count_in_the_fractions_of_equation_39_if_asked():
+    """The stress that an inner family carries, sum_k c_k phi_1 K_ik^-1 X_ik (x) X_ik, from its definition."""
+    horizon, offsets = 3.15, np.stack(np.meshgrid(*[np.arange(-4.0, 5.0)] * 2), -1).reshape(-1, 2)
+    near = offsets[(np.hypot(*offsets.T) <= horizon) & (np.abs(offsets).max(axis=1) > 0.0)]
+    influence = 1.0 - np.hypot(*near.T) / horizon
+    share = np.zeros((2, 2))
+    for k, X in enumerate(near):
+        common = np.hypot(*(near - X).T) <= horizon
+        shape = (influence * common * near.T) @ near
+        share += influence[k] * (common.sum() + 1) / (len(near) + 1) * np.linalg.solve(shape, np.outer(X, X))
+    sheet, F = square(27), np.array([[1.2, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    built = build(sheet, horizon=horizon, weights="published", law={"own_point": True})
+    internal_force(built, uniform(sheet, F))
+    carried = force_across(built, horizontal=False)[0] / (sheet.thickness * exact_stress(NEO, F)[0, 0])
+    assert carried == pytest.approx(share[0, 0], rel=1e-9)
+    with pytest.raises(InputError, match="own_point = True: expected weights 'published', got 'plain'"):
+        BondAssociated(NEO, weights="plain", own_point=True)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -48,6 +48,8 @@ class BondAssociated:
             1/r^2, or a function of an array.
         fast: Whether to use faster kernels where available. They agree with the reference kernels, which exist for
             reading and comparison, to round-off.
+        own_point: Whether the areas of families and intersections in the published form have that of their own point
+            (keyword only); BA eq. 39 does not say.
     """
 
     material: Material
@@ -55,12 +57,15 @@ class BondAssociated:
     weights: str = "auto"
     influence: str | InfluenceFunction = "linear"
     fast: bool = True
+    own_point: bool = field(default=False, kw_only=True)
 
     has_tangent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("weights", self.weights, WEIGHTS)
+        if one_of("own_point", self.own_point, (True, False)) and self.weights != "published":
+            raise InputError(f"own_point = True: expected weights 'published', got {self.weights!r}")
         one_of("fast", self.fast, (True, False))
         influence_function(self.influence)
         check_material(self.material, "functions")
