@@ -98,6 +98,8 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("cutting", {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.2}),
     ("drum", {"points": 21}),
     ("cyclic_strip", {"columns": 9, "cycles": 2}),
+    ("rate_test", {"points": 4}),
+    ("rate_test", {"points": 4, "stretch": 2.0, "maxwell_1": 2e5, "maxwell_2": 1e5}),
     ("dropped_ball", {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20}),
     ("edge_notch", {"points": 20, "horizon": 2.015, "duration": 1.0, "frames": 40, "notch": 8e-3}),
     ("folded_sheet", {"points": 31, "frames": 25}),

@@ -122,6 +122,7 @@ SCENES: dict[str, Shown] = {
 # Scenes whose picture is on another page, which keeps docs/ small.
 ELSEWHERE = {
     "cyclic_strip": "visco",
+    "rate_test": "papers/ve",
     "wrinkles": "bending",
     "lap_joint": "joints",
     "patched_sheet": "joints",

@@ -71,7 +71,7 @@ def page(rows: list[Row], points: int) -> list[str]:
 
 def main() -> None:
     """Run, keep the rows, print the table."""
-    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False)
+    parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, missing=False)
     parser.add_argument("--points", type=at_least_one, default=101, help="points along a side")
     options = parser.parse_args()
     rows = [] if options.out is None else load_rows(options.out)
@@ -83,6 +83,9 @@ def main() -> None:
             for reading in READINGS.values()
             if scene in ("tension", "pressure") or "own_point" not in reading
         ]
+        if options.missing:
+            known = [(row["scene"], row["settings"]) for row in rows]
+            cases = [case for case in cases if (case[0], case[2]) not in known]
         for (scene, _name, settings, _device), row in in_processes(run, cases, options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
             if options.out is not None:

@@ -7,6 +7,9 @@ import pytest
 
 from warp_pd import InputError, Maxwell, NeoHookean, Prony, Visco, Yeoh
 from warp_pd.fitting import Curve, RateTests, fit, nominal_stress, rate_stress, read_table
+from warp_pd.fitting.command import fit_scene
+from warp_pd.fitting.rates import read_ramps
+from warp_pd.run.scene_files import build_scene
 
 DATA = Path(__file__).parents[1] / "references" / "vhb.csv"
 # VE table 1 and the rates of its figure 2.
@@ -65,3 +68,76 @@ def test_wrong_rates_and_ramps_are_refused():
         RateTests(prony, [curve], rates=(-1,))
     with pytest.raises(InputError, match="all above 1 or all below 1"):
         rate_stress(prony(**PRINTED), "uniaxial", 1.0, np.array([0.9, 1.1]))
+
+
+def written(folder, name, text):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_the_command_finds_the_constants_of_a_scene_from_curves_at_two_rates(tmp_path, monkeypatch):
+    """True stress in one file with both rates, nominal stress of the relaxed rubber in another."""
+    monkeypatch.chdir(tmp_path)
+    true = {"c10": 2e5, "c20": 0.0, "maxwell_1": 1e5, "time_1": 2.0}
+    law, stretch = build_scene("rate_test", {"stretch": 2.0, **true}).force, np.linspace(1.1, 2.0, 7)
+    relaxed = "".join(f"{s}, {p}\n" for s, p in zip(stretch, rate_stress(law, "uniaxial", 0.0, stretch), strict=True))
+    rows = [
+        f"{r}, {s}, {s * p / 1e3}\n"
+        for r in (0.1, 1.0)
+        for s, p in zip(stretch, rate_stress(law, "uniaxial", r, stretch), strict=True)
+    ]
+    files = [
+        written(tmp_path, "relaxed.csv", f"uniaxial [1], stress [Pa]\n{relaxed}"),
+        written(tmp_path, "rates.csv", f"rate [1/s], uniaxial [-], true stress [kPa]\n{''.join(rows)}"),
+    ]
+    lines = list(fit_scene(
+        "rate_test", files, {"c10": "1e5", "c20": "0", "maxwell_1": "5e4", "time_1": "1"}, vary="c10,maxwell_1,time_1",
+        measure=None, bounds=(), loss="linear", device="cpu", precision=None, out="fitted",
+    ))  # fmt: skip
+    assert lines[0] == "relaxed.csv: no column rate [1/s]: taken as a test in which everything has relaxed"
+    found = dict(part.split("=") for part in lines[-1].split(" --set ")[1:])
+    assert {name: float(found[name]) for name in ("c10", "maxwell_1", "time_1")} == pytest.approx(
+        {name: true[name] for name in ("c10", "maxwell_1", "time_1")}, rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("uniaxial [1], planar [1], stress [Pa]\n2, 2, 1e5", "columns uniaxial, planar: expected one of them"),
+    ("uniaxial [1], force [N]\n2, 3", "expected one of stress beside 'uniaxial'"),
+    ("uniaxial [mm], stress [Pa]\n2, 1e5", "column 'uniaxial' is a length: expected a ratio"),
+    ("uniaxial [1], stress [Pa], rate [mm/s]\n2, 1e5, 1", "column 'rate' is a velocity: expected a rate"),
+    ("uniaxial [1], stress [Pa], rate [1/s]\n2, 1e5, -1", "rate = -1.0: expected 0 or a positive number"),
+    ("uniaxial [1], stress [Pa], rate [1/s]\n2, 1e5,", "expected rows with both uniaxial and stress"),
+    ("uniaxial [%], stress [Pa], rate [1/s]\n10, 1e5, 1", "expected positive stretches, got 0.1"),
+    ("uniaxial [1], stress [Pa], rate [1/s]\n0.9, -1e5, 1\n1.1, 1e5, 1", "expected all above 1 or all below 1"),
+    ("uniaxial [1], stress [Pa], rate [1/s]\n1.5, 2e5, 1\n1.2, 1e5, 1", "without unloading"),
+])  # fmt: skip
+def test_files_of_no_uniform_ramp_are_refused_in_a_line(tmp_path, text, said):
+    with pytest.raises(InputError) as refused:
+        read_ramps(read_table(written(tmp_path, "test.csv", text + "\n")), None)
+    assert said in str(refused.value) and "test.csv" in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("rates", "constants", "said"), [
+    ((0.0, 0.24), PRINTED, "cannot tell how a relaxation time depends on it"),
+    ((0.0, 0.24), {"time": 0.8673}, ""),
+    ((0.0, 0.0), PRINTED, "nothing tells what relaxes"),
+    ((0.24, 0.88), PRINTED, ""),
+])  # fmt: skip
+def test_too_few_rates_for_the_terms_are_noted(rates, constants, said):
+    curves = [Curve("uniaxial", STRETCH, "stress", STRETCH)] * 2
+    notes = RateTests(prony, curves, {**PRINTED}, rates=rates)._untold(constants)
+    assert [said in note for note in notes] == [True] * bool(said)
+
+
+def test_more_times_than_rates_are_noted_and_fixed_times_are_not():
+    def rubber(mu, m1, t1, m2, t2):
+        return Visco(NeoHookean(mu, 1e9), branches=[Maxwell(m1, t1), Maxwell(m2, t2)])
+
+    constants = {"mu": 1e5, "m1": 1e5, "t1": 1.0, "m2": 1e5, "t2": 10.0}
+    tests = RateTests(rubber, [Curve("uniaxial", STRETCH, "stress", STRETCH)], constants, rates=(1.0,))
+    assert tests._untold(constants) == [
+        "rates: 1 above 0 for 2 relaxation times that vary: the shape of curves alone tells them apart; expected as "
+        "many rates as times"
+    ]
+    assert tests._untold({name: constants[name] for name in ("mu", "m1", "m2", "t1")}) == []

@@ -30,6 +30,7 @@ SMALL = {
     "balloon_paths": {"points": 12},
     "balloon_burst": {"points": 10, "duration": 6e-3, "frames": 12},
     "cyclic_strip": {"columns": 13, "cycles": 8},
+    "rate_test": {"points": 4},
     "cutting": {"points": 20, "frames": 40, "speed": 0.4, "travel": 0.03, "pull": 0.1, "safety": 0.7},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},

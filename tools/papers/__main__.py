@@ -113,6 +113,7 @@ def main() -> None:
         save(options.out, found)
         print(f"{key}: {found[key]['seconds']:g} s", *([values["why"]] if "why" in values else []), flush=True)
     if options.out == NUMBERS:
+        found = load(NUMBERS)
         pages(found, DOCS / "papers")
         ve.rate_picture(DOCS / "papers" / "ve-rates.png")
         im.relaxation_picture(DOCS / "papers" / "im-relaxation.png", found)

@@ -55,7 +55,7 @@ def read_tests(
     if control is None:
         raise InputError(
             f"{table.path.name}: columns {', '.join(table.columns)}: expected one named as an argument of the scene, "
-            "'time' or 'load_factor'"
+            "'time' or 'load_factor'; or 'uniaxial', 'equibiaxial' or 'planar', the stretch of a uniform test"
         )
     name, column = _measured(table, control, measure, scene)
     unit = next((m.unit for m in scene.measures if m.name == name), "")

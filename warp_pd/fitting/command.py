@@ -37,20 +37,29 @@ def fit_scene(
     # After what needs neither the scene nor Warp.
     build = load_scene(scene).build
     from .columns import read_tests
+    from .experiment import Experiment
     from .least_squares import fit
     from .model import SceneTests
+    from .rates import law_tests, read_ramps
 
     parameters = inspect.signature(build).parameters
     settings = {key: converted(key, value, parameters) for key, value in given.items()}
-    tests = []
+    tests, ramps = [], []
     for table in tables:
+        if (curves := read_ramps(table, measure)) is not None:
+            ramps += curves[0]
+            yield from curves[1]
+            continue
         found, notes = read_tests(table, build, measure, settings)
         tests += found
         yield from notes
+    experiments: list[Experiment] = []
+    if ramps:
+        experiments.append(law_tests(build, ramps, settings))
+    if tests:
+        experiments.append(SceneTests(build, tests, settings))
     with _folder(Path("runs") / f"{Path(scene).stem}-fit" if out is None else Path(out), out is None) as folder:
-        result = fit(
-            SceneTests(build, tests, settings), names, bounds=limits, loss=loss, device=device, precision=precision
-        )
+        result = fit(experiments, names, bounds=limits, loss=loss, device=device, precision=precision)
         run = run_line(scene, given, result)
         with drawing(Drawing(others=frozenset(path.name for path in pictures_in(folder)))):
             result.save(folder, run)

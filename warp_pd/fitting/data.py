@@ -45,7 +45,8 @@ UNITS: dict[str, tuple[float, str]] = {
     "J": (1.0, "energy"), "mJ": (1e-3, "energy"), "J/m^2": (1.0, "energy per area"),
     "kJ/m^2": (1e3, "energy per area"), "N/mm": (1e3, "energy per area"),
     "m/s": (1.0, "velocity"), "mm/s": (1e-3, "velocity"), "mm/min": (1e-3 / 60.0, "velocity"),
-    "Hz": (1.0, "frequency"), "degrees": (1.0, "angle"), "deg": (1.0, "angle"),
+    "Hz": (1.0, "frequency"), "1/s": (1.0, "rate"), "s^-1": (1.0, "rate"), "%/s": (0.01, "rate"),
+    "1/min": (1.0 / 60.0, "rate"), "%/min": (0.01 / 60.0, "rate"), "degrees": (1.0, "angle"), "deg": (1.0, "angle"),
 }  # fmt: skip
 # Dimensions that the names of scene arguments imply; other names are not checked.
 DIMENSIONS = {

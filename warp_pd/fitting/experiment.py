@@ -55,8 +55,8 @@ class Experiment(Protocol):
         """Initial value of a constant, or None if it has none."""
         ...
 
-    def made_of(self, constants: Mapping[str, float]) -> Any:
-        """The material with these constants, of which the experiment may take some."""
+    def notes(self, constants: Mapping[str, float]) -> list[str]:
+        """Notes on the fitted constants, of which the experiment may take some, one line each."""
         ...
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, finite, one_of
-from ..materials import stability_notes
 from .data import LOSSES, Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
 from .experiment import Experiment, Model
@@ -126,7 +125,7 @@ def fit(
             "(--bounds) that keep to what the material takes"
         )
     constants = dict(zip(vary, values.tolist(), strict=True))
-    notes += dict.fromkeys(note for experiment in listed for note in stability_notes(experiment.made_of(constants)))
+    notes += dict.fromkeys(note for experiment in listed for note in experiment.notes(constants))
     return Fit(
         tuple(vary), values, first, judgement, listed, problem.tests, problem.shaped(residuals), problem.shown(best),
         notes, problem.evaluations, perf_counter() - begin, bool(found.success),

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
+from ..materials import stability_notes
 from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
 from .derivatives import Build, Derivatives, Value, value_of
@@ -45,12 +46,11 @@ class SceneTests:
         value = self.settings.get(name, None if parameter is None else parameter.default)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
-    def made_of(self, constants: Mapping[str, float]) -> Any:
-        """The material of the scene with these constants."""
+    def notes(self, constants: Mapping[str, float]) -> list[str]:
+        """Where the material of the scene loses its stability."""
         known = {*inspect.signature(self.build).parameters, *self.settings}
-        return self.build(
-            **{**self.settings, **{name: value for name, value in constants.items() if name in known}}
-        ).force.material
+        mine = {name: value for name, value in constants.items() if name in known}
+        return stability_notes(self.build(**{**self.settings, **mine}).force.material)
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
         """Create the model: by static equilibrium if the solver is Newton, otherwise by complete runs."""

@@ -1,31 +1,44 @@
-"""Uniform tests at constant rates, without a simulation: constants of Prony terms and Maxwell elements."""
+"""Uniform tests at constant rates, without a simulation: constants of materials, Prony terms and Maxwell elements."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from ..device.checks import InputError, not_negative
-from ..materials import Material
+from ..laws.bond_associated import BondAssociated
+from ..materials import stability_notes
 from ..papers.analytic_response import prony_stress
 from ..visco.law import Visco
 from ..visco.uniform import maxwell_stress
+from ..visco.viscous import Maxwell, Prony
+from .data import Curve, Table, require_stretches
 from .experiment import Model
-from .uniform import UniformModel, UniformTests, nominal_stress
+from .uniform import LOADINGS, UniformModel, UniformTests, nominal_stress
 
 # Steps of a ramp in which the relaxing stresses are summed up.
 STEPS = 800
+# A measured ramp may go back by this part of its range: noise.
+BACK = 0.05
+# Change of a constant that shows which terms it belongs to.
+NUDGE = 1e-3
 
 
-def rate_stress(law: Visco, loading: str, rate: float, stretch: np.ndarray) -> np.ndarray:
+def relaxing_terms(law: BondAssociated) -> tuple[Sequence[Prony], Sequence[Maxwell]]:
+    """Prony terms and Maxwell elements of a law."""
+    return (law.prony, law.branches) if isinstance(law, Visco) else ((), ())
+
+
+def rate_stress(law: BondAssociated, loading: str, rate: float, stretch: np.ndarray) -> np.ndarray:
     """First Piola stress along the pull of a sheet that is stretched at a constant rate [Pa], shape of `stretch`.
 
     Args:
-        law: Material with Prony terms or Maxwell elements; the width of a uniaxial sheet is that of an incompressible
-            one.
+        law: Material, with Prony terms or Maxwell elements or without; the width of a uniaxial sheet with them is that
+            of an incompressible one.
         loading: "uniaxial", "equibiaxial" or "planar".
         rate: |d stretch / dt| [1/s]; 0 is a test in which everything has relaxed.
         stretch: Stretches above 1 or below 1 [-], shape (n,).
@@ -34,7 +47,8 @@ def rate_stress(law: Visco, loading: str, rate: float, stretch: np.ndarray) -> n
         InputError: for stretches on both sides of 1, or another loading.
     """
     total = nominal_stress(law.material, loading, stretch)
-    if rate == 0.0:
+    prony, branches = relaxing_terms(law)
+    if rate == 0.0 or not (prony or branches):
         return total
     if np.min(stretch) < 1.0 < np.max(stretch):
         raise InputError(
@@ -45,8 +59,8 @@ def rate_stress(law: Visco, loading: str, rate: float, stretch: np.ndarray) -> n
     path = np.unique(np.abs(np.concatenate([np.linspace(0.0, max(abs(far - 1.0), 1e-9), STEPS), stretch - 1.0])))
     x = 1.0 + np.sign(far - 1.0) * path
     y = {"uniaxial": x**-0.5, "equibiaxial": x, "planar": np.ones_like(x)}[loading]
-    relaxing = prony_stress(law.prony, path / rate, x, y)
-    for branch in law.branches:
+    relaxing = prony_stress(prony, path / rate, x, y)
+    for branch in branches:
         relaxing = relaxing + maxwell_stress(branch, path / rate, x, y)
     return np.asarray(total + np.interp(np.abs(stretch - 1.0), path, relaxing))
 
@@ -55,7 +69,7 @@ def rate_stress(law: Visco, loading: str, rate: float, stretch: np.ndarray) -> n
 class RateTests(UniformTests):
     """Uniform tests of one rubber at several rates.
 
-    `material` is a function from constants to a `Visco` law: its material, Prony terms and Maxwell elements.
+    `material` is a function from constants to a law, `Visco` or `BondAssociated`: its material and what relaxes.
 
     Attributes:
         rates: |d stretch / dt| of each test [1/s]; 0 for one in which everything has relaxed.
@@ -69,9 +83,41 @@ class RateTests(UniformTests):
         for rate in self.rates:
             not_negative("rates", rate)
 
-    def made_of(self, constants: Mapping[str, float]) -> Material:
-        """The material of the law with these constants."""
-        return cast(Visco, super().made_of(constants)).material
+    def notes(self, constants: Mapping[str, float]) -> list[str]:
+        """Where the material loses its stability, and what these rates cannot tell of the terms."""
+        return [*stability_notes(self.made_of(constants).material), *self._untold(constants)]
+
+    def _untold(self, constants: Mapping[str, float]) -> list[str]:
+        """Notes on relaxing terms without enough rates."""
+        rates = {rate for rate in self.rates if rate > 0.0}
+        prony, branches = relaxing_terms(self.made_of(constants))
+        if not (prony or branches):
+            return ["rates: nothing in the law relaxes, so they change nothing"] if rates else []
+        if not rates:
+            return ["rates: expected some above 0, as everything has relaxed at 0 and nothing tells what relaxes"]
+        times, exponents = self._varied(constants, [*prony, *branches])
+        notes = []
+        if len(rates) < times:
+            notes.append(
+                f"rates: {len(rates)} above 0 for {times} relaxation times that vary: the shape of curves alone tells "
+                "them apart; expected as many rates as times"
+            )
+        if len(rates) < 2 and exponents:
+            notes.append("rates: one above 0, which cannot tell how a relaxation time depends on it; expected two")
+        return notes
+
+    def _varied(self, constants: Mapping[str, float], terms: Sequence[Prony | Maxwell]) -> tuple[int, int]:
+        """Number of terms whose relaxation time, and whose exponent of the rate, change with the constants."""
+        times, exponents = set(), set()
+        for name, value in constants.items():
+            prony, branches = relaxing_terms(self.made_of({**constants, name: value * (1.0 + NUDGE) or NUDGE}))
+            moved: list[Prony | Maxwell] = [*prony, *branches]
+            for n, (other, term) in enumerate(zip(moved, terms, strict=True)):
+                if other.time != term.time:
+                    times.add(n)
+                if other.constants[3] != term.constants[3]:
+                    exponents.add(n)
+        return len(times), len(exponents)
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
         """The exact stress along the ramps."""
@@ -87,8 +133,105 @@ class RateModel(UniformModel):
 
     def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
         """The stress of every test [Pa]."""
-        made_by = cast(Callable[..., Visco], self.material)
+        made_by = cast(Callable[..., BondAssociated], self.material)
         law = made_by(**{**self.settings, **dict(zip(self.vary, values.tolist(), strict=True))})
         return [
             rate_stress(law, test.control, rate, test.at) for test, rate in zip(self.tests, self.rates, strict=True)
         ]
+
+
+def law_tests(build: Callable[..., Any], ramps: Sequence[tuple[Curve, float]], given: Mapping[str, Any]) -> RateTests:
+    """Tests of the law of a scene, which is built for its law alone.
+
+    Args:
+        build: Function that builds the scene.
+        ramps: Curves and their rates [1/s], see `read_ramps`.
+        given: Arguments of `build`.
+    """
+    parameters = inspect.signature(build).parameters
+
+    def law(**values: Any) -> BondAssociated:
+        force = build(**values).force
+        if not isinstance(force, BondAssociated):
+            raise InputError(
+                f"force = {type(force).__name__}: expected BondAssociated or Visco with curves of uniform tests"
+            )
+        return force
+
+    law.__signature__ = inspect.signature(build)  # type: ignore[attr-defined]
+    numbers = {
+        name: parameter.default
+        for name, parameter in parameters.items()
+        if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool)
+    }
+    return RateTests(
+        law, [curve for curve, _ in ramps], {**numbers, **given}, rates=[rate for _, rate in ramps]
+    )  # fmt: skip
+
+
+def read_ramps(table: Table, measure: str | None) -> tuple[list[tuple[Curve, float]], list[str]] | None:
+    """Read the curves of uniform tests in a file, with their rates [1/s], and notes; None for any other file.
+
+    A column "uniaxial", "equibiaxial" or "planar" has the stretch, another one the nominal stress; one whose name
+    begins with "true" has the true stress of an incompressible sheet. A column "rate" has |d stretch / dt|; each of its
+    values makes a curve.
+
+    Raises:
+        InputError: if columns are missing, or have other units, or the stretches of a rate are no ramp from 1.
+    """
+    file, found = table.path.name, [name for name in table.columns if name in LOADINGS]
+    if not found:
+        return None
+    if len(found) > 1:
+        raise InputError(f"{file}: columns {', '.join(found)}: expected one of them")
+    loading, stress = found[0], _stress_column(table, found[0], measure)
+    rated = "rate" in table.columns
+    for name, wanted in ((loading, "ratio"), (stress, "pressure"), *([("rate", "rate")] if rated else [])):
+        if table.dimensions[name] != wanted:
+            raise InputError(f"{file}: column {name!r} is a {table.dimensions[name]}: expected a {wanted}")
+    columns, rows = table.without_gaps([loading, stress, *(["rate"] if rated else [])])
+    if len(rows) == 0:
+        raise InputError(f"{file}: expected rows with both {loading} and {stress}")
+    require_stretches(f"{file}: column {loading!r}", columns[loading])
+    values = columns[stress] / (columns[loading] if stress.startswith("true") else 1.0)
+    rates = columns["rate"] if rated else np.zeros(len(rows))
+    ramps = []
+    for rate in np.unique(rates):
+        mine = rates == rate
+        name = f"{table.path.stem}, {rate:g} /s" if rated else table.path.stem
+        not_negative(f"{file}: rate", float(rate))
+        if rate > 0.0:
+            _require_ramp(f"{file}: column {loading!r} at {rate:g} /s", columns[loading][mine])
+        curve = Curve(
+            loading, columns[loading][mine], "stress", values[mine], name=name, rows=rows[mine], units=("1", "Pa")
+        )
+        ramps.append((curve, float(rate)))
+    notes = [] if rated else [f"{file}: no column rate [1/s]: taken as a test in which everything has relaxed"]
+    return ramps, [*table.notes, *notes]
+
+
+def _stress_column(table: Table, loading: str, measure: str | None) -> str:
+    others = [name for name in table.columns if name not in (loading, "rate")]
+    if measure is not None and measure in others:
+        return measure
+    stresses = [name for name in others if table.dimensions[name] == "pressure"]
+    if len(stresses) != 1:
+        raise InputError(
+            f"{table.path.name}: columns {', '.join(table.columns)}: expected one of stress beside {loading!r}, such "
+            "as 'stress [MPa]', or its name as measure (--measure)"
+        )
+    return stresses[0]
+
+
+def _require_ramp(name: str, stretch: np.ndarray) -> None:
+    """Check that stretches in their order are a ramp from 1. Raises InputError otherwise."""
+    if stretch.min() < 1.0 < stretch.max():
+        raise InputError(
+            f"{name}: {stretch.min():g} to {stretch.max():g}: expected all above 1 or all below 1 in a ramp"
+        )
+    far = np.abs(stretch - 1.0)
+    back = float((np.maximum.accumulate(far) - far).max())
+    if back > BACK * far.max():
+        raise InputError(
+            f"{name}: goes back by {back:g}: expected rows of one ramp away from 1 in their order, without unloading"
+        )

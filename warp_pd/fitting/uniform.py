@@ -5,11 +5,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..device.checks import InputError, one_of
-from ..materials import Material, energy_density
+from ..materials import Material, energy_density, stability_notes
 from .data import Curve, Test, require_stretches
 from .experiment import Model, require_arguments
 
@@ -72,7 +73,7 @@ class UniformTests:
         settings: Fixed constants.
     """
 
-    material: Callable[..., Material]
+    material: Callable[..., Any]
     tests: Sequence[Test]
     settings: Mapping[str, float] = field(default_factory=dict)
 
@@ -80,8 +81,12 @@ class UniformTests:
         """The value in `settings`, or None."""
         return self.settings.get(name)
 
-    def made_of(self, constants: Mapping[str, float]) -> Material:
-        """The material with these constants."""
+    def notes(self, constants: Mapping[str, float]) -> list[str]:
+        """Where the material loses its stability."""
+        return stability_notes(self.made_of(constants))
+
+    def made_of(self, constants: Mapping[str, float]) -> Any:
+        """What `material` makes of these constants, of which it may take some."""
         known = inspect.signature(self.material).parameters
         open_ended = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
         mine = {name: value for name, value in constants.items() if open_ended or name in known}
@@ -109,7 +114,7 @@ class UniformTests:
 class UniformModel(Model):
     """Model of uniform tests; `sizes` as for `Model`."""
 
-    material: Callable[..., Material]
+    material: Callable[..., Any]
     tests: list[Curve]
     vary: list[str]
     settings: dict[str, float]

@@ -55,6 +55,7 @@ PRINTED: dict[str, dict[str, Any]] = {
     },
     # At its default, None, the horizon is that of the mode, 3.015 and 9.015 spacings.
     "stretch": {"points": 100, "force": "bond_based", "law": "auto"},
+    "rate_test": {"rate": 0.24},
     "visco_sheet": {**VE, "rate": 0.15},
     "visco_hole": {**VE, "rate": 0.15},
     "visco_crack": {**VE, "energy": 6.69},
