@@ -31,7 +31,7 @@ import numpy as np
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, SelfContact, Sheet, Simulation
 from warp_pd.device.checks import count, positive
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
-from warp_pd.papers import force_law
+from warp_pd.papers import force_law, point_areas
 from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
@@ -55,6 +55,7 @@ def build(
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -75,7 +76,7 @@ def build(
     layer = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
         1.0, 1.0, thickness=0.01, density=1000.0, points=points, layers=(layer, layer), turn=turn, jitter=jitter,
-        seed=seed,
+        seed=seed, areas=point_areas(areas, weights),
     )  # fmt: skip
     clamp = sheet.where(lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.5 - 1e-9)
     line = TearLine(sheet)

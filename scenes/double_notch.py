@@ -25,6 +25,7 @@ from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sh
 from warp_pd.device.checks import InputError, count, finite, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
+from warp_pd.papers import point_areas
 from warp_pd.shapes.roughness import rough_surface
 from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
@@ -49,6 +50,7 @@ def build(
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -68,7 +70,7 @@ def build(
     layers = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
-        layers=(0, layers), turn=turn, jitter=jitter, seed=seed,
+        layers=(0, layers), turn=turn, jitter=jitter, seed=seed, areas=point_areas(areas, weights),
     )  # fmt: skip
     resolved("notch", notch, sheet.spacing)
     positive("speed", speed)

@@ -20,6 +20,7 @@ import numpy as np
 from warp_pd import BondAssociated, BoundaryForce, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
 from warp_pd.device.checks import positive
 from warp_pd.measures import distance_from_local_plane, largest, support_force, worst_balance
+from warp_pd.papers import point_areas
 
 
 def build(
@@ -34,6 +35,7 @@ def build(
     duration: float = 60.0,
     frames: int = 120,
     safety: float | None = None,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -43,7 +45,7 @@ def build(
         speed: Speed of each edge [m/s].
         travel: Displacement of each edge [m].
     """
-    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points, areas=point_areas(areas, weights))
     left, right = sheet.edges("left"), sheet.edges("right")
     arrival = positive("travel", travel) / positive("speed", speed)
     loads = [

@@ -28,6 +28,7 @@ from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measur
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
+from warp_pd.papers import point_areas
 from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
@@ -49,6 +50,7 @@ def build(
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -68,7 +70,7 @@ def build(
     layers = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
         side, side, thickness=1e-3, density=1000.0, points=points, layers=(layers, 0), turn=turn, jitter=jitter,
-        seed=seed,
+        seed=seed, areas=point_areas(areas, weights),
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
     resolved("cut", cut, sheet.spacing)

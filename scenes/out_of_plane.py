@@ -16,7 +16,7 @@ import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
 from warp_pd.measures import support_force
-from warp_pd.papers import force_law
+from warp_pd.papers import force_law, point_areas
 
 SHOWN = (1.5, 2.5, 3.5, 4.5)
 
@@ -32,6 +32,7 @@ def build(
     frames: int = 90,
     safety: float | None = None,
     patch: float = 0.04,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -40,7 +41,7 @@ def build(
     """
     if safety is None and wrinkles == "relaxed":
         safety = 0.4
-    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)
+    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points, areas=point_areas(areas, weights))
     pulled = sheet.within((1.0, 0.5), patch)
     return Simulation(
         sheet,

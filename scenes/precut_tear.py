@@ -20,7 +20,7 @@ import numpy as np
 from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
-from warp_pd.papers import force_law
+from warp_pd.papers import force_law, point_areas
 from warp_pd.tearing import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.
@@ -50,6 +50,7 @@ def build(
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
+    areas: str = "auto",
 ) -> Simulation:
     """Build the scene.
 
@@ -67,7 +68,10 @@ def build(
         if not 0.0 < positive(name, value) < 1.0:
             raise InputError(f"{name} = {value!r}: expected a length less than 1 m, the width")
     horizon = horizon_for_tears(horizon, critical_stretch)
-    sheet = Sheet.filled(1.0, 1.0, thickness=0.01, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
+    sheet = Sheet.filled(
+        1.0, 1.0, thickness=0.01, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed,
+        areas=point_areas(areas, weights),
+    )  # fmt: skip
     resolved("slit", slit, sheet.spacing)
     lower, upper = (slit_at, 0.5 - 0.5 * slit), (slit_at, 0.5 + 0.5 * slit)
     sheet = sheet.cut(lower, upper)

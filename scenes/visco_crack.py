@@ -54,6 +54,8 @@ TERM = Prony(c10=0.01733e6, c20=0.0015e6, time=0.9466, exponent=1.6665)
 # Opening [m] and nominal stress [Pa] of the crack that does not grow, without Prony term: tests/references/visco.json.
 OPENING = {1.5: 0.098503, 2.5: 0.198402, 4.0: 0.326706}
 STRESS = {1.5: 0.68105e6, 2.5: 2.52826e6, 4.0: 9.19155e6}
+# Time between frames of a crack that runs [s]: the printed times are frames.
+FRAME = 0.25e-3
 SHOWN = {False: (0.022, 0.023, 0.024, 0.025), True: (0.025, 0.029, 0.030, 0.031)}
 
 
@@ -122,7 +124,12 @@ def build(
     prony = (TERM,) if viscous else ()
     solver: Solver = Newton(tolerance=tolerance, load_steps=load_steps)
     if moving:
-        solver = Explicit(duration, frames=62 if failure else 20, damping=0.0 if failure else 2.0 * rate, safety=safety)
+        solver = Explicit(
+            duration,
+            frames=round(duration / FRAME) if failure else 20,
+            damping=0.0 if failure else 2.0 * rate,
+            safety=safety,
+        )
     elif published:
         solver = Relaxation(tolerance=tolerance, load_steps=load_steps, ramp_steps=10 * points)
     force = (

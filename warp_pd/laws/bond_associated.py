@@ -120,6 +120,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         sheet, self.layout = context.sheet, context.layout
         at_once = self.layout.breakable and not self.layout.softened
         self.law, self.weights = law, law.resolved_weights(at_once, sheet.spacings is not None)
+        self.own_point = float(law.own_point)
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
         if self.weights == "published":

@@ -88,7 +88,7 @@ class Reference:
         layout, material, form = law.key
         kernel, given = reference_force(layout, material, self.response), viscous
         if form == "published":
-            kernel, given = published_force(layout, material), {"own": float(law.law.own_point)}
+            kernel, given = published_force(layout, material), {"own": law.own_point}
         law.add_launch(stage, kernel, displacement, unit=law.unit_force, bond_force=law.pairs, **given)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:

@@ -44,6 +44,7 @@ class BondAssociatedLaw(FamilyLaw):
         lattice_columns: Columns of the lattice, 0 on other sheets.
         response_in_step: What its tangent takes instead of the material's response; None without internal variables.
         steps_implicitly: Whether it is prepared for implicit steps.
+        own_point: How much of the area of a point counts in its own family, in the published form: 0 or 1.
     """
 
     layout: Layout
@@ -53,6 +54,7 @@ class BondAssociatedLaw(FamilyLaw):
     lattice_columns: int
     response_in_step: ResponseInStep | None = None
     steps_implicitly: bool = False
+    own_point: float = 0.0
 
     def paths(self) -> Sequence[Any]:
         """Types of the force paths that may be taken, in the order in which they are tried; the reference last."""

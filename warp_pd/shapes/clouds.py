@@ -88,9 +88,10 @@ def filled(
     turn: float,
     jitter: float,
     seed: int,
+    areas: str,
 ) -> Shape:
     """A rectangle with a turned or jittered grid inside; arguments as for `Sheet.filled`."""
-    square = rectangle(width, height, points, origin, layers, False)
+    square = rectangle(width, height, points, origin, layers, False, areas)
     assert square.lattice is not None
     dx, dy = square.lattice.dx, square.lattice.dy
     low, high = square.points.min(axis=0), square.points.max(axis=0)
@@ -107,7 +108,9 @@ def filled(
         on_line |= (np.abs(square.points - line) < 1e-6 * square.spacing).any(axis=1)
         inside = inside[(np.abs(inside - line) > 0.55 * np.array([dx, dy])).all(axis=1)]
     inside = inside[((inside > low) & (inside < high)).all(axis=1)]
-    return cloud(np.vstack([square.points[on_line], inside]), None, None, square.spacing)
+    found = np.vstack([square.points[on_line], inside])
+    each = None if areas == "shared" else np.full(len(found), dx * dy)
+    return cloud(found, None, each, square.spacing)
 
 
 def _is_convex(points: np.ndarray, triangles: np.ndarray) -> bool:

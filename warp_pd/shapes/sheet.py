@@ -48,6 +48,7 @@ class Sheet(PlainSheet):
         turn: float = 0.0,
         jitter: float = 0.0,
         seed: int = 0,
+        areas: str = "shared",
     ) -> Self:
         """A rectangle with a rotated or jittered grid inside, to test that cracks do not depend on the grid.
 
@@ -65,6 +66,7 @@ class Sheet(PlainSheet):
             turn: Rotation of the grid about the centre of the rectangle [degrees].
             jitter: Maximum shift of a point along x and along y in spacings, less than 0.5.
             seed: Seed of the jitter, a nonnegative integer.
+            areas: As for `rectangle`.
 
         Raises:
             InputError: as for `rectangle`, or if the jitter is outside [0, 0.5) or the seed is invalid.
@@ -74,10 +76,10 @@ class Sheet(PlainSheet):
             raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing, at least 0 and less than 0.5")
         solid: dict[str, Any] = {"thickness": thickness, "density": density}
         if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
-            return cls.rectangle(width, height, **solid, points=points, origin=origin, layers=layers)
+            return cls.rectangle(width, height, **solid, points=points, origin=origin, layers=layers, areas=areas)
         from .clouds import filled
 
-        shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed)
+        shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed, areas=areas)
         return cls.of(shape, **solid)
 
     @classmethod
