@@ -200,7 +200,13 @@ def started(processes, *arguments):
 def run_all(device, folder, names):
     """Run scenes into a folder of their own each; frames of one have every fifth column and row."""
     for name in names:
-        options = {"precision": SCENES[name], "usd": False, "overwrite": True, "stride": 5 if name == "torn" else 1}
+        options = {
+            "precision": SCENES[name],
+            "usd": False,
+            "pictures": False,
+            "overwrite": True,
+            "stride": 5 if name == "torn" else 1,
+        }
         scene(name).run(device=device, out=folder / name, **options)
 
 
