@@ -36,6 +36,7 @@ from warp_pd import InputError  # noqa: E402
 PAPERS = {"ba": ba, "nn": nn, "im": im, "he": he, "ve": ve}
 NUMBERS = DOCS / "papers" / "printed.json"
 HEADING = "## Every printed number"
+NOTHING = ("nothing to compare", "no number")
 HEAD = ["where", "quantity", "printed", "here", "reading", "difference", "verdict"]
 # Membrane finite elements of the project, by what they are compared with: docstrings of the scenes, tools/references.
 ELEMENTS = {
@@ -81,11 +82,13 @@ def pages(found: dict[str, Any], folder: Path) -> None:
             lines.writerows([name, *judged(row, found), made.get(row.example, "")] for row in paper.ROWS)
     for name, paper in PAPERS.items():
         run = [(row, judged(row, found)) for row in paper.ROWS if row.example in (*found, "elements")]
-        other = [cells for _, cells in run if cells[-1] != "matches"]
+        silent = sum(cells[-1] in NOTHING for _, cells in run)
+        other = [cells for _, cells in run if cells[-1] not in ("matches", *NOTHING)]
         made_on = sorted({found[row.example]["made"] for row, _ in run if row.example in found})
         words = (
-            f"{len(paper.ROWS)} numbers and statements: {len(run) - len(other)} match, {len(other)} do not (below), "
-            f"{len(paper.ROWS) - len(run)} have no run yet. All are in [printed.csv](printed.csv), by "
+            f"{len(paper.ROWS)} numbers and statements: {len(run) - len(other) - silent} match, {len(other)} do not "
+            f"(below), {silent} have nothing to compare with, {len(paper.ROWS) - len(run)} have no run yet. All are in "
+            f"[printed.csv](printed.csv), by "
             f"`python -m tools.papers --only {name}`; {'; '.join(made_on)}."
         )
         renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, merged(other))]})
