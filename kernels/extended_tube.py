@@ -16,6 +16,9 @@ from .materials import MaterialFunctions
 from .numeric import numeric
 from .ogden import log_one_plus, ogden
 
+# Least beta: the energy of smaller ones differs by less than this, and its factors would leave the range of float32.
+LEAST = 1e-6
+
 
 @functools.cache
 def crosslinks(bits: int) -> wp.Function:
@@ -51,7 +54,7 @@ def extended_tube_parts(bits: int) -> tuple[wp.Function, ...]:
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
     # Two terms share their kernels with Ogden's material, see `Ogden.on_device`; the second is zero.
-    Terms = types.constants(4)
+    Terms, least = types.constants(4), LEAST
     links, tube = incompressible(crosslinks), ogden(2)
     (link_stress, link_energy), (tube_stress, tube_energy) = links.functions(bits), tube.functions(bits)
     assert links.response is not None and tube.response is not None
@@ -59,7 +62,8 @@ def extended_tube_parts(bits: int) -> tuple[wp.Function, ...]:
 
     @wp.func
     def term(c: parameters):
-        return Terms(-real(2.0) * c[2] / c[3], -c[3], real(0.0), real(0.0))
+        beta = wp.max(c[3], real(least))
+        return Terms(-real(2.0) * c[2] / beta, -beta, real(0.0), real(0.0))
 
     @wp.func
     def stress(G: mat22, constants: parameters):

@@ -8,6 +8,9 @@ from .incompressible import incompressible_sheet, incompressible_width, principa
 from .materials import MaterialFunctions
 from .numeric import numeric
 
+# Exponents below this have large moduli, whose terms nearly cancel.
+LOW = 0.25
+
 
 @functools.cache
 def log_one_plus(bits: int) -> wp.Function:
@@ -69,11 +72,32 @@ def exponential(bits: int) -> wp.Function:
 
 
 @functools.cache
+def exponential_beyond_line(bits: int) -> wp.Function:
+    """Function x -> exp(x) - 1 - x, accurate for small x."""
+    real = numeric(bits).real
+
+    @wp.func
+    def beyond_line(x: real):
+        answer = real(0.0)
+        if wp.abs(x) < real(0.5):
+            series = real(1.0)
+            for k in range(12):
+                series = real(1.0) + x / real(14 - k) * series
+            answer = real(0.5) * x * x * series
+        else:
+            answer = wp.exp(x) - real(1.0) - x
+        return answer
+
+    return beyond_line
+
+
+@functools.cache
 def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
     """Functions of the Ogden material: strains, principal stresses, and the shear modulus h = (S1 - S2) / (C1 - C2)."""
     types = numeric(bits)
     real, Constants = types.real, types.constants(2 * terms)
     strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
+    low = LOW
 
     @wp.func
     def ratio(k: real, spread: real):
@@ -101,8 +125,15 @@ def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
         total = real(0.0)
         for p in range(terms):
             a = c[2 * p + 1]
-            term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
-            total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
+            if wp.abs(a) < real(low):
+                # Of sinh((a / 2 - 1) s) = sinh(a s / 2) cosh(s) - cosh(a s / 2) sinh(s) the last term cancels the other.
+                along = exp_minus_one(a * (middle + half)) + exp_minus_one(a * (middle - half))
+                term = wp.exp(a * middle) * wp.cosh(spread) * ratio(real(0.5) * a, spread)
+                term += exp_minus_one(-real(2.0) * a * middle) - real(0.5) * along
+                total += c[2 * p] * wp.exp(-real(4.0) * middle) * term
+            else:
+                term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
+                total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
         return total
 
     return strains, exp_minus_one, principal_stress, shear
@@ -119,7 +150,7 @@ def ogden(terms: int) -> MaterialFunctions:
         types = numeric(bits)
         real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
         strains, exp_minus_one, principal_stress, shear = ogden_parts(terms, bits)
-        turned = principal_tangent(bits)
+        turned, beyond_line, low = principal_tangent(bits), exponential_beyond_line(bits), LOW
 
         @wp.func
         def stress(G: mat22, constants: Constants):
@@ -139,10 +170,11 @@ def ogden(terms: int) -> MaterialFunctions:
             for p in range(terms):
                 a = constants[2 * p + 1]
                 if a != real(0.0):
+                    # The parts that are linear in the strains add up to zero.
                     total += (constants[2 * p] / a) * (
-                        exp_minus_one(a * (middle + half))
-                        + exp_minus_one(a * (middle - half))
-                        + exp_minus_one(-real(2.0) * a * middle)
+                        beyond_line(a * (middle + half))
+                        + beyond_line(a * (middle - half))
+                        + beyond_line(-real(2.0) * a * middle)
                     )
             return total
 
@@ -152,10 +184,14 @@ def ogden(terms: int) -> MaterialFunctions:
             total = real(0.0)
             for p in range(terms):
                 a = c[2 * p + 1]
-                total += c[2 * p] * (
-                    (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
-                    + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
-                )
+                if wp.abs(a) < real(low):
+                    along, across = exp_minus_one(a * strain), exp_minus_one(-real(2.0) * a * middle)
+                    total += c[2 * p] * (a + real(0.5) * a * (along + across) - along + across)
+                else:
+                    total += c[2 * p] * (
+                        (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
+                        + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
+                    )
             return total * wp.exp(-real(4.0) * strain)
 
         @wp.func

@@ -58,6 +58,7 @@ MATERIALS = [
     (TRELOAR, None),
     (Carroll(a=300.0, b=0.3, c=200.0), carroll),
     (ExtendedTube(gc=600.0, delta=0.1, ge=400.0, beta=0.3), None),
+    (ExtendedTube(gc=600.0, delta=0.1, ge=400.0, beta=1e-5), None),
     (Isihara(c10=400.0, c20=5.0, c01=100.0), isihara),
 ]
 each = pytest.mark.parametrize(("material", "slopes"), MATERIALS, ids=lambda m: getattr(m, "__name__", str(m)))
@@ -72,11 +73,11 @@ def own_stress(material, stretches):
     """The derivative of the energy by the logarithm of each stretch, for laws that are written in stretches [Pa]."""
     if isinstance(material, Ogden):
         pairs = list(zip(material.mu, material.exponents, strict=True))
-        return [sum(mu * stretch**a for mu, a in pairs) for stretch in stretches]
+        return [sum(mu * np.expm1(a * np.log(stretch)) for mu, a in pairs) for stretch in stretches]
     gc, delta, ge, beta = material.constants
     x = sum(stretch**2 for stretch in stretches) - 3
     slope = gc / 2 * ((1 - delta**2) / (1 - delta**2 * x) ** 2 - delta**2 / (1 - delta**2 * x))
-    return [2 * slope * stretch**2 - 2 * ge / beta * stretch**-beta for stretch in stretches]
+    return [2 * slope * stretch**2 - 2 * ge / beta * np.expm1(-beta * np.log(stretch)) for stretch in stretches]
 
 
 def nominal_stress(material, slopes, first, second):
@@ -145,12 +146,12 @@ def test_stress_is_the_derivative_of_the_energy_and_moduli_of_the_stress(materia
 @each
 @pytest.mark.parametrize("size", [1e-1, 1e-3, 1e-6])
 def test_float32_keeps_small_strains(material, slopes, size):
-    """Stress and energy: the energy too, as no first-order terms cancel in it (but Ogden's, a sum over stretches)."""
+    """Stress and energy: the energy too, as no first-order terms cancel in it."""
     G = size * np.array([[[1.0, 0.3], [0.3, -0.5]]])
     wide, wide_energy = evaluate(material, G, 64)
     narrow, narrow_energy = evaluate(material, G.astype(np.float32), 32)
     assert narrow == pytest.approx(wide, rel=2e-5, abs=1e-5 * np.abs(wide).max())
-    assert narrow_energy[0] == pytest.approx(wide_energy[0], rel=5e-6 + (2e-6 / size if slopes is None else 0.0))
+    assert narrow_energy[0] == pytest.approx(wide_energy[0], rel=5e-6)
 
 
 @each
