@@ -126,7 +126,7 @@ def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
         for p in range(terms):
             a = c[2 * p + 1]
             if wp.abs(a) < real(low):
-                # Of sinh((a / 2 - 1) s) = sinh(a s / 2) cosh(s) - cosh(a s / 2) sinh(s) the last term cancels the other.
+                # In sinh((a / 2 - 1) s) = sinh(a s / 2) cosh(s) - cosh(a s / 2) sinh(s) the last term is large.
                 along = exp_minus_one(a * (middle + half)) + exp_minus_one(a * (middle - half))
                 term = wp.exp(a * middle) * wp.cosh(spread) * ratio(real(0.5) * a, spread)
                 term += exp_minus_one(-real(2.0) * a * middle) - real(0.5) * along
