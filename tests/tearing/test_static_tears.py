@@ -21,7 +21,8 @@ from warp_pd import (
     TensionField,
 )
 from warp_pd.measures import support_force
-from warp_pd.statics import static_rounds
+from warp_pd.output.progress import Progress
+from warp_pd.statics import relaxation, static_rounds
 from warp_pd.statics.tear_steps import TearSteps
 from warp_pd.tearing.damage_field import SETTLED
 
@@ -233,6 +234,23 @@ def test_a_path_sets_out_from_a_slack_sheet_and_keeps_its_tangents(monkeypatch):
     assert len(solve["load_steps"][0]["lattices"][0]["shares"]) > 8
     assert solve["found"][0]["kind"] == "maximum"
     assert len(tangents) < 0.75 * solve["iterations"]
+
+
+def test_relaxation_advises_a_path_where_loads_tear_for_long(monkeypatch):
+    """In the run, and in its notes; not where the grips move."""
+    monkeypatch.setattr(relaxation, "SLOW", 1000)
+    material = TensionField(NeoHookean(mu=1e5, bulk=1e7), slack_stiffness=1e3)
+    sheet, parts = slack_behind(14.0)
+    grips = {**parts, "loads": [*parts["loads"][:3], Motion(sheet.edges("top"), [0.0, 1.0], y=[0.0, 0.05])]}
+    for given, advised in ((parts, True), (grips, False)):
+        said = []
+        monkeypatch.setattr(Progress, "say", lambda self, *lines, said=said: said.extend(lines))
+        simulation = simulate(
+            sheet, Relaxation(load_steps=4, most_steps=1900), material=material, weights="corrected", **given
+        )
+        notes = simulation.run(device="cpu", precision=64, reporter=Progress(quiet=True)).summary["notes"]
+        for lines in (said, notes):
+            assert any("ArcLength follows it past the largest load" in line for line in lines) == advised, lines
 
 
 def test_sweeps_of_a_static_tear_are_one_launch():

@@ -79,6 +79,10 @@ class FrameSink(Protocol):
         """Report the progress of a static solver between frames; `round_of` as in "round 2 of contact", or ""."""
         return None
 
+    def say(self, line: str) -> None:
+        """Tell the user at once what the notes of the run will say, too."""
+        return None
+
     def stepped(self, now: float, dt: float, steps: int) -> None:
         """Report that a frame has taken `steps` steps, the last of dt [s], and is at the time `now` [s]."""
         return None

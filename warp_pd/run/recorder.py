@@ -158,6 +158,11 @@ class Recorder:
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance, round_of)
 
+    def say(self, line: str) -> None:
+        """Tell the user something during the run."""
+        if self.reporter is not None:
+            self.reporter.say(line)
+
     @property
     def restarts(self) -> bool:
         """Whether a restart file may follow a frame."""

@@ -32,6 +32,8 @@ OWNER = "Relaxation"
 CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
+# Steps of a load step that tears from which another solver is better; a multiple of CHECK_EVERY.
+SLOW = 5000
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
 # Contact stiffness of a point over its mass, times the squared step: what the safety leaves of the stable step.
 STIFFNESS = 0.5
@@ -139,6 +141,8 @@ class BuiltRelaxation(BuiltSolver):
         self._hidden = False
         # Why the last load step has no equilibrium, and how far points may move in it [m].
         self._lost, self._prescribed = "", math.inf
+        # At which load factor a tear under a load took very many steps; 0 for none.
+        self._slow_tear = 0.0
         # Steps of this run, and entries of the report, one per load step.
         self._done = 0
         self._entries: list[dict[str, Any]] = []
@@ -263,6 +267,9 @@ class BuiltRelaxation(BuiltSolver):
             for _ in range(CHECK_EVERY // 10):
                 ten.run()
             self._done += CHECK_EVERY
+            if self._done - entry["steps"] == SLOW and self._yields_to_loads(entry):
+                self._slow_tear = entry["share"]
+                sink.say(self._advice())
             measure.run()
             residual = self._residual()
             if self._scale.initial is not None and residual > tolerance and self._rests():
@@ -275,6 +282,19 @@ class BuiltRelaxation(BuiltSolver):
                 self._largest = max(self._largest, self.context.total(self._scale.reaction))
                 return True
         return False
+
+    def _yields_to_loads(self, entry: Mapping[str, Any]) -> bool:
+        """Whether a damage field has grown in this load step under loads, as `ArcLength` follows it."""
+        rupture = self.system.rupture
+        of_field = rupture is not None and rupture.tear_energy > 0.0
+        return of_field and entry["rounds"] > 0 and self.context.options.loaded and not self.rounds.contacts
+
+    def _advice(self) -> str:
+        """What to try in place of relaxation where loads tear the sheet."""
+        return (
+            f"Relaxation: the tear takes more than {SLOW} steps at load factor {self._slow_tear:.4g}, as where no load "
+            "as large has an equilibrium: ArcLength follows it past the largest load in fewer steps"
+        )
 
     def _flies(self) -> bool:
         """Whether a point is too far from its place for any equilibrium; then says why in `_lost`."""
@@ -346,6 +366,8 @@ class BuiltRelaxation(BuiltSolver):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on tears that ran through, and on loads that round-off hides."""
         notes = self.rounds.notes()
+        if self._slow_tear:
+            notes.append(self._advice())
         if self._hidden:
             notes.append(
                 f"precision = {self.context.bits}: the loads move the sheet less than the round-off of its stress; its "
