@@ -47,7 +47,7 @@ def cells(row: Comparison, runs: Runs) -> list[str]:
     ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
     deviation = percent(run["deviation"]) if row.counts else "(bound)"
     title = f"[{row.title}](#{row.name})"
-    return [title, row.kind, row.blind.partition(":")[0], ours, theirs, row.scatter, deviation, percent(run["change"])]
+    return [title, row.kind, row.blind, ours, theirs, row.scatter, deviation, percent(run["change"])]
 
 
 def compared(found: dict[str, Runs]) -> dict[str, float]:
@@ -77,10 +77,9 @@ def summary(found: dict[str, Runs]) -> str:
 def section(row: Comparison, runs: Runs) -> list[str]:
     """The paragraph of a row."""
     run = runs[-1]
-    chosen = row.blind.partition(": ")[2]
     text = (
         f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
-        f"Constants: {row.constants}.{f' Chosen after a look: {chosen}.' if chosen else ''} *{row.verdict}* "
+        f"Constants: {row.constants}. *{row.verdict}* "
         f"{run['made']}, {', '.join(map(str, run['points']))} points."
     )
     return [text, ""]
