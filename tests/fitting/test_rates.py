@@ -8,8 +8,8 @@ import pytest
 from warp_pd import InputError, Maxwell, NeoHookean, Prony, Visco, Yeoh
 from warp_pd.fitting import Curve, RateTests, fit, nominal_stress, rate_stress, read_table
 from warp_pd.fitting.command import fit_scene
-from warp_pd.fitting.rates import read_ramps
-from warp_pd.run.scene_files import build_scene
+from warp_pd.fitting.rates import law_tests, read_ramps
+from warp_pd.run.scene_files import build_scene, load_scene
 
 DATA = Path(__file__).parents[1] / "references" / "vhb.csv"
 # VE table 1 and the rates of its figure 2.
@@ -122,12 +122,22 @@ def test_files_of_no_uniform_ramp_are_refused_in_a_line(tmp_path, text, said):
     ((0.0, 0.24), PRINTED, "cannot tell how a relaxation time depends on it"),
     ((0.0, 0.24), {"time": 0.8673}, ""),
     ((0.0, 0.0), PRINTED, "nothing tells what relaxes"),
+    ((0.0, 0.0), {"c10": 0.1438e6}, ""),
     ((0.24, 0.88), PRINTED, ""),
 ])  # fmt: skip
 def test_too_few_rates_for_the_terms_are_noted(rates, constants, said):
     curves = [Curve("uniaxial", STRETCH, "stress", STRETCH)] * 2
     notes = RateTests(prony, curves, {**PRINTED}, rates=rates)._untold(constants)
     assert [said in note for note in notes] == [True] * bool(said)
+
+
+def test_an_element_of_no_modulus_may_vary():
+    law = build_scene("rate_test", {"maxwell_1": 1e5}).force
+    curve = Curve("uniaxial", STRETCH, "stress", rate_stress(law, "uniaxial", 0.1, STRETCH))
+    tests = law_tests(load_scene("rate_test").build, [(curve, 0.1)], {"maxwell_1": 1e5})
+    assert tests._untold({"maxwell_2": 0.0}) == []
+    with pytest.raises(InputError, match="force = ViscoBondBased: expected BondAssociated or Visco"):
+        law_tests(load_scene("visco_sheet").build, [(curve, 0.1)], {"law": "published"})._untold({})
 
 
 def test_more_times_than_rates_are_noted_and_fixed_times_are_not():

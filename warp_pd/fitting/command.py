@@ -53,6 +53,8 @@ def fit_scene(
         found, notes = read_tests(table, build, measure, settings)
         tests += found
         yield from notes
+    if not (tests or measure is None or any(measure in table.columns for table in tables)):
+        raise InputError(f"measure = {measure!r}: expected a column of the files, or none")
     experiments: list[Experiment] = []
     if ramps:
         experiments.append(law_tests(build, ramps, settings))

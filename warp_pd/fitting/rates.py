@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any, cast
 
 import numpy as np
@@ -93,31 +94,35 @@ class RateTests(UniformTests):
         prony, branches = relaxing_terms(self.made_of(constants))
         if not (prony or branches):
             return ["rates: nothing in the law relaxes, so they change nothing"] if rates else []
+        varied = self._varied(constants, [*prony, *branches])
         if not rates:
-            return ["rates: expected some above 0, as everything has relaxed at 0 and nothing tells what relaxes"]
-        times, exponents = self._varied(constants, [*prony, *branches])
-        notes = []
+            said = "rates: expected some above 0, as everything has relaxed at 0 and nothing tells what relaxes"
+            return [said] if varied else []
+        notes, times = [], sum(what == "time" for what, _ in varied)
         if len(rates) < times:
             notes.append(
                 f"rates: {len(rates)} above 0 for {times} relaxation times that vary: the shape of curves alone tells "
                 "them apart; expected as many rates as times"
             )
-        if len(rates) < 2 and exponents:
+        if len(rates) < 2 and any(what == "exponent" for what, _ in varied):
             notes.append("rates: one above 0, which cannot tell how a relaxation time depends on it; expected two")
         return notes
 
-    def _varied(self, constants: Mapping[str, float], terms: Sequence[Prony | Maxwell]) -> tuple[int, int]:
-        """Number of terms whose relaxation time, and whose exponent of the rate, change with the constants."""
-        times, exponents = set(), set()
+    def _varied(self, constants: Mapping[str, float], terms: Sequence[Prony | Maxwell]) -> set[tuple[str, int]]:
+        """What the constants change: "time", "exponent" or "stress" of the terms, by their number."""
+        varied = set()
         for name, value in constants.items():
             prony, branches = relaxing_terms(self.made_of({**constants, name: value * (1.0 + NUDGE) or NUDGE}))
             moved: list[Prony | Maxwell] = [*prony, *branches]
-            for n, (other, term) in enumerate(zip(moved, terms, strict=True)):
-                if other.time != term.time:
-                    times.add(n)
-                if other.constants[3] != term.constants[3]:
-                    exponents.add(n)
-        return len(times), len(exponents)
+            # A term of no stress is left out, so there may be more of them now.
+            for n, (other, term) in enumerate(zip_longest(moved, terms)):
+                if other is None or term is None or other.constants[:2] != term.constants[:2]:
+                    varied.add(("stress", n))
+                if other is not None and term is not None and other.time != term.time:
+                    varied.add(("time", n))
+                if other is not None and term is not None and other.constants[3] != term.constants[3]:
+                    varied.add(("exponent", n))
+        return varied
 
     def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
         """The exact stress along the ramps."""
