@@ -9,7 +9,7 @@
     python tools/tears.py perforated --device cuda:0 --jobs 6
 
 `strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact: of all SERIES, or, where one of --rows,
---horizons, --energies, --grids or --materials is given, of all their combinations. A row holds G / Gc when the tip has
+--horizons, --energies or --grids is given, of all their combinations. A row holds G / Gc when the tip has
 moved by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at
 four spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. `perforated` are lines of slits
 across a sheet (tools/perforated.py), whose bridges take Gc times what is not cut. The file is written after each run
@@ -48,6 +48,8 @@ GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.25}
 }  # fmt: skip
 ADVANCES = (1, 3, 6, 10)
+# With a free end ahead of the tear G is less than H W.
+HELD = {"far_end": "held"}
 # Rows, horizons in spacings, tearing energies [J/m^2] (40 is mu H) and grids of the strips of every material.
 SERIES: tuple[tuple[Sequence[int], Sequence[float], Sequence[float], Sequence[str]], ...] = (
     ((48, 80, 96, 160), (2.015,), (4.0, 20.0, 40.0), ("0",)),
@@ -128,7 +130,7 @@ def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """
     given = (options.rows, options.horizons, options.energies, options.grids)
     series = SERIES
-    if any(some is not None for some in (*given, options.materials)):
+    if any(some is not None for some in given):
         series = (tuple(some or default for some, default in zip(given, SERIES[0], strict=True)),)  # type: ignore[assignment]
     seen, compiled = [], set()
     for rows, horizons, energies, grids in series:
@@ -136,7 +138,8 @@ def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
         first, later = [], []
         for n, m, energy, grid, material in sorted(chosen, key=lambda settings: -settings[0] * settings[1]):
             named = {} if material == "neo_hookean" else {"material": material}
-            settings = {"points": n, "horizon": m, "tearing_energy": energy, **named, **GRIDS[grid], **further(options)}
+            settings = {"points": n, "horizon": m, "tearing_energy": energy, **named, **GRIDS[grid], **HELD}
+            settings |= further(options)
             if settings not in seen:
                 (later if (material, m, grid == "0") in compiled else first).append(settings)
                 seen.append(settings)

@@ -51,15 +51,22 @@ def continued(material: Material, strength: float, device: Any = None) -> Materi
 
 def _continued_from(material: Material, strength: float, end: float, device: Any) -> Material:
     """The same for a single material that reaches the strength at a stretch `end` [-] in planar tension."""
-    known, slopes = capabilities(material), _slopes(energy_density(material, STRETCHES, 1.0, device), strength)
-    constant = known.by_point is None and known.remembers is None
-    if slopes[-1] > 1.0 - ROUND_OFF:
-        return material
-    if constant and isinstance(material, Incompressible) and _knows_only_first_invariant(material, end, device):
-        return ContinuedInvariant(material, (end - 1.0 / end) ** 2)
+    from ..kernels.incompressible import incompressible_width
+
+    known, excess = capabilities(material), (end - 1.0 / end) ** 2
+    modulus, slopes = _slopes(energy_density(material, STRETCHES, 1.0, device), strength)
+    constant = known.by_point is None and known.remembers is None and known.isotropic
+    if constant and known.width is incompressible_width:
+        if not _knows_only_first_invariant(material, end, device):
+            least = _least_excess(material, strength, end, device)
+            return ContinuedEnergy(material, strength, least, tuple(slopes), (modulus, excess))
+        if slopes[-1] > 1.0 - ROUND_OFF:
+            return material
+        if isinstance(material, Incompressible):
+            return ContinuedInvariant(material, excess)
     if slopes[int(np.log2(FAR)) - 1] > 1.0 - STIFFENS:
         return material
-    least = _least_excess(material, strength, end, device) if constant and known.isotropic else -1.0
+    least = _least_excess(material, strength, end, device) if constant else -1.0
     return ContinuedEnergy(material, strength, least, tuple(slopes))
 
 
@@ -121,18 +128,21 @@ class ContinuedEnergy(PlaneStress):
         strength: Energy density [J/m^3].
         least: I1 - 3 below which the energy is certainly below the strength [-].
         slopes: Derivative of the new energy by the old one at 2, 4, ... times the strength.
+        planar: Derivative of the energy by I1 - 3 [Pa], and I1 - 3, at the strength in planar tension, of a material
+            that goes over to a neo-Hookean one.
     """
 
     material: Material
     strength: float
     least: float
     slopes: tuple[float, ...]
+    planar: tuple[float, ...] = ()
 
     @property
     def constants(self) -> tuple[float, ...]:
         """Constants of the material, with those of the mapping before the last."""
         *first, last = padded_constants(self.material)
-        return (*first, self.least, self.strength, *self.slopes, last)
+        return (*first, self.least, self.strength, *self.slopes, *self.planar, last)
 
     @property
     def isotropic(self) -> bool:  # type: ignore[override]
@@ -155,7 +165,7 @@ class ContinuedEnergy(PlaneStress):
         from ..kernels.tearing.continuation import of_given
 
         remembers = self._known.remembers
-        return None if remembers is None else of_given(self.material.functions, remembers)
+        return None if remembers is None else of_given(self.material.functions, bool(self.planar), remembers)
 
     @property
     def on_device(self) -> MaterialFunctions:
@@ -163,7 +173,9 @@ class ContinuedEnergy(PlaneStress):
         from ..kernels.tearing.continuation import continued_functions
 
         known = self._known
-        return continued_functions(self.material.functions, known.near, known.response, known.volume, known.width)
+        return continued_functions(
+            self.material.functions, bool(self.planar), known.near, known.response, known.volume, known.width
+        )
 
     @property
     def _known(self) -> Capabilities:
@@ -187,7 +199,7 @@ def _knows_only_first_invariant(material: Material, end: float, device: Any) -> 
     return bool((np.abs(found - planar)[both] <= ROUND_OFF * planar[both]).all())
 
 
-def _slopes(planar: np.ndarray, strength: float) -> np.ndarray:
+def _slopes(planar: np.ndarray, strength: float) -> tuple[float, np.ndarray]:
     """The slopes phi' at 2, 4, ... times the strength, from the energy in planar tension at STRETCHES.
 
     It never rises, since only what stiffens is changed.
@@ -198,7 +210,7 @@ def _slopes(planar: np.ndarray, strength: float) -> np.ndarray:
     density, excess = planar[:usable], (STRETCHES - 1.0 / STRETCHES)[:usable] ** 2
     knots = strength * 2.0 ** np.arange(KNOTS + 1)
     stiffness = np.interp(knots, density, np.gradient(density, excess))
-    return np.minimum.accumulate(np.minimum(stiffness[0] / stiffness, 1.0))[1:]
+    return float(stiffness[0]), np.minimum.accumulate(np.minimum(stiffness[0] / stiffness, 1.0))[1:]
 
 
 def _least_excess(material: Material, strength: float, end: float, device: Any) -> float:
