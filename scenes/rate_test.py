@@ -73,6 +73,10 @@ def build(
         prony_exponent: Exponent of the rate in its relaxation time.
         maxwell_1: Shear modulus of the first Maxwell element [Pa]; 0: none.
         time_1: Its relaxation time [s].
+        maxwell_2: Shear modulus of the second Maxwell element [Pa]; 0: none.
+        time_2: Its relaxation time [s].
+        maxwell_3: Shear modulus of the third Maxwell element [Pa]; 0: none.
+        time_3: Its relaxation time [s].
     """
     if positive("stretch", stretch) == 1.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch other than 1")

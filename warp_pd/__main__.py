@@ -528,6 +528,8 @@ def fit(
 
     A curve has a column for the controlled quantity ("time [s]", "load_factor [1]", or an argument of the scene such as
     "pressure [kPa]") and one for the measured quantity. Columns x, y, u, v (w) are measured displacements at positions.
+    A column uniaxial, equibiaxial or planar is the stretch of a uniform test, which needs no simulation; beside it are
+    its stress and, if wanted, its rate [1/s].
     """
     from .fitting.command import fit_scene
 
