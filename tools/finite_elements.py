@@ -438,6 +438,9 @@ class Motion:
         parts = self.density * m.thickness * (m.weights[..., None] * m.shapes).sum(axis=1)
         return np.bincount(m.elements.ravel(), weights=parts.ravel())
 
+    def touch(self, dt: float) -> None:
+        """Change the velocity of nodes that touch something in a step dt [s]; nothing is there."""
+
     def run(self, until: float) -> None:
         """Go on to a time [s], in equal steps.
 
@@ -452,6 +455,7 @@ class Motion:
             kick = 0.5 * dt if begin == 0.0 and k == 0 else dt
             self.velocity = (slower * self.velocity - kick * self.membrane.forces() / self.masses[:, None]) / faster
             self.velocity[self.held] = self.path(begin + (k + 0.5) * dt)
+            self.touch(dt)
             self.membrane.displacement += dt * self.velocity
         self.time = until
         if not np.isfinite(self.membrane.displacement).all():

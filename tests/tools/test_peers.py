@@ -43,13 +43,15 @@ def test_derivatives_of_the_energy_of_newtons_membrane():
     assert at_rest[0] + at_rest[1] == pytest.approx(0.0, abs=1e-9 * PROBLEMS["strip"].mu)
 
 
-def test_elements_converge_to_the_reference(monkeypatch):
+def test_elements_converge_to_the_reference(monkeypatch, tmp_path):
     monkeypatch.setattr(peers.references, "FINEST", 49)
     problem = PROBLEMS["strip"]
-    reference = Reference(problem, rubber)
+    reference = Reference(problem, rubber, tmp_path)
     errors = [reference.error(m.nodes, m.displacement) for m in (solved(problem, n, rubber(problem)) for n in (7, 13))]
     assert reference.points == 49 and reference.change < 1e-3
     assert errors[1] < 0.5 * errors[0] < 0.01
+    again = Reference(problem, rubber, tmp_path)
+    assert (again.points, again.change) == (49, reference.change)
 
 
 def test_a_peer_runs_in_a_process_of_its_own(monkeypatch):

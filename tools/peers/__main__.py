@@ -50,7 +50,7 @@ from peers.codes import CODES, Code  # noqa: E402
 from peers.elements import rubber  # noqa: E402
 from peers.page import sections  # noqa: E402
 from peers.problems import PROBLEMS  # noqa: E402
-from peers.references import Reference  # noqa: E402
+from peers.references import Draped, Reference  # noqa: E402
 from warp_pd import InputError  # noqa: E402
 
 PAGE, NUMBERS, WORK = DOCS / "peers.md", DOCS / "peers.json", RUNS / "peers"
@@ -85,7 +85,8 @@ def _measured(code: Code, problem: str, settings: Row, device: str, python: Path
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     core = max(os.sched_getaffinity(0))
     command = [
-        sys.executable if own else str(python), str(HERE / "worker.py"), code.adapter, problem,
+        sys.executable if own else str(python), str(HERE / "worker.py"),
+        settings.get("adapter", code.adapter), problem,
         json.dumps({**settings, "device": device}), str(out),
     ]  # fmt: skip
     row: Row = {"problem": problem, "code": code.name, "points": settings["points"], "device": device_title(device)}
@@ -109,23 +110,31 @@ def _measured(code: Code, problem: str, settings: Row, device: str, python: Path
         return {**row, "error": abs(ratio - 1.0)}
     if not np.isfinite(found["displacement"]).all():
         return {**row, "failed": "diverged"}
-    row["error"] = reference(problem, rubber).error(found["places"], found["displacement"])
-    if code.material:
-        row["own_error"] = reference(problem, code.material).error(found["places"], found["displacement"])
+    row["error"] = reference(problem, rubber, device).error(found["places"], found["displacement"])
+    if code.material and not PROBLEMS[problem].bending:
+        row["own_error"] = reference(problem, code.material, device).error(found["places"], found["displacement"])
     return row
 
 
 @cache
-def reference(problem: str, material: Any) -> Reference:
-    """Converged finite elements."""
-    return Reference(PROBLEMS[problem], material)
+def reference(problem: str, material: Any, device: str) -> Reference | Draped:
+    """Converged finite elements, or this code's finest run."""
+    if PROBLEMS[problem].bending:
+        return Draped(PROBLEMS[problem], device, WORK / "reference")
+    return Reference(PROBLEMS[problem], material, WORK / "reference")
+
+
+def chosen(names: Sequence[str]) -> list[Code]:
+    """Codes whose names begin so; a whole name is one code."""
+    whole = {code.name for code in CODES}
+    return [c for c in CODES if any(c.name == n or (n not in whole and c.name.startswith(n)) for n in names)]
 
 
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, device="cpu", out=PAGE, only_page=False, missing=False)
     parser.add_argument("--problems", nargs="+", default=list(PROBLEMS), choices=list(PROBLEMS), metavar="PROBLEM")
-    parser.add_argument("--codes", nargs="+", default=[""], metavar="CODE", help="beginnings of their names")
+    parser.add_argument("--codes", nargs="+", default=[""], metavar="CODE", help="their names, or beginnings of them")
     parser.add_argument("--most-points", type=at_least_one, default=10**9, help="leave out larger runs")
     parser.add_argument("--python", type=Path, help="Python that has the peers; by default one is set up")
     options = parser.parse_args(arguments)
@@ -134,7 +143,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     for name in options.codes:
         if not any(code.name.startswith(name) for code in CODES):
             raise InputError(f"--codes {name}: expected the beginning of one of {[code.name for code in CODES]}")
-    if options.device != "cpu" and not any(c.gpu for c in CODES if c.name.startswith(tuple(options.codes))):
+    if options.device != "cpu" and not any(code.gpu for code in chosen(options.codes)):
         raise InputError(f"--device {options.device}: expected cpu, as none of these codes has a GPU path here")
     return options
 
@@ -148,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         python = options.python or environment()
         on_gpu = options.device != "cpu"
         title = device_title(options.device)
-        for code in (c for c in CODES if c.name.startswith(tuple(options.codes)) and (c.gpu or not on_gpu)):
+        for code in (c for c in chosen(options.codes) if c.gpu or not on_gpu):
             for problem in (p for p in options.problems if p in code.runs):
                 for settings in code.runs[problem]:
                     key = (problem, code.name, settings["points"], title)
@@ -158,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     row = measure(code, problem, settings, options.device, python)
                     row |= {"made": provenance(title)}
                     if not PROBLEMS[problem].cut:
-                        row["reference_change"] = reference(problem, rubber).change
+                        row["reference_change"] = reference(problem, rubber, options.device).change
                     print({k: v for k, v in row.items() if k not in ("made", "device")}, flush=True)
                     rows = [r for r in rows if r not in known] + [row]
                     save_rows(numbers, rows)

@@ -16,7 +16,7 @@ class Code:
 
     Attributes:
         name: In tables.
-        adapter: Module of `peers.adapters`.
+        adapter: Module of `peers.adapters`; settings may name another.
         how: What it does, in words.
         runs: Problem -> settings, from coarse to fine.
         cannot: Problem -> why it has no row of numbers.
@@ -56,10 +56,11 @@ def settling(*points: int, keep: float, step: float, **settings: Any) -> list[Se
 
 STATIC = ("pressure", "strip")
 NO_TEAR = {"tear": "it has no rupture"}
+UNBENT = {"drape": "these membrane elements have no bending stiffness"}
 BY_HAND = {"tear": "elements do not tear by themselves; a damage field would have to be written by hand"}
 FLAT = {
-    "drum": "there is no pressure that follows the sheet",
-    "pressure": "there is no pressure that follows the sheet",
+    **dict.fromkeys(("drum", "pressure"), "there is no pressure that follows the sheet"),
+    **dict.fromkeys(("ball", "drape"), "not run: bonds in one layer have another Poisson's ratio, and no bending"),
     "strip": "not run: bonds in one layer have another Poisson's ratio (1/3)",
 }
 vbd = settling(13, 25, 49, keep=0.97, step=1e-4, solver="vbd", iterations=5)
@@ -71,46 +72,99 @@ drum = [
     for s, n in zip(vbd, (30, 60, 120), strict=True)
 ]
 springs = [{**s, "solver": "xpbd", "iterations": 4} for s in drum]
+# A fall until it rests: time [s] and damping [1/s].
+FALL = {"duration": 1.5, "damping": 15.0, "horizon": 1.5}
+
+
+def falling(*points: int, step: float, **settings: Any) -> list[Settings]:
+    """Settings of newton with a ball; steps [s]."""
+    more = {"adapter": "newton_ball", "stiffness": 1e3, **FALL, **settings}
+    return [{"points": n, "step": step, **more} for n in points]
+
+
+def with_ball(solver: str, step: float) -> dict[str, list[Settings]]:
+    """Settings of newton in the problems with a ball; `step` of the draped sheet [s]."""
+    given = {"solver": solver, "iterations": 10}
+    return {
+        "ball": [s for n in (13, 25, 49) for s in falling(n, step=1e-4 * 24 / (n - 1), **given)],
+        "drape": falling(25, step=step, **given),
+    }
+
+
 CODES = [
     Code(
         "this code", "this_code",
         "bond-associated, corrected weights: at rest Newton's method in float64, horizon 1.5; in time explicit in "
         "float32, horizon 2.015; the tear with `TearingEnergy`",
         {name: ladder(13, 25, 49, 97, horizon=1.5) for name in STATIC}
-        | {"drum": ladder(13, 25, 49, 97, horizon=2.015), "tear": ladder(20, 30, 40, horizon=2.015)},
+        | {name: ladder(13, 25, 49, 97, horizon=2.015) for name in ("drum", "ball")}
+        | {"tear": ladder(20, 24, 32, horizon=2.015), "drape": ladder(25, 49, **FALL)},
+        gpu=True,
+    ),
+    Code(
+        "this code, Implicit", "this_code",
+        "implicit steps in float64: 2 without inertia of the strip and the pressure, 40 of the drum, 300 of the drape",
+        {name: ladder(13, 25, 49, horizon=1.5, steps=2) for name in STATIC}
+        | {"drum": ladder(13, 25, 49, horizon=2.015, steps=40), "drape": ladder(25, steps=300, **FALL)},
+        {
+            "ball": "`Implicit` takes no free bodies",
+            "tear": "not run: slower than explicit steps where a tear runs",
+        },
+        gpu=True,
+    ),
+    Code(
+        "this code, Relaxation", "this_code", "dynamic relaxation in float64",
+        {name: ladder(13, 25, 49, horizon=1.5, relaxed=True) for name in STATIC}
+        | {"drape": ladder(25, relaxed=True, **FALL)},
+        {**dict.fromkeys(("drum", "ball"), "it finds equilibria alone"), "tear": "not run: explicit steps are as fast"},
         gpu=True,
     ),
     Code(
         "scikit-fem, nine nodes", "scikit_fem", "membrane elements of tools/finite_elements.py, Newton's method",
         {name: ladder(13, 25, 49, 97, nodes=9) for name in STATIC},
-        {**BY_HAND, "drum": "explicit steps want lumped masses, which elements of nine nodes do not bear well"},
+        {
+            **BY_HAND, **UNBENT,
+            **dict.fromkeys(
+                ("drum", "ball"), "explicit steps want lumped masses, which elements of nine nodes do not bear well"
+            ),
+        },
     ),
     Code(
         "scikit-fem, four nodes", "scikit_fem",
         "the same with four nodes an element; in time explicit, central differences",
-        {name: ladder(13, 25, 49, 97, nodes=4) for name in STATIC} | {"drum": ladder(13, 25, 49, nodes=4)}, BY_HAND,
+        {name: ladder(13, 25, 49, 97, nodes=4) for name in STATIC}
+        | {name: ladder(13, 25, 49, nodes=4) for name in ("drum", "ball")},
+        BY_HAND | UNBENT,
     ),
     Code(
         "FElupe", "felupe_solid",
         "a layer of hexahedra of 27 nodes (it has no membranes); 4 load steps of the strip; under pressure 12, with a "
         "stretch of 10 % that is taken back, as its Newton's method fails from a flat sheet and from a dome",
         {"pressure": ladder(7, 13, 25), "strip": ladder(7, 13, 25)},
-        {**BY_HAND, "drum": "its dynamics are free vibrations alone"},
+        {
+            **BY_HAND,
+            **dict.fromkeys(("drum", "ball"), "its dynamics are free vibrations alone"),
+            "drape": "its solids have no contact with a rigid ball ready to use",
+        },
     ),
     Code(
         "newton, VBD", "newton_cloth",
-        "triangles of a membrane energy of its own, 5 iterations a step, steps near the explicit limit, until at rest",
-        {"pressure": vbd, "strip": vbd, "drum": drum}, NO_TEAR, gpu=True, material=newton_membrane,
+        "triangles of a membrane energy of its own, hinges that bend, 5 iterations a step, steps near the explicit "
+        "limit, until at rest; 10 iterations and contact of 1 kN/m a point with a ball",
+        {"pressure": vbd, "strip": vbd, "drum": drum, **with_ball("vbd", 4e-4)}, NO_TEAR,
+        gpu=True, material=newton_membrane,
     ),
     Code(
         "newton, VBD, as in its example", "newton_cloth", "the same with 10 iterations in steps of 1/600 s",
-        {"pressure": example, "strip": example}, {**NO_TEAR, "drum": "four of its steps are the whole time"},
+        {"pressure": example, "strip": example, "drape": falling(25, step=1 / 600, iterations=10, solver="vbd")},
+        {**NO_TEAR, **dict.fromkeys(("drum", "ball"), "four or six of its steps are the whole time")},
         gpu=True, material=newton_membrane,
     ),
     Code(
         "newton, XPBD", "newton_cloth",
-        "springs (it has no triangles), 4 iterations a step, until at rest; its strip does not come to rest",
-        {"pressure": xpbd, "strip": xpbd, "drum": springs}, NO_TEAR, gpu=True,
+        "springs (it has no triangles), hinges that bend, 4 iterations a step, until at rest; its strip does not come "
+        "to rest; 10 iterations and contact by projection with a ball",
+        {"pressure": xpbd, "strip": xpbd, "drum": springs, **with_ball("xpbd", 1.5e-4)}, NO_TEAR, gpu=True,
     ),
     Code(
         "LAMMPS, PERI", "lammps_peri",

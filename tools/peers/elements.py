@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 from finite_elements import Array, Membrane, Motion, Response, neo_hookean, rectangle
 
@@ -48,5 +51,29 @@ def solved(problem: Problem, points: int, material: Response, nine: bool = True)
         return sheet
     # A third of the time in which the fastest wave, sqrt(4 mu / rho) at rest, passes an element.
     step = 0.3 * ticks[0][1] / np.sqrt(4.0 * problem.mu / problem.density)
-    Motion(sheet, problem.density, 0.0, held, lambda _: np.zeros(3), step).run(problem.until)
+    motion = Motion if not problem.ball else partial(UnderBall, problem)
+    motion(sheet, problem.density, 0.0, held, lambda _: np.zeros(3), step).run(problem.until)
     return sheet
+
+
+class UnderBall(Motion):
+    """A membrane and a free rigid ball without friction.
+
+    A node that would end a step inside the ball ends it on its surface, and the ball loses the momentum that the node
+    gains: Lagrange multipliers of forward increments (Carpenter, Taylor and Katona 1991).
+    """
+
+    def __init__(self, problem: Problem, *args: Any) -> None:
+        super().__init__(*args)
+        self._radius, self._mass = problem.ball, problem.ball_mass
+        self._centre, self._speed = np.array(problem.ball_at), np.array([0.0, 0.0, -problem.ball_speed])
+
+    def touch(self, dt: float) -> None:
+        """Bring nodes to the surface."""
+        self._centre += dt * self._speed
+        place = self.membrane.displacement + dt * self.velocity - self._centre
+        place[:, :2] += self.membrane.nodes
+        distance = np.linalg.norm(place, axis=1)
+        gained = (np.maximum(self._radius - distance, 0.0) / (dt * distance))[:, None] * place
+        self.velocity += gained
+        self._speed -= (self.masses[:, None] * gained).sum(axis=0) / self._mass

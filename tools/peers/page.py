@@ -49,7 +49,8 @@ def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
         )
         return f"The error is that of G / Gc, exactly 1 when the cut grows (Rivlin and Thomas 1953): {ratios}."
     changes = [r["reference_change"] for r in rows if r.get("reference_change")]
-    return f"The reference changes by {max(changes, default=0.0):.1g} when its elements are halved."
+    whose = "is this code with 97 points; it " if problem.bending else ""
+    return f"The reference {whose}changes by {max(changes, default=0.0):.1g} when its spacing is halved."
 
 
 def cells(row: Row) -> list[str]:

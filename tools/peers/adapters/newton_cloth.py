@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import newton
 import numpy as np
 import warp as wp
+from newton import solvers
 
-VERSION = f"newton {newton.__version__}"
+from peers.adapters.newton_model import VERSION, cloth, finished, slow
 
 
 @wp.kernel
@@ -19,34 +19,11 @@ def push(corners: wp.array2d(dtype=int), q: wp.array(dtype=wp.vec3), pressure: f
     wp.atomic_add(f, k, force)
 
 
-@wp.kernel
-def slow(v: wp.array(dtype=wp.vec3), part: float):
-    """Leave a part of the velocities."""
-    v[wp.tid()] = part * v[wp.tid()]
-
-
 def solve(problem, settings):
     """Settings: points, solver ("vbd", "xpbd"), iterations, step [s], keep (of a velocity, each step), device."""
-    along, across = problem.counts(settings["points"])
-    places, vbd = problem.grid(settings["points"]), settings["solver"] == "vbd"
-    sizes = problem.size[0] / (along - 1), problem.size[1] / (across - 1)
-    shear = problem.mu * problem.thickness
-    builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
-    builder.add_cloth_grid(
-        pos=wp.vec3(), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=along - 1, dim_y=across - 1, cell_x=sizes[0],
-        cell_y=sizes[1], mass=problem.density * problem.thickness * sizes[0] * sizes[1], tri_ke=shear,
-        tri_ka=2.0 * shear, tri_kd=0.0, edge_ke=0.0, edge_kd=0.0, add_springs=not vbd, spring_ke=1.0, spring_kd=0.0,
-        particle_radius=0.1 * sizes[0],
-    )  # fmt: skip
-    for i in np.flatnonzero(problem.fixed(places)):
-        builder.particle_mass[i] = 0.0
-    builder.color()
-    model = builder.finalize(device=settings["device"])
-    if not vbd:
-        # Springs that resist an even stretch both ways as rubber does.
-        square = float((model.spring_rest_length.numpy() ** 2).sum())
-        model.spring_stiffness.fill_(12.0 * shear * problem.size[0] * problem.size[1] / square)
-    solvers = newton.solvers
+    places = problem.grid(settings["points"])
+    model = finished(problem, cloth(problem, settings), settings)
+    vbd = settings["solver"] == "vbd"
     solver = (solvers.SolverVBD if vbd else solvers.SolverXPBD)(model, iterations=settings["iterations"])
     now, then, control = model.state(), model.state(), model.control()
     rest = np.column_stack([places, np.zeros(len(places))])
