@@ -62,7 +62,8 @@ def test_a_coarse_sheet_does_not_know_its_welds():
         Simulation(both, LAW, Newton(preconditioner="algebraic"), loads=[weld], initial_displacement=start).build("cpu")
 
 
-def test_two_discs_that_are_welded_and_blown_up_are_a_mylar_balloon():
+@pytest.mark.parametrize("solver", [Explicit(0.05, frames=4, damping=300.0), Newton(most_iterations=200)])
+def test_two_discs_that_are_welded_and_blown_up_are_a_mylar_balloon(solver):
     """Folded by 180 degrees. Mladenov and Oprea, Amer. Math. Monthly 110 (2003): 0.7627 and 1.198."""
     radius, mu = 0.1, 3e7
     half = Sheet.outline(Circle((0, 0), radius), spacing=0.02, thickness=1e-4, density=1400.0)
@@ -72,7 +73,7 @@ def test_two_discs_that_are_welded_and_blown_up_are_a_mylar_balloon():
     start = start + np.outer(np.concatenate([height, -height]), (0.0, 0.0, 1.0))
     foil = TensionField(MooneyRivlin(0.5 * mu), slack_stiffness=1e-3 * mu)
     result = Simulation(
-        cushion, BondAssociated(foil, horizon=2.015), Explicit(0.05, frames=4, damping=300.0),
+        cushion, BondAssociated(foil, horizon=2.015), solver,
         loads=[seam, Fixed([top, n + top], "xy"), Fixed([foot], "yz"), Pressure(500.0)], initial_displacement=start,
     ).run(device="cpu")  # fmt: skip
     place = cushion.positions + result.frame.displacement

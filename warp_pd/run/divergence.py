@@ -121,8 +121,11 @@ class Soundness:
 
 
 def free_motions(built: Built) -> int:
-    """Number of rigid-body motions that the supports leave free, 0 to 6; a turn is free if it may be large."""
-    at = built.context.whole.positions
+    """Number of rigid-body motions that the supports leave free, 0 to 6; a turn is free if it may be large.
+
+    Of the sheet where it starts: its pieces may be placed, and flat ones arched.
+    """
+    at = built.context.given.positions + built.simulation.initial("initial_displacement")
     at = at - at.mean(axis=0)
     at = at / max(float(np.abs(at).max()), 1e-300)
     held = np.zeros(at.shape, bool)

@@ -26,6 +26,8 @@ STIFFNESSES = ("tangent", "constant")
 # A note reports a load step that moves the sheet JUMP times as far as each of the last COMPARED ones. Towards a maximum
 # of the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
 JUMP, COMPARED = 4.0, 3
+# Newton steps that a slack sheet may take.
+SLACK_ITERATIONS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,9 +258,13 @@ class BuiltNewton(StaticSystem):
                 "coarser lattices do not see slack regions of a few spacings: try 'algebraic'"
             )
         if self.system.law.goes_slack:
-            stiffer = "a slack_stiffness of the TensionField, of a thousandth of the shear modulus, or "
+            stiffer = "a slack_stiffness of the TensionField, of a thousandth of the shear modulus, "
+            stiffer = "" if self.system.law.slack_stiffness > 0.0 else stiffer
+            # From a slack sheet the number of iterations does not fall with the load.
+            few = self.settings.most_iterations < SLACK_ITERATIONS
+            more = f"load_steps=1 with most_iterations={SLACK_ITERATIONS}, " if few else ""
             notes.append(
                 "Newton: wrinkled and slack regions, as behind a crack, come and go between iterations, which converge "
-                f"slowly: try {'' if self.system.law.slack_stiffness > 0.0 else stiffer}Relaxation"
+                f"slowly: try {stiffer}{more}Explicit with damping, or Relaxation"
             )
         return notes

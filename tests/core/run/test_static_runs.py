@@ -4,6 +4,7 @@ import itertools
 import json
 import re
 
+import numpy as np
 import pytest
 from helpers import NEO, StopAt, square
 from small_runs import cli, run, simulate
@@ -144,7 +145,8 @@ def test_a_slack_stiffness_that_is_there_is_not_advised(stiffness, advised):
     material, solver = TensionField(NEO, slack_stiffness=stiffness), Newton(most_iterations=1, most_cuts=0)
     result = run(sheet, solver, material=material, loads=[Fixed(sheet.edges("left")), Pressure(5.0)])
     (note,) = [note for note in result.summary["notes"] if "slack regions" in note]
-    assert ("slack_stiffness" in note) == advised and note.endswith("Relaxation")
+    assert ("slack_stiffness" in note) == advised and note.endswith("Explicit with damping, or Relaxation")
+    assert "load_steps=1 with most_iterations=200, " in note
 
 
 def test_a_turn_that_supports_stop_once_it_is_large_is_not_free():
@@ -155,6 +157,14 @@ def test_a_turn_that_supports_stop_once_it_is_large_is_not_free():
     for loads, free in ((hinged, 1), ([*hinged, motion], 0), ([Fixed([0])], 3), ([Fixed(range(sheet.size), "z")], 3)):
         built = Simulation(sheet, BondAssociated(NEO), Newton(), loads).build("cpu")
         assert free_motions(built) == free
+    # Held points that lie on a line in the flat sheet, and not where it starts.
+    middle, right = sheet.nearest(0.05, 0.05), sheet.nearest(0.1, 0.05)
+    loads = [Fixed([sheet.nearest(0.0, 0.05)]), Fixed([middle, right], "yz")]
+    for height, free in ((0.0, 1), (0.03, 0)):
+        start = np.zeros((sheet.size, 3))
+        start[middle, 2] = height
+        placed = Simulation(sheet, BondAssociated(NEO), Newton(), loads, initial_displacement=start)
+        assert free_motions(placed.build("cpu")) == free
 
 
 @pytest.mark.parametrize(("ramp_steps", "retries"), [(1, 0), (5000, 0), (1, 5)])
