@@ -91,7 +91,8 @@ def pages(found: dict[str, Any], folder: Path) -> None:
             f"[printed.csv](printed.csv), by "
             f"`python -m tools.papers --only {name}`; {'; '.join(made_on)}."
         )
-        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD, merged(other))]})
+        shown = [[*cells[:5], cells[5] or cells[6].replace("differs", "")] for cells in merged(other)]
+        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD[:6], shown)]})
 
 
 def main() -> None:
