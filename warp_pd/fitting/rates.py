@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import singledispatch
 from itertools import zip_longest
 from typing import Any, cast
 
@@ -29,9 +30,26 @@ BACK = 0.05
 NUDGE = 1e-3
 
 
-def relaxing_terms(law: BondAssociated) -> tuple[Sequence[Prony], Sequence[Maxwell]]:
-    """Prony terms and Maxwell elements of a law."""
-    return (law.prony, law.branches) if isinstance(law, Visco) else ((), ())
+@singledispatch
+def relaxing_terms(law: Any) -> tuple[Sequence[Prony], Sequence[Maxwell]]:
+    """Prony terms and Maxwell elements of a law.
+
+    Raises:
+        InputError: for a law whose uniform stress is not that of its material.
+    """
+    raise InputError(f"force = {type(law).__name__}: expected BondAssociated or Visco with curves of uniform tests")
+
+
+@relaxing_terms.register
+def _(law: BondAssociated) -> tuple[Sequence[Prony], Sequence[Maxwell]]:
+    """None."""
+    return (), ()
+
+
+@relaxing_terms.register
+def _(law: Visco) -> tuple[Sequence[Prony], Sequence[Maxwell]]:
+    """Those that it has."""
+    return law.prony, law.branches
 
 
 def rate_stress(law: BondAssociated, loading: str, rate: float, stretch: np.ndarray) -> np.ndarray:
@@ -157,11 +175,8 @@ def law_tests(build: Callable[..., Any], ramps: Sequence[tuple[Curve, float]], g
 
     def law(**values: Any) -> BondAssociated:
         force = build(**values).force
-        if not isinstance(force, BondAssociated):
-            raise InputError(
-                f"force = {type(force).__name__}: expected BondAssociated or Visco with curves of uniform tests"
-            )
-        return force
+        relaxing_terms(force)
+        return cast(BondAssociated, force)
 
     law.__signature__ = inspect.signature(build)  # type: ignore[attr-defined]
     numbers = {

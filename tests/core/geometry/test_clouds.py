@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import refused
 
-from warp_pd import Circle, Sheet
+from warp_pd import Circle, InputError, Sheet
 
 SOLID = {"thickness": 1e-3, "density": 1000.0}
 RIM, HOLE = Circle((0.0, 0.0), 0.05), Circle((0.005, 0.0), 0.015)
@@ -64,3 +64,11 @@ def test_holes_are_covered_up_to_two_and_a_half_spacings_of_radius(radius, cover
     sheet = Sheet.from_points(np.concatenate([outside, ring]), spacing=0.01, **SOLID)
     hole = 8.0 * np.sin(np.pi / 8.0) * (0.01 * radius) ** 2
     assert sheet.areas.sum() == pytest.approx(0.04 - (0.0 if covered else hole), rel=1e-9)
+
+
+@pytest.mark.parametrize("grid", [{}, {"turn": 20.0}, {"jitter": 0.2}], ids=["lattice", "turned", "jittered"])
+def test_a_filled_rectangle_has_whole_areas_if_asked(grid):
+    sheet = Sheet.filled(0.1, 0.1, points=11, layers=(1, 0), areas="whole", **grid, **SOLID)
+    np.testing.assert_allclose(sheet.areas, 1e-4, rtol=1e-12)
+    with pytest.raises(InputError, match="areas = 'half'"):
+        Sheet.filled(0.1, 0.1, points=11, areas="half", **grid, **SOLID)
