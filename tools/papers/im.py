@@ -83,8 +83,9 @@ EXAMPLES: dict[str, Example] = {
     "im.6.3": partial(scene_values, "square_wrinkles"),
     "im.6.3.wide": partial(scene_values, "square_wrinkles", horizon=3.0),
     **{f"im.6.4.{spacings}": partial(kapton, horizon=float(spacings)) for spacings in (2, 3, 4)},
-    "im.6.5": notched,
-    "im.6.5.held": partial(notched, ends="held"),
+    # By Newton's method bonds break in equilibrium, which is not found beyond 2.7e-4 m (docs/papers/im.md).
+    "im.6.5": partial(notched, solver="explicit"),
+    "im.6.5.held": partial(notched, ends="held", solver="explicit"),
     "im.6.5.field": partial(notched, law="tension_field", solver="auto"),
 }
 
@@ -132,7 +133,11 @@ ROWS = [
     *(
         Row(f"im.6.5{run}", "6.5, figure 21", f"crack at Ux = {u * 1e4:g}e-4 m (mm)", "between 0 and 34, growing",
             f"crack_length at {u:g}", reading, low=1e-3, high=33e-3, scale=1e3)
-        for run, reading in (("", "free ends"), (".held", "held ends"), (".field", "tension field, not the paper's"))
+        for run, reading in (
+            ("", "free ends, pulled slowly"),
+            (".held", "held ends, pulled slowly"),
+            (".field", "tension field, not the paper's"),
+        )
         for u in SHOWN
     ),
 ]  # fmt: skip
