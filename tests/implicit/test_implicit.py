@@ -18,6 +18,7 @@ from warp_pd import (
     Maxwell,
     MooneyRivlin,
     Motion,
+    NeoHookean,
     Newton,
     Place,
     PointForce,
@@ -295,6 +296,29 @@ def test_a_tolerance_below_the_round_off_of_the_precision_is_refused():
     with pytest.raises(InputError, match=r"^tolerance = 1e-08: expected at least 6e-08 in precision 32$"):
         simulation.build("cpu", 32)
     simulation.build("cpu", 64)
+
+
+def test_a_residual_that_is_round_off_is_reported_as_it_is():
+    pull = Motion(RIGHT, (0.0, 0.02), x=(0.0, 0.001), y=0.0, z=0.0)
+    for solver in (Implicit(0.02, frames=1, steps=4, residual=1e-8), Newton(tolerance=1e-8, duration=0.02)):
+        solve = run(SHEET, solver, loads=[Fixed(LEFT), pull], precision=32).summary["solve"]
+        residual = solve["residual"] if "residual" in solve else solve["residuals"][-1]
+        assert 1e-8 < residual < 1e-5
+    assert solve["load_steps"][0]["lattices"][0]["round_off"]
+
+
+def test_a_ramp_shorter_than_a_step_is_noted_where_the_balance_is_off():
+    sheet = square(13)
+
+    def notes(ramp):
+        loads = [Fixed(sheet.edges("all")), Pressure(50.0, ramp=[(0.0, 0.0), (ramp, 1.0)])]
+        stiff = NeoHookean(mu=3e5, bulk=1e8)
+        found = run(sheet, Implicit(0.2, frames=4, steps=40), material=stiff, loads=loads).summary["notes"]
+        return [note for note in found if note.startswith("Implicit: Pressure ramp changes within")]
+
+    (note,) = notes(1e-3)
+    assert "0.001 s, but steps have 0.005 s" in note and "more steps than 40" in note
+    assert not notes(0.05)
 
 
 def test_parts_with_forces_of_their_own_are_refused():

@@ -55,6 +55,12 @@ class Schedule:
         later = self.values[self.times > time * (1.0 + 1e-9)]
         return bool((later != self.at(time)).any())
 
+    @property
+    def shortest_change(self) -> float:
+        """Shortest time between knots of different values [s]; infinite if the values are constant."""
+        changes = (np.diff(self.values, axis=0) != 0.0).any(axis=1)
+        return float(np.diff(self.times)[changes].min(initial=np.inf))
+
     def top_speed(self, time: float) -> float:
         """Largest rate of change up to a time [1/s]."""
         rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]

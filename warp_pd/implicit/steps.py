@@ -15,12 +15,14 @@ from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
+from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
-from ..statics.descent import UNIT_ROUND_OFF, Descent
+from ..statics.descent import Descent
 from ..statics.level import Level, total
 from ..statics.secants import Secants
+from ..statics.static_rounds import UNIT_ROUND_OFF
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
 from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .internal import InternalVariables, internal_variables_of
@@ -48,6 +50,8 @@ FIRST, SAME = 1e-4, 1e-10
 # Without inertia the velocity jumps at a knot and at the start, and is forgotten in two steps: their errors are those
 # of the jump, at any step. They count as small at this share of the way to the next stop.
 FORGOTTEN, JUMP = 2, 1e-4
+# Error of the energy balance from which a note tells of schedules that steps do not resolve.
+OFF = 0.01
 
 
 class BuiltImplicit(StaticSystem):
@@ -89,7 +93,7 @@ class BuiltImplicit(StaticSystem):
         # Steps since the start or the last knot.
         self._since = 0
         self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused", "rounds"), 0)
-        self._residual = 0.0
+        self._rests, self._residual, self._largest_residual = True, 0.0, 0.0
         self.tears: Tears | None = None
 
     def prepare(self, system: System) -> None:
@@ -181,17 +185,21 @@ class BuiltImplicit(StaticSystem):
 
     def _all_stops(self) -> np.ndarray:
         """Times of frames and knots, at which steps end [s]."""
-        solver, end = self.settings, self.settings.duration
-        schedules = list(self.context.clock.schedules)
-        for constraint in self.system.constraints:
-            schedules += [constraint.motion] if constraint.motion is not None else []
-            schedules += [constraint.turn.angle] if constraint.turn is not None else []
+        solver, end, schedules = self.settings, self.settings.duration, self._schedules()
         frames = np.array([solver.frame_time(index) for index in range(1, solver.frame_count + 1)])
         self._knots = np.unique(np.concatenate([schedule.times for schedule in schedules] or [np.zeros(0)]))
         every = np.unique(np.concatenate([frames, self._knots]))
         every = every[(every > SAME * end) & (every <= (1.0 + SAME) * end)]
         # Where two are the same but for round-off the later one stays: the last is a frame.
         return every[np.diff(every, append=math.inf) > SAME * end]
+
+    def _schedules(self) -> list[Schedule]:
+        """Those of loads, parts and supports."""
+        schedules = list(self.context.clock.schedules)
+        for constraint in self.system.constraints:
+            schedules += [constraint.motion] if constraint.motion is not None else []
+            schedules += [constraint.turn.angle] if constraint.turn is not None else []
+        return schedules
 
     # A run ----------------------------------------------------------------------------------------------
 
@@ -239,6 +247,7 @@ class BuiltImplicit(StaticSystem):
         if sink.solve is not None:
             self._begin -= sink.solve["seconds"]
             self._counts = {name: sink.solve[name] for name in self._counts}
+            self._largest_residual = sink.solve["residual"]
         self._set_contact_stiffness()
         for index in range(sink.frame_index + 1, self.settings.frame_count + 1):
             steps = self._advance(self.settings.frame_time(index), sink)
@@ -256,7 +265,7 @@ class BuiltImplicit(StaticSystem):
     def _account(self) -> dict[str, Any]:
         return {
             "solver": self.name, "preconditioner": self.preconditioner, **self._counts,
-            "seconds": perf_counter() - self._begin,
+            "residual": self._largest_residual, "seconds": perf_counter() - self._begin,
         }  # fmt: skip
 
     def _advance(self, end: float, sink: FrameSink) -> int:
@@ -336,6 +345,7 @@ class BuiltImplicit(StaticSystem):
             self._wanted = min(self._wanted, max(tears.factor, SHORTEN) * dt)
             tears.accept(then, dt)
         self._counts["steps"] += 1
+        self._largest_residual = max(self._largest_residual, self._residual)
         self._last, self._smooth = dt, self._is_smooth()
         at_knot = bool((np.abs(self._knots - then) <= SAME * self.settings.duration).any())
         self._since = 0 if at_knot else self._since + 1
@@ -414,7 +424,7 @@ class BuiltImplicit(StaticSystem):
         for _ in range(MOST_ROUNDS):
             if self.moved is not None:
                 assign(self.moved, self.levels[0].displacement.numpy() - self.before.numpy())
-            then = self.rounds.following(entry, self._residual, self.tolerance)
+            then = self.rounds.following(entry, self._rests, self.tolerance)
             if then is None:
                 return not self.rounds.passed()
             self._counts["rounds"] += 1
@@ -445,14 +455,28 @@ class BuiltImplicit(StaticSystem):
         ).run()  # fmt: skip
         self._counts["iterations"] += len(found["shares"])
         self._counts["products"] += found["products"]
-        self._residual = found["residuals"][-1]
+        self._rests, self._residual = self._settled(found), found["residuals"][-1]
         # A prediction that is too far leaves the tangent as it was.
         self._known = found["converged"] or (known and not found["shares"])
         return bool(found["converged"])
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """A note on tears that ran."""
-        return [] if self.tears is None else self.tears.notes(self.settings.inertia)
+        """Notes on tears that ran, and on schedules that steps do not resolve if the energy balance is off."""
+        notes = [] if self.tears is None else self.tears.notes(self.settings.inertia)
+        if (
+            self.settings.steps is None
+            or max((abs(row.get("balance_error", 0.0)) for row in history), default=0.0) < OFF
+        ):
+            return notes
+        step = self.settings.duration / self.settings.steps
+        shortest = {schedule.name: schedule.shortest_change for schedule in self._schedules()}
+        return notes + [
+            f"Implicit: {name or 'a schedule'} changes within {time:.3g} s, but steps have {step:.3g} s and do not "
+            f"resolve the motion that this starts: expected a longer change, more steps than {self.settings.steps}, or "
+            "a tolerance"
+            for name, time in shortest.items()
+            if time < step * (1.0 - SAME)
+        ]
 
     # Restarts -------------------------------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ from .level import Level, dot
 from .linear import LinearSolver
 from .newton_settings import NewtonSettings
 from .secants import Secants
-from .static_rounds import MIN_LOAD
+from .static_rounds import MIN_LOAD, UNIT_ROUND_OFF
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
 # fraction of its start.
@@ -33,9 +33,9 @@ SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.03, 1e-3, 100.0, 1e-7
 LOOSEST, LOOSEST_ALGEBRAIC, TIGHTEST = 0.05, 0.01, 1e-6
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
-# Residual over the last one from which it falls no more; relative round-off of a number by precision, and margin of the
-# forces that come from it. A residual above the last number is never round-off: a load that nothing bears is one.
-STUCK, UNIT_ROUND_OFF, MARGIN, LARGEST_UNSEEN = 0.5, {64: 2.0**-53, 32: 2.0**-24}, 4.0, 1e-2
+# Residual over the last one from which it falls no more, and margin of the forces that come from round-off. A residual
+# above the last number is never round-off: a load that nothing bears is one.
+STUCK, MARGIN, LARGEST_UNSEEN = 0.5, 4.0, 1e-2
 # Residual to which coarser lattices are solved: their discretisation error is larger.
 COARSE_TOLERANCE = 1e-3
 
@@ -105,7 +105,7 @@ class Descent:
         before = self.solver.products
         wp.copy(self.level.base, self.level.displacement)
         norm, scale = self.level.evaluate()
-        converged = False
+        converged = round_off = False
         for iteration in range(self.settings.most_iterations + 1):
             relative = ratio(norm, scale) if self.report is None else self.sizes.relative(norm, scale)
             self.residuals.append(relative)
@@ -113,9 +113,8 @@ class Descent:
                 self.report(len(self.step_lengths), relative)
             if not math.isfinite(norm) or (iteration == 0 and relative > self._farthest):
                 break
-            if relative > self.tolerance and self._unseen(norm):
-                relative = self.residuals[-1] = self.tolerance
-            converged = relative <= self.tolerance and not self.lifting
+            round_off = relative > self.tolerance and self._unseen(norm)
+            converged = (round_off or relative <= self.tolerance) and not self.lifting
             if converged and self.report is not None:
                 self.sizes.largest = max(self.sizes.largest, scale)
             if converged or iteration == self.settings.most_iterations:
@@ -128,6 +127,7 @@ class Descent:
         return {
             "points": self.level.points,
             "converged": converged,
+            "round_off": converged and round_off,
             "residuals": self.residuals,
             "shares": self.step_lengths,
             "products": self.solver.products - before,

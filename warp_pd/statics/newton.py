@@ -216,12 +216,14 @@ class BuiltNewton(StaticSystem):
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)
         entry, secants = self.report.load_steps[-1], Secants()
-        while converged and (then := self.rounds.following(entry, residual, self.tolerance)) is not None:
+        found = whole = entry["lattices"][-1]
+        while converged and (then := self.rounds.following(entry, self._settled(found), self.tolerance)) is not None:
             if then.broken:
                 self._kept_factor = None
             # The rounds of a damage field change little; a criterion breaks many bonds at once.
             kept = secants if then.broken and self.rounds.close_enough > 0.0 else None
-            found, whole = self._descend(0, factor, sink, then.tolerance, then.title, kept), entry["lattices"][-1]
+            found = self._descend(0, factor, sink, then.tolerance, then.title, kept)
+            whole["round_off"] = found["round_off"]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]
             converged, residual = found["converged"] and not self.rounds.runs_through(entry), found["residuals"][-1]

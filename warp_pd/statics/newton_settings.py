@@ -82,8 +82,8 @@ class Report:
         solver: Name of the solver.
         preconditioner: Preconditioner in use.
         load_steps: One entry per attempted load step: share (load factor), converged, rounds of rupture, and per
-            lattice, coarsest first: points, relative residuals, accepted fractions of the steps, products with the
-            stiffness.
+            lattice, coarsest first: points, relative residuals, whether the last one is round-off above the tolerance,
+            accepted fractions of the steps, products with the stiffness.
     """
 
     solver: str

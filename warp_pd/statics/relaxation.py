@@ -23,7 +23,7 @@ from ..solvers.retries import Snapshot
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
 from .load_scale import LoadScale
-from .static_rounds import FARTHEST, MIN_LOAD, StaticRounds, flies
+from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, StaticRounds, flies
 
 if TYPE_CHECKING:
     from ..solvers.stable_step import StableStep
@@ -39,8 +39,7 @@ FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
 STIFFNESS = 0.5
 # Unbalanced force over what moves a stressed sheet in equilibrium; and the way that it may still have to go over that
 # from the start, which counts as none below so many units of round-off.
-ACCURACY, ROUNDED = 1e-4, 10.0
-EPSILON = {64: 2.0**-52, 32: 2.0**-23}
+ACCURACY, ROUNDED = 1e-4, 20.0
 
 
 @dataclass(frozen=True)
@@ -247,7 +246,10 @@ class BuiltRelaxation(BuiltSolver):
         self.system.set_clock(duration / (count * solver.ramp_steps), duration * index / count)
         self._prescribed = float(np.abs(self.system.prescribed(duration * end)).max())
         converged = self._relax(entry, sink, self.tolerance, solver.ramp_steps)
-        while converged and (then := rounds.following(entry, entry["residuals"][-1], self.tolerance)) is not None:
+        while converged:
+            then = rounds.following(entry, entry["residuals"][-1] <= self.tolerance, self.tolerance)
+            if then is None:
+                break
             converged = self._relax(entry, sink, then.tolerance, 0, then.title) and not rounds.runs_through(entry)
         converged = converged and not rounds.passed()
         entry.update(steps=self._done - entry["steps"], converged=converged)
@@ -355,7 +357,10 @@ class BuiltRelaxation(BuiltSolver):
         start = context.initial_displacement
         before, self._before = self._before, here
         last, self._moved = self._moved, math.inf if before is None else float(np.linalg.norm(here - before))
-        way, round_off = float(np.linalg.norm(here - start)), ROUNDED * EPSILON[context.bits] * np.linalg.norm(here)
+        way, round_off = (
+            float(np.linalg.norm(here - start)),
+            ROUNDED * UNIT_ROUND_OFF[context.bits] * np.linalg.norm(here),
+        )
         shrinking = self._moved / last if 0.0 < last < math.inf else 1.0
         ahead = self._moved * shrinking / (1.0 - shrinking) if shrinking < 1.0 else math.inf
         hidden = not context.communicator.any(bool(way > round_off))

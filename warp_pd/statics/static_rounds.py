@@ -15,6 +15,8 @@ from ..interfaces import System
 # A point that is so many sizes of the sheet from its place, beyond what is prescribed, is in no equilibrium: no rubber
 # stretches that far.
 FARTHEST = 100.0
+# Relative round-off of a number, by precision.
+UNIT_ROUND_OFF = {64: 2.0**-53, 32: 2.0**-24}
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
 # carried before.
 MIN_LOAD = 1e-3
@@ -63,15 +65,15 @@ class StaticRounds:
             self.close_enough = self._rupture.close_enough
             self._rupture.prepare_at_rest(moved)
 
-    def following(self, entry: dict[str, Any], residual: float, tolerance: float) -> Round | None:
-        """The round after an equilibrium with this residual; None if nothing has changed there.
+    def following(self, entry: dict[str, Any], settled: bool, tolerance: float) -> Round | None:
+        """The round after an equilibrium; None if nothing has changed there, and it is `settled` to `tolerance`.
 
-        `entry` is that of the load step in the report, whose rounds it counts; its last equilibrium needs `tolerance`.
+        `entry` is that of the load step in the report, whose rounds it counts.
         """
         # Bonds break only with the final forces of contact.
         updated = self.update_multipliers()
         broken = not updated and self.breaks(entry["rounds"])
-        if not updated and not broken and residual <= tolerance:
+        if not updated and not broken and settled:
             return None
         entry["rounds"] += updated or broken
         title = f"round {entry['rounds']} of {'contact' if updated else 'rupture'}" if entry["rounds"] else ""

@@ -244,6 +244,10 @@ class StaticSystem(BuiltSolver):
             None if secants is None else SLOWEST, secants=secants,
         ).run()  # fmt: skip
 
+    def _settled(self, found: dict[str, Any]) -> bool:
+        """Whether an equilibrium, as `Descent` reports it, is one to the solver's tolerance or to round-off."""
+        return bool(found["round_off"] or found["residuals"][-1] <= self.tolerance)
+
     def set_loads(self, factor: float, index: int = 0) -> None:
         """Set the loads of a level to a load factor."""
         duration = self.settings.duration
