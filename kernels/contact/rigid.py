@@ -47,7 +47,8 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         # Positions from the centre of mass in the clamped sheet, and those from which displacements count.
         arms: wp.array(dtype=wp.vec3d)
         origins: wp.array(dtype=wp.vec3d)
-        masses: wp.array(dtype=wp.float64)
+        # Along x, y and z; infinite where a guide holds the body.
+        masses: wp.array(dtype=wp.vec3d)
         inverse_inertia: wp.array(dtype=wp.mat33d)
         step: wp.array(dtype=real)
         damping: wp.array(dtype=real)
@@ -105,7 +106,7 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
             keep = wp.float64(1.0) - wp.float64(0.5) * dt * wp.float64(a.damping[0])
         p = keep * a.linear[b] + wp.float64(0.5) * dt * push
         L = keep * a.angular[b] + wp.float64(0.5) * dt * turn
-        d = a.place[b] + (dt / a.masses[b]) * p
+        d = a.place[b] + wp.cw_mul(wp.cw_div(wp.vec3d(dt, dt, dt), a.masses[b]), p)
         R = turned(a.rotation[b], spin(a.rotation[b], a.inverse_inertia[b], L), dt)
         a.linear[b] = p
         a.angular[b] = L
@@ -132,7 +133,7 @@ def rigid_inclusions(options: StepOptions) -> RigidInclusions:
         R = a.rotation[b]
         omega = spin(R, a.inverse_inertia[b], L)
         for q in range(a.begins[b], a.begins[b + 1]):
-            a.velocity[a.members[q]] = vec3(p / a.masses[b] + wp.cross(omega, R * a.arms[q]))
+            a.velocity[a.members[q]] = vec3(wp.cw_div(p, a.masses[b]) + wp.cross(omega, R * a.arms[q]))
 
     @kernel(per="body")
     def show_forces(a: Bodies, first: int, push: wp.array(dtype=wp.vec3d), turn: wp.array(dtype=wp.vec3d)):
@@ -159,7 +160,7 @@ def held_inclusions(bits: int) -> Kernel:
         members: wp.array(dtype=wp.int32),
         arms: wp.array(dtype=wp.vec3d),
         origins: wp.array(dtype=wp.vec3d),
-        masses: wp.array(dtype=wp.float64),
+        masses: wp.array(dtype=wp.vec3d),
         mass: wp.array(dtype=real),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -176,7 +177,7 @@ def held_inclusions(bits: int) -> Kernel:
         centre = wp.vec3d()
         for p in range(begins[b], begins[b + 1]):
             i = members[p]
-            centre += (wp.float64(mass[i]) / masses[b]) * (origins[p] + wp.vec3d(displacement[i]))
+            centre += (wp.float64(mass[i]) / masses[b][0]) * (origins[p] + wp.vec3d(displacement[i]))
         pushed = wp.vec3d()
         turned = wp.vec3d()
         moving = wp.vec3d()

@@ -20,6 +20,7 @@ from warp_pd import (
     MooneyRivlin,
     Motion,
     Newton,
+    Reaction,
     Relaxation,
     RigidBody,
     Sheet,
@@ -341,7 +342,6 @@ def test_a_disc_on_a_motion_has_its_velocity_spin_and_force_in_dynamics():
 
 
 @pytest.mark.parametrize(("support", "said"), [
-    (lambda inside: Fixed(inside, "xy"), "holds xy"),
     (lambda inside: Motion(inside, [0.0, 1.0], angle=[0.0, 1.0]), "holds xy"),
     (lambda inside: Fixed(inside[1:]), "holds only some of its points"),
 ])  # fmt: skip
@@ -349,3 +349,40 @@ def test_an_inclusion_that_is_held_in_part_is_refused(support, said):
     sheet = square(9).inclusion((0.05, 0.05), 0.02)
     with refused(match=rf"\.points contains points of the rigid inclusion 'inclusion_1', but {said}: expected all"):
         run(sheet, Newton(), loads=[Fixed(sheet.edges("all")), support(sheet.inclusions[0])])
+
+
+# Guides ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", [Explicit(0.1, frames=2), Relaxation(tolerance=1e-6)])
+def test_a_disc_on_a_stem_rises_and_does_not_tilt(solver):
+    """Beside the middle of its sheet it tilts without a guide; the guide takes the force along the sheet."""
+    sheet = square(17).inclusion((0.035, 0.05), 0.015)
+    disc = sheet.inclusions[0]
+    loads = [Fixed(sheet.edges("all")), BodyForce((0.0, 0.0, 2e3))]
+    free, guided = (
+        run(sheet, solver, loads=[*loads, *more]).history[-1]
+        for more in ((), [Fixed(disc, "xy"), Reaction(disc, "guide")])
+    )
+    turns = [f"inclusion_1_rotation_{c}" for c in "xyz"]
+    assert [guided[name] for name in turns] == [0.0, 0.0, 0.0] and abs(free[turns[1]]) > 1e-4
+    start = np.average(sheet.positions[disc], axis=0, weights=sheet.areas[disc])
+    assert [guided[f"inclusion_1_position_{c}"] for c in "xy"] == pytest.approx(start[:2], abs=1e-15)
+    assert guided["inclusion_1_position_z"] > 1e-4 and guided["guide_z"] == 0.0
+    assert guided["guide_x"] == pytest.approx(-guided["inclusion_1_force_x"], rel=1e-5)
+    assert solver.dynamic is False or abs(guided["balance_error"]) < 0.01
+
+
+def test_in_the_plane_a_disc_drifts_and_spins_as_without_guides():
+    """All points held along z, as a problem in the plane is: momentum and moment about z stay."""
+    sheet = INCLUSION
+    place = sheet.positions - np.average(sheet.positions, axis=0, weights=sheet.areas)
+    velocity = np.cross([0.0, 0.0, 3.0], place) + [0.02, 0.01, 0.0]
+    velocity[sheet.inclusions[0]] *= 0.5
+    loads = [Fixed(np.arange(sheet.size), "z")]
+    held, free = (
+        run(sheet, initial_velocity=velocity, solver=Explicit(0.05, frames=2, safety=0.3), loads=more)
+        for more in (loads, [])
+    )
+    assert held.frame.displacement == pytest.approx(free.frame.displacement, abs=1e-12)
+    assert held.history[-1]["inclusion_1_spin_z"] == pytest.approx(free.history[-1]["inclusion_1_spin_z"], rel=1e-9)

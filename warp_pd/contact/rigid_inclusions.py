@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,16 +32,18 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class RigidInclusions(Part):
-    """The free rigid inclusions of a sheet, see `Sheet.rigid`: bodies that the sheet moves.
+    """Rigid inclusions that the sheet moves, see `Sheet.rigid`; a `Fixed` may hold components of all their points.
 
     Attributes:
         groups: Point indices of each inclusion.
         names: Prefixes of its columns.
+        held: Bits of its components that supports hold. Of a body with one, only the turn about that axis is free.
         velocity: Velocity of all points of the sheet at time 0 [m/s], shape (N, 3).
     """
 
     groups: Sequence[np.ndarray]
     names: Sequence[str]
+    held: Sequence[int]
     velocity: np.ndarray
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
@@ -48,7 +52,7 @@ class RigidInclusions(Part):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the bodies on a device."""
-        return FreeInclusions(self.groups, self.names, self.velocity, context)
+        return FreeInclusions(self, context)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,37 +65,39 @@ class GivenInclusions(RigidInclusions):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the sums on a device."""
-        return BuiltInclusions(self.groups, self.names, self.velocity, context)
+        return BuiltInclusions(self, context)
 
 
 def inclusions_of(sheet: Sheet, constraints: Sequence[Constraint], velocity: np.ndarray) -> list[Part]:
     """The parts of the rigid inclusions of a sheet, given what the supports hold and the initial velocity [m/s].
 
     Raises:
-        InputError: if supports hold some points or some components of an inclusion, which leaves it neither free nor
-            held.
+        InputError: if supports hold some points of an inclusion only, or move it in some components only.
     """
-    names = _names(sheet, sheet.inclusions)
-    free: list[int] = []
-    given: list[int] = []
-    for number, members in enumerate(sheet.inclusions):
-        bits, touched = 0, None
-        for constraint in constraints:
-            common = np.isin(members, constraint.points)
-            touched = constraint if common.any() else touched
-            bits |= constraint.components if common.all() else 0
-        if touched is not None and bits & HELD != HELD:
-            held = "".join(c for k, c in enumerate("xyz") if bits & 1 << k) or "only some of its points"
-            raise InputError(
-                f"{touched.owner}.points contains points of the rigid inclusion {names[number]!r}, but holds {held}: "
-                "expected all points of the inclusion and x, y and z (0.0 holds one), or none of them"
-            )
-        (free if touched is None else given).append(number)
-    return [
-        part([sheet.inclusions[k] for k in numbers], [names[k] for k in numbers], velocity)
-        for part, numbers in ((RigidInclusions, free), (GivenInclusions, given))
-        if numbers
-    ]
+    names, bits = _names(sheet, sheet.inclusions), []
+    for name, members in zip(names, sheet.inclusions, strict=True):
+        touching = [c for c in constraints if np.isin(members, c.points).any()]
+        whole = [c for c in touching if np.isin(members, c.points).all()]
+        bits.append(HELD & functools.reduce(operator.or_, (c.components for c in whole), 0))
+        if bits[-1] == HELD:
+            continue
+        for constraint in touching:
+            moves = constraint.motion is not None
+            if moves or all(constraint is not each for each in whole):
+                held = "".join(c for k, c in enumerate("xyz") if bits[-1] & 1 << k) or "only some of its points"
+                expected = "x, y and z (0.0 holds one)" if moves else "any components"
+                raise InputError(
+                    f"{constraint.owner}.points contains points of the rigid inclusion {name!r}, but holds {held}: "
+                    f"expected all points of the inclusion and {expected}, or none of them"
+                )
+    kinds: list[tuple[type[RigidInclusions], bool]] = [(RigidInclusions, False), (GivenInclusions, True)]
+    parts: list[Part] = []
+    for part, given in kinds:
+        chosen = [k for k, held in enumerate(bits) if (held == HELD) == given]
+        if chosen:
+            groups, called, held = ([each[k] for k in chosen] for each in (sheet.inclusions, names, bits))
+            parts.append(part(groups, called, held, velocity))
+    return parts
 
 
 class BuiltInclusions(BuiltPart):
@@ -111,25 +117,27 @@ class BuiltInclusions(BuiltPart):
     label = "sheet.inclusions"
     restart = False
 
-    def __init__(
-        self, groups: Sequence[np.ndarray], names: Sequence[str], velocity: np.ndarray, context: Context
-    ) -> None:
-        self.context, self.count, self.names = context, len(groups), names
+    def __init__(self, given: RigidInclusions, context: Context) -> None:
+        groups, velocity = given.groups, given.velocity
+        self.context, self.count, self.names = context, len(groups), given.names
         sheet, positions = context.sheet, context.clamped_positions
         mass = sheet.areas * sheet.thickness * sheet.density
         placement = 0.0 if context.placement is None else context.placement
         start = context.initial_displacement - placement
         arms, masses, inertia, place, rotation, linear, angular = [], [], [], [], [], [], []
-        for members in groups:
+        for members, held in zip(groups, given.held, strict=True):
             m, X = mass[members], positions[members]
             arm = X - m @ X / m.sum()
             arms.append(arm)
-            masses.append(m.sum())
-            inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
+            # What a guide holds has no velocity, as if its mass were infinite.
+            guided = [held != HELD and bool(held & 1 << k) for k in range(3)]
+            masses.append(np.where(guided, np.inf, m.sum()))
             u, v = start[members], velocity[members]
             place.append(m @ u / m.sum())
             turned = _rotation(arm, u - place[-1], m)
             rotation.append(turned)
+            tensor = ((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm
+            inertia.append(_mobility(tensor, turned.T @ np.eye(3)[:, guided]))
             _require_rigid("initial_displacement", start, place[-1] + arm @ turned.T - arm, members)
             arm = arm @ turned.T
             linear.append(m @ v)
@@ -149,7 +157,7 @@ class BuiltInclusions(BuiltPart):
             "begins": table("begins", wp.int32, begins),
             "members": table("members", wp.int32, np.concatenate(groups)),
             "arms": table("arms", wp.vec3d, np.vstack(arms)),
-            "masses": table("masses", wp.float64, np.array(masses)),
+            "masses": table("masses", wp.vec3d, np.array(masses)),
         }
         self._origins = self._points["arms"]
         if context.placement is not None:
@@ -196,7 +204,7 @@ class BuiltInclusions(BuiltPart):
         about = np.einsum("bij,bjk,blk,bl->bi", turned, self._inverse_inertia, turned, self.angular.numpy())
         values = {
             "position": self._centres + self.place.numpy(), "rotation": Rotation.from_matrix(turned).as_rotvec(),
-            "velocity": self.linear.numpy() / self._masses[:, None], "spin": about,
+            "velocity": self.linear.numpy() / self._masses, "spin": about,
             "force": self.push.numpy(), "torque": self.turn.numpy(),
         }  # fmt: skip
         rows = np.stack([values[what] for what in self._quantities()], axis=1)
@@ -251,6 +259,17 @@ def _names(sheet: Sheet, groups: Sequence[np.ndarray]) -> list[str]:
         name = re.sub(r"\W", "_", largest)
         names.append(name if name not in names else f"{name}_{number}")
     return names
+
+
+def _mobility(tensor: np.ndarray, guides: np.ndarray) -> np.ndarray:
+    """Spin over angular momentum [1/(kg m^2)], (3, 3), of a body with an inertia, held along `guides`, (3, G).
+
+    A guide along one axis leaves the turn about it, more leave none. All in the frame of the body.
+    """
+    if guides.shape[1] == 0:
+        return np.asarray(np.linalg.inv(tensor))
+    axis = guides[:, 0] * (guides.shape[1] == 1)
+    return np.outer(axis, axis) / float(guides[:, 0] @ tensor @ guides[:, 0])
 
 
 def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.ndarray:

@@ -203,7 +203,7 @@ class Sheet(Shape):
         """A copy in which `points` move as one rigid body, such as a frame at an edge.
 
         On a prestretched sheet the body is glued on after the stretch. A `Fixed` or a `Motion` of all its points, in
-        x, y and z, holds or moves it.
+        x, y and z, holds or moves it; a `Fixed` of all of them in one or two components guides it.
 
         Args:
             points: Point indices.

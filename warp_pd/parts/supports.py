@@ -211,7 +211,7 @@ def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarr
         moves = rigid or constraint.motion is not None
         # Supports may share points; what moves must be alone.
         others = held if moves else moved
-        clash = others[constraint.points] & (constraint.components | RIGID)
+        clash = others[constraint.points] & (constraint.components | (RIGID if moves else 0))
         if clash.any():
             at = int(np.flatnonzero(clash)[0])
             _refuse_clash(constraint.owner, sheet, int(constraint.points[at]), int(clash[at]))
