@@ -74,7 +74,8 @@ def inclusions_of(sheet: Sheet, constraints: Sequence[Constraint], velocity: np.
     Raises:
         InputError: if supports hold some points of an inclusion only, or move it in some components only.
     """
-    names, bits = _names(sheet, sheet.inclusions), []
+    names = _names(sheet, sheet.inclusions)
+    bits: list[int] = []
     for name, members in zip(names, sheet.inclusions, strict=True):
         touching = [c for c in constraints if np.isin(members, c.points).any()]
         whole = [c for c in touching if np.isin(members, c.points).all()]
@@ -95,8 +96,8 @@ def inclusions_of(sheet: Sheet, constraints: Sequence[Constraint], velocity: np.
     for part, given in kinds:
         chosen = [k for k, held in enumerate(bits) if (held == HELD) == given]
         if chosen:
-            groups, called, held = ([each[k] for k in chosen] for each in (sheet.inclusions, names, bits))
-            parts.append(part(groups, called, held, velocity))
+            groups = [sheet.inclusions[k] for k in chosen]
+            parts.append(part(groups, [names[k] for k in chosen], [bits[k] for k in chosen], velocity))
     return parts
 
 
