@@ -12,6 +12,7 @@ from small_runs import run, simulate
 from warp_pd import (
     ArcLength,
     BodyPath,
+    EnclosedGas,
     EnclosedVolume,
     Fixed,
     Frames,
@@ -20,6 +21,7 @@ from warp_pd import (
     NeoHookean,
     Newton,
     Pressure,
+    Reaction,
     RigidBody,
     Sphere,
     Yeoh,
@@ -189,6 +191,27 @@ def test_the_limit_point_is_the_one_between_two_points_of_a_path(first, other):
     (found,) = changes(before, after, 1.0)
     assert found.place == pytest.approx(first, abs=1e-12)
     assert found.kind == ("minimum" if first > other else "maximum")
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        Pressure(500.0, follower=False),
+        EnclosedGas(chamber=1e-4, amount=[(0.0, 1.0), (1.0, 1.5)]),
+        EnclosedVolume(((0.0, 0.0), (1.0, 5e-5)), stiffness=1e9),
+    ],
+    ids=["pressure", "gas", "volume"],
+)
+def test_the_support_carries_the_load_of_every_point_of_a_path(load):
+    """A held rim carries the pressure times the area that it encloses."""
+    sheet = square(9)
+    rim, area = sheet.edges("all"), float(np.prod(np.ptp(sheet.points, axis=0)))
+    loads = [Fixed(rim), load, Reaction(rim, "rim")]
+    result = run(sheet, ArcLength(increment=0.5), material=MooneyRivlin(1e5), weights="corrected", loads=loads)
+    assert result.status == "finished" and len(result.history) > 2
+    for row in result.history[1:]:
+        pressure = row["pressure"] if "pressure" in row else load.value * row["load_factor"]
+        assert row["rim_z"] == pytest.approx(-pressure * area, rel=1e-6)
 
 
 def test_what_no_path_can_follow_is_told():

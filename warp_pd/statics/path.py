@@ -112,10 +112,13 @@ class BuiltArcLength(TearSteps):
         state, finest = self.state, self.levels[0]
         while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
             self.kept.keep()
-            if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
+            found = self._begin_path(sink) if state.step == 0 else self._advance(sink)
+            if not found:
                 self.kept.restore()
-                self.set_loads(state.factor)
-                sink.residual = self.sizes.relative(*finest.evaluate())
+            # The direction of the path was taken from forces at another load factor.
+            self.set_loads(state.factor)
+            sink.residual = self.sizes.relative(*finest.evaluate())
+            if not found:
                 self.ended = self.failure
                 sink.solve = self._summary(state.factor)
                 return self.status
