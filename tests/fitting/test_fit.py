@@ -325,3 +325,18 @@ def test_a_constant_that_nothing_depends_on_stays_and_is_named():
 
 def test_a_scene_that_tears_late_has_a_positive_error():
     assert TearingFit(energy=1e3, load=10.0, check=11.0, released=9e2, runs=2).error == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("at", "sign", "rows"),
+    [(-1.0, 1.0, 2), (0.0, -1.0, 5), (0.0, 1.0, 0)],
+    ids=["strains", "push counts above 0", "right"],
+)
+def test_stresses_of_the_wrong_sign_are_noted(at, sign, rows):
+    """Large strains pass for stretches, but no rubber pulls when it is compressed."""
+    stretch = np.array([1.5, 1.8, 2.2, 2.6, 3.0])
+    stress = sign * nominal_stress(MooneyRivlin(2e5), "uniaxial", stretch)
+    tests = UniformTests(MooneyRivlin, [Curve("uniaxial", stretch + at, "stress", stress, name="sheet")])
+    noted = [note for note in tests.notes({"c10": 2e5}) if note.startswith("sheet: a stress of")]
+    assert len(noted) == bool(rows)
+    assert all(f"({rows} such rows)" in note and "add 1 to strains" in note for note in noted)

@@ -103,8 +103,9 @@ class RateTests(UniformTests):
             not_negative("rates", rate)
 
     def notes(self, constants: Mapping[str, float]) -> list[str]:
-        """Where the material loses its stability, and what these rates cannot tell of the terms."""
-        return [*stability_notes(self.made_of(constants).material), *self._untold(constants)]
+        """Where the material loses its stability, wrong signs, and what these rates cannot tell of the terms."""
+        material = self.made_of(constants).material
+        return [*stability_notes(material), *self.wrong_signs(), *self._untold(constants)]
 
     def _untold(self, constants: Mapping[str, float]) -> list[str]:
         """Notes on relaxing terms without enough rates."""

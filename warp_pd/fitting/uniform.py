@@ -18,6 +18,8 @@ LOADINGS = ("uniaxial", "equibiaxial", "planar")
 # Steps of differences: of the stretch, for the stress, and of a constant.
 STRETCH_STEP, CONSTANT_STEP = 2e-4, 1e-4
 NEWTON_STEPS, WIDTH_STEP = 60, 1e-3
+# Stress of the wrong sign, over the largest of its test, up to which it is an offset or a residual strain.
+OFFSET = 0.05
 
 
 def nominal_stress(material: Material, loading: str, stretch: np.ndarray) -> np.ndarray:
@@ -82,8 +84,24 @@ class UniformTests:
         return self.settings.get(name)
 
     def notes(self, constants: Mapping[str, float]) -> list[str]:
-        """Where the material loses its stability."""
-        return stability_notes(self.made_of(constants))
+        """Where the material loses its stability, and stresses of the wrong sign."""
+        return [*stability_notes(self.made_of(constants)), *self.wrong_signs()]
+
+    def wrong_signs(self) -> list[str]:
+        """Notes on tests that pull below a stretch of 1 or push above it, beyond small offsets and residual strains."""
+        said = []
+        for number, test in enumerate(self.tests, 1):
+            if isinstance(test, Curve):
+                size = np.abs(test.values)
+                wrong = (test.values * (test.at - 1.0) < 0.0) & (size > OFFSET * size.max())
+                if wrong.any():
+                    first = int(np.argmax(wrong))
+                    said.append(
+                        f"{test.name or f'test {number}'}: a stress of {test.values[first]:g} Pa at a stretch of "
+                        f"{test.at[first]:g} ({wrong.sum()} such rows): expected pull above a stretch of 1, push "
+                        "(below 0) under it; add 1 to strains"
+                    )
+        return said
 
     def made_of(self, constants: Mapping[str, float]) -> Any:
         """What `material` makes of these constants, of which it may take some."""
