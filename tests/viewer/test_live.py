@@ -59,6 +59,7 @@ def test_a_watched_run_gives_its_frames_and_rows(live):
     assert places[:81] == pytest.approx(sheet.positions + result.frame.displacement, abs=1e-6)
     assert values[:81] == pytest.approx(np.linalg.norm(result.frame.displacement, axis=1), abs=1e-6)
     assert np.isnan(values[81:]).all()
+    assert ask(live, f"{root}stop", "POST")[0] == 200, "a run that is over is not interrupted"
 
 
 def test_requests_without_the_token_or_from_elsewhere_are_refused(live):

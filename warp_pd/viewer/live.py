@@ -51,6 +51,7 @@ class LiveRun(Progress):
         super().__init__(quiet)
         self._token, self._going = secrets.token_urlsafe(24), threading.Event()
         self._going.set()
+        self._over = False
         self._state: dict[str, Any] = {"status": "starting", "progress": 0.0, "when": "", "fields": [], "frame": -1}
         self._rows: list[dict[str, float]] = []
         self._surface: Surface | None = None
@@ -102,6 +103,7 @@ class LiveRun(Progress):
     def close(self) -> None:
         """The run is over; the page is served until `end`."""
         super().close()
+        self._over = True
         self._state["status"] = "over: pictures and files are written"
 
     def end(self) -> None:
@@ -127,7 +129,8 @@ class LiveRun(Progress):
             return None
         if method == "POST" and what in ("pause", "go", "stop"):
             self._going.clear() if what == "pause" else self._going.set()
-            if what == "stop":
+            # What follows a run is not lost.
+            if what == "stop" and not self._over:
                 _thread.interrupt_main(signal.SIGINT)
             return "application/json", b"{}"
         asked = {name: values[-1] for name, values in parse_qs(url.query).items()}

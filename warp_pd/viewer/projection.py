@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, finite, said
 from .picture_frames import Shown
 
 # A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
@@ -62,7 +62,7 @@ class View:
         found = re.fullmatch(r"\s*([xyz])\s*([<>])\s*(\S+)\s*", away)
         try:
             name, side, value = found.groups() if found else ("", "", "")
-            c, sign, level = "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, float(value)
+            c, sign, level = "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, finite("cut", float(value))
         except ValueError:
             raise InputError(
                 f"cut = {said(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
