@@ -1,6 +1,6 @@
 """Rupture criteria on means over families: stress, stretch, energy density. See docs/tearing.md.
 
-To write your own criterion, inherit from FamilyCriterion; docs/write-your-own-part.md has one.
+To write your own criterion, inherit from FamilyCriterion; docs/recipes/strength_surface.py is one.
 """
 
 from __future__ import annotations
