@@ -196,6 +196,19 @@ def test_a_gas_that_cannot_leave_a_torn_sheet_is_noted(leak, at, notes):
     assert len(found) == notes and all(note.startswith("EnclosedGas: ") for note in found)
 
 
+@pytest.mark.parametrize(("stiffness", "notes"), [(1e7, 1), (1e9, 0)])
+def test_a_volume_that_yields_is_noted(stiffness, notes):
+    """A soft liquid leaves the sheet a third short of what is prescribed, which nothing else tells."""
+    sheet = square(9)
+    volume = EnclosedVolume([(0.0, 0.0), (1.0, 5e-5)], stiffness=stiffness)
+    loads = [Fixed(sheet.edges("all")), volume]
+    result = run(sheet, Newton(load_steps=2), material=MooneyRivlin(1.5e5), weights="corrected", loads=loads)
+    found = [note for note in result.summary["notes"] if note.startswith(f"EnclosedVolume.stiffness = {stiffness:g}")]
+    assert result.status == "finished" and len(found) == notes
+    assert (abs(result.history[-1]["volume"] / 5e-5 - 1.0) > 0.01) == bool(notes)
+    assert all("5e-05 is prescribed" in note for note in found)
+
+
 def test_a_burst_that_is_resumed_goes_on_bit_for_bit(tmp_path):
     """A sheet over a vessel tears at its clamp, and the gas leaves it."""
 

@@ -36,6 +36,8 @@ from .enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points,
 TOLERANCE = 1e-9
 # Pressure of the air at a height of 30 km [Pa].
 THINNEST_AIR = 1200.0
+# Volume that may be missing at the end, over the prescribed one.
+CLOSE_VOLUME = 0.01
 
 
 class Enclosed(Load):
@@ -74,6 +76,10 @@ class Enclosed(Load):
     def loses(self) -> bool:
         """Whether the contents change in the steps of a run: `BuiltEnclosed.left` then exists."""
         return self.outflow[0] > 0.0
+
+    def misses(self, pressure: float, volume: float) -> list[str]:
+        """Notes on what was asked and is not there at the end, at a pressure [Pa] and a volume [m^3]."""
+        return []
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the volume on a device."""
@@ -193,6 +199,17 @@ class EnclosedVolume(Enclosed):
         """Pressure proportional to the missing volume."""
         return prescribed_volume, (self.stiffness,)
 
+    def misses(self, pressure: float, volume: float) -> list[str]:
+        """A note if the volume is not the prescribed one."""
+        missing = pressure / self.stiffness
+        prescribed = volume + missing
+        if abs(missing) <= CLOSE_VOLUME * abs(prescribed):
+            return []
+        return [
+            f"EnclosedVolume.stiffness = {self.stiffness:g}: the last volume is {volume:.4g} m^3, {prescribed:.4g} is "
+            f"prescribed, as it yields by {abs(missing):.2g} m^3 to the pressure: expected a larger one"
+        ]
+
 
 class BuiltEnclosed(BuiltLoad):
     """An enclosed volume on a device.
@@ -207,7 +224,7 @@ class BuiltEnclosed(BuiltLoad):
     symmetric = True
 
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
-        self.owner = type(load).__name__
+        self.owner, self._misses = type(load).__name__, load.misses
         self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
         sheet, types = context.sheet, context.types
         caps = self._caps()
@@ -277,14 +294,16 @@ class BuiltEnclosed(BuiltLoad):
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """A note if the sheet is torn and nothing flows out."""
+        """Notes on what the load misses, and if the sheet is torn and nothing flows out."""
+        pressure, volume, _ = self.enclosed.numpy().tolist()
+        missed = self._misses(pressure, volume)
         if self._intact is None or self._outflow[0] > 0.0:
-            return []
+            return missed
         torn = int(np.count_nonzero(self._intact.numpy() == 0))
         note = (
             f"{self.owner}: {torn} triangles are torn and nothing flows out, so that what is enclosed drives the pieces"
         )
-        return [f"{note}: EnclosedGas(leak=, density=) lets gas out"] if torn else []
+        return [*missed, f"{note}: EnclosedGas(leak=, density=) lets gas out"] if torn else missed
 
     def _caps(self) -> list[np.ndarray]:
         """Triangles of the caps that close the edges of the sheet, ring by ring."""
