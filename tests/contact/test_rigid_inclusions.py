@@ -351,6 +351,12 @@ def test_an_inclusion_that_is_held_in_part_is_refused(support, said):
         run(sheet, Newton(), loads=[Fixed(sheet.edges("all")), support(sheet.inclusions[0])])
 
 
+def test_newton_takes_inclusions_that_are_held():
+    sheet = square(9).inclusion((0.05, 0.05), 0.02)
+    with refused("sheet.inclusions that no Fixed or Motion holds: not supported by the solver Newton"):
+        run(sheet, Newton(), loads=[Fixed(sheet.edges("all"))])
+
+
 # Guides ---------------------------------------------------------------------------------------------------
 
 

@@ -221,6 +221,7 @@ class BuiltInclusions(BuiltPart):
 class FreeInclusions(BuiltInclusions):
     """Bodies that the sheet moves, integrated with its points."""
 
+    label = "sheet.inclusions that no Fixed or Motion holds"
     restart = True
 
     def __init__(self, *given: Any) -> None:
