@@ -61,19 +61,23 @@ class UnderBall(Motion):
 
     A node that would end a step inside the ball ends it on its surface, and the ball loses the momentum that the node
     gains: Lagrange multipliers of forward increments (Carpenter, Taylor and Katona 1991).
+
+    Attributes:
+        ball_centre: [m].
+        ball_velocity: [m/s].
     """
 
     def __init__(self, problem: Problem, *args: Any) -> None:
         super().__init__(*args)
         self._radius, self._mass = problem.ball, problem.ball_mass
-        self._centre, self._speed = np.array(problem.ball_at), np.array([0.0, 0.0, -problem.ball_speed])
+        self.ball_centre, self.ball_velocity = np.array(problem.ball_at), np.array([0.0, 0.0, -problem.ball_speed])
 
     def touch(self, dt: float) -> None:
         """Bring nodes to the surface."""
-        self._centre += dt * self._speed
-        place = self.membrane.displacement + dt * self.velocity - self._centre
+        self.ball_centre += dt * self.ball_velocity
+        place = self.membrane.displacement + dt * self.velocity - self.ball_centre
         place[:, :2] += self.membrane.nodes
         distance = np.linalg.norm(place, axis=1)
         gained = (np.maximum(self._radius - distance, 0.0) / (dt * distance))[:, None] * place
         self.velocity += gained
-        self._speed -= (self.masses[:, None] * gained).sum(axis=0) / self._mass
+        self.ball_velocity -= (self.masses[:, None] * gained).sum(axis=0) / self._mass

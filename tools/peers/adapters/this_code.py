@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import warp_pd as pd
@@ -23,10 +25,9 @@ def solver(problem, settings):
     if not (problem.until or problem.gravity):
         return pd.Implicit(1.0, steps=implicit, frames=1, inertia=False) if implicit else pd.Newton(tolerance=1e-5)
     until, damping = problem.until or settings["duration"], settings.get("damping", 0.0)
-    return (
-        pd.Implicit(until, steps=implicit, frames=1, damping=damping) if implicit
-        else pd.Explicit(until, frames=1, damping=damping)
-    )  # fmt: skip
+    if implicit:
+        return pd.Implicit(until, steps=implicit, frames=1, damping=damping)
+    return pd.Explicit(until, frames=1, damping=damping)
 
 
 def moved(problem, settings):
@@ -35,7 +36,8 @@ def moved(problem, settings):
     sheet = pd.Sheet.rectangle(*problem.size, thickness=problem.thickness, density=problem.density, points=points)
     held, start = np.flatnonzero(problem.fixed(sheet.points)), problem.start(sheet.points)
     if problem.plane:
-        right = pd.Motion(sheet.edges("right"), ends, x=[0.0, (problem.stretch - 1.0) * problem.size[0]], y=0.0, z=0.0)
+        far = (problem.stretch - 1.0) * problem.size[0]
+        right = pd.Motion(sheet.edges("right"), ends, x=[0.0, far], y=0.0, z=0.0)
         loads, start = [pd.Fixed(sheet.edges("left")), right], None
     elif problem.until:
         x, y = (np.stack([start[held, axis]] * 2) for axis in (0, 1))
@@ -57,20 +59,22 @@ def moved(problem, settings):
 
 def ball(problem):
     """That of the problem, if it has one."""
-    velocity = (0.0, 0.0, -problem.ball_speed)
-    path = (
-        pd.Free(problem.ball_mass, problem.ball_at, velocity, gravity=(0.0, 0.0, 0.0)) if problem.ball_mass
-        else pd.BodyPath.still(problem.ball_at)
-    )  # fmt: skip
+    mass, still, speed = problem.ball_mass, pd.BodyPath.still(problem.ball_at), (0.0, 0.0, -problem.ball_speed)
+    path = pd.Free(mass, problem.ball_at, speed, gravity=(0.0, 0.0, 0.0)) if mass else still
     return [pd.RigidBody(pd.Sphere(2.0 * problem.ball), path, name="ball")] if problem.ball else []
 
 
 def tear(problem, settings):
-    """Scene `pure_shear_tear`, whose strip is that of the problem."""
-    scene = pure_shear_tear
+    """Scene `pure_shear_tear`, whose strip is that of the problem, pulled to 0.96 Gc in 0.3 s and then slowly."""
+    scene, height, points = pure_shear_tear, problem.size[1], settings["points"]
     own = (scene.LENGTH, scene.HEIGHT), scene.CUT, scene.THICKNESS, scene.MU
     assert own == (problem.size, problem.cut, problem.thickness, problem.mu), own
-    simulation = scene.build(settings["points"], settings["horizon"], tearing_energy=problem.tearing_energy)
-    history = simulation.run(device=settings["device"], out=None).history
-    row = next(row for row in history if row["tip"] > 10.0 * problem.size[1] / settings["points"])
-    return {"told": {"version": VERSION, "stretch": row["stretch"]}}
+    built = scene.build(points, settings["horizon"], tearing_energy=problem.tearing_energy)
+    levels, times = (0.0, 0.96, 1.06), [0.0, 0.3, 0.3 + 0.1 / settings["rate"]]
+    stretches = [scene.stretch_at(built.force.material, level * problem.tearing_energy / height) for level in levels]
+    up = 0.5 * height * (np.array(stretches) - 1.0)
+    loads = [replace(load, times=times, y=side * up) for load, side in zip(built.loads, (1.0, -1.0), strict=True)]
+    slowly = pd.Explicit(times[-1], frames=list(np.linspace(*times[1:], 60)), damping=20.0, safety=0.8)
+    history = replace(built, loads=loads, solver=slowly).run(device=settings["device"], out=None).history
+    time = next(row["time"] for row in history if row["tip"] > 10.0 * height / points)
+    return {"told": {"version": VERSION, "stretch": float(np.interp(time, times, stretches))}}
