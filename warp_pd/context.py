@@ -30,6 +30,8 @@ from .materials import capabilities
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
 SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
+# Largest round-off of a position, over the spacing.
+RESOLVED = 0.02
 
 
 def find_device(name: str | None) -> wp.Device:
@@ -154,6 +156,19 @@ class Context:
     def bits(self) -> int:
         """Precision, 32 or 64."""
         return self.types.bits
+
+    def require_resolved(self, name: str) -> None:
+        """Check that its precision resolves the positions of the points, which the part `name` computes with.
+
+        Raises:
+            InputError: if the sheet is too far from the origin.
+        """
+        farthest, spacing = float(np.abs(self.whole.positions).max()), self.whole.spacing
+        if farthest * np.finfo(f"float{self.bits}").eps > RESOLVED * spacing:
+            raise InputError(
+                f"{name}: the sheet reaches {farthest:.4g} m from the origin, and {self.bits} bits do not resolve "
+                f"its spacing of {spacing:.3g} m: expected smaller coordinates" + ", or precision 64" * (self.bits < 64)
+            )
 
     def array(
         self,

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 
 from warp_pd import (
     ArcLength,
@@ -19,6 +19,8 @@ from warp_pd import (
     MooneyRivlin,
     Newton,
     RigidBody,
+    SelfContact,
+    Sheet,
     Simulation,
     Sphere,
 )
@@ -83,6 +85,25 @@ def test_a_way_through_a_body_is_told_from_one_beside_it(begin, end, met):
     # The way close above a flat box is nearer to its middle than its corners are.
     above = np.array([(-2.0, 0.0, 0.15)]), np.array([(2.0, 0.0, 0.15)])
     assert not sweeps(*above, Box((1.0, 1.0, 0.2)), 0.05, lambda places: np.abs(places[:, 2]) - 0.1)
+
+
+@pytest.mark.parametrize("what", ["ball", "SelfContact"])
+def test_contact_far_from_the_origin_is_refused_in_float32(what):
+    """Coordinates of a survey: positions of 32 bits are half a metre apart, and a ball would miss the sheet."""
+    near = square(5)
+    away = np.array([500e3, 4.5e6])
+    for shift, precision in ((away, 32), (away, 64), (1e-4 * away, 32)):
+        sheet = Sheet.from_points(near.points + shift, triangles=near.triangles, thickness=1e-3, density=1e3)
+        place = (*(shift + 0.05), 0.05)
+        contact = (
+            SelfContact() if what == "SelfContact" else RigidBody(Sphere(0.04), BodyPath([0.0], [place]), name=what)
+        )
+        scene = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3), loads=[Fixed(range(3))], contact=contact)
+        if shift is away and precision == 32:
+            with refused(match=f"{what}.*reaches 4.5e.06 m from the origin, and 32 bits do not resolve its spacing"):
+                scene.build(device="cpu", precision=precision)
+        else:
+            scene.build(device="cpu", precision=precision)
 
 
 def test_a_pin_beside_the_sheet_is_not_noted():

@@ -180,6 +180,7 @@ class BuiltBody(BuiltContact):
             from .body_surface import BodySurface
 
             self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
+        context.require_resolved(part.title)
         self._check_apart()
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)

@@ -68,6 +68,7 @@ class PointPairs(BuiltContact):
         """Allocate the point data for pairs: reference positions, areas and pieces."""
         context, sheet = self.context, self.context.sheet
         points = pair_functions(context.bits, pieces).Points()
+        context.require_resolved(OWNER)
         points.reference = context.array("reference", OWNER, context.types.vec3, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
