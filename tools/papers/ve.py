@@ -175,7 +175,11 @@ EXAMPLES: dict[str, Example] = {
         for rate in both
     },
     "ve.equations": equations,
-    **{f"ve.6.1.{s:g}": partial(scene_values, "visco_sheet", viscous=False, stretch=s, density=2e5) for s in SHEET},
+    # Short ramps need less inertia than that of the scene's exaggerated density.
+    **{
+        f"ve.6.1.{s:g}": partial(scene_values, "visco_sheet", viscous=False, stretch=s, density=2e5 if s < 3.0 else 2e6)
+        for s in SHEET
+    },
     **{f"ve.6.2.{s:g}": partial(scene_values, "visco_hole", stretch=s) for s in (4.0, 7.0)},
     **{
         f"ve.6.2.{s:g}.circle": partial(scene_values, "visco_hole", stretch=s, load_steps=24, **FREE)
