@@ -31,6 +31,10 @@ SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.03, 1e-3, 100.0, 1e-7
 # A linear solve reaches this fraction of the residual at most, and no further than the tolerance asks.
 # Aggregates leave more of the soft motions across the sheet in a residual of the same size.
 LOOSEST, LOOSEST_ALGEBRAIC, TIGHTEST = 0.05, 0.01, 1e-6
+# Squared residual over the goal below which the next step may reach it.
+NEAR = 10.0
+# Residual over the last one up to which the tangents of coarser lattices are kept.
+FALLS = 0.2
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
 # Residual over the last one from which it falls no more, and margin of the forces that come from round-off. A residual
@@ -179,7 +183,13 @@ class Descent:
         """Compute the tangent; return whether it is of use."""
         if self._secants is not None:
             self._secants.clear()
-        return self.linearise(tension, self._aggregated)
+        return self.linearise(tension, self._aggregated and self._falls())
+
+    def _falls(self) -> bool:
+        """Whether the last step reduced the residual so far that coarser lattices need no new tangents."""
+        return self.solver.kind != "multigrid" or (
+            len(self.residuals) > 1 and self.residuals[-1] < FALLS * self.residuals[-2]
+        )
 
     def _keeps(self, relative: float) -> bool:
         """Whether the next step takes this tangent: the last one reduced the residual enough."""
@@ -201,7 +211,9 @@ class Descent:
         accuracy = TIGHTEST
         if math.isfinite(relative) and relative > 0.0:
             loosest = LOOSEST_ALGEBRAIC if self.solver.kind == "algebraic" else LOOSEST
-            accuracy = min(loosest, max(relative, 0.03 * goal / relative, TIGHTEST))
+            # Where Newton's method just misses the goal, a closer solve is cheaper than a further step.
+            near = min(relative, 0.3 * goal / relative) if relative**2 < NEAR * goal else relative
+            accuracy = min(loosest, max(near, 0.03 * goal / relative, TIGHTEST))
         self.solver.solve(right_side, accuracy)
         if self.lifting:
             assign(level.direction, level.direction.numpy() + self.lift)

@@ -118,14 +118,17 @@ class Hierarchy:
             target=coarse.displacement,
         )  # fmt: skip
 
-    def linearise(self, finest: int, tension: float) -> None:
+    def linearise(self, finest: int, tension: float, keep: bool = False) -> None:
         """Compute the tangents of `finest` and all coarser levels at its displacement, and set up the smoothers.
 
         Where a sheet is slack on a coarser level but not on the finest, the V-cycle would take far too long a step. So
-        coarser levels of a material that goes slack get the mean tension of the sheet in addition.
+        coarser levels of a material that goes slack get the mean tension of the sheet in addition. With `keep` coarser
+        levels keep the tangents that they have.
         """
         self.levels[finest].linearise(tension)
         last = len(self.levels) - 1
+        if keep and finest < last:
+            return
         for index in range(finest, last):
             self.levels[index].run("sample")
         if finest < last and self.levels[last].law.goes_slack:

@@ -273,10 +273,11 @@ class StaticSystem(BuiltSolver):
     def linearise(self, index: int, tension: float, keep: bool = False) -> bool:
         """Compute the tangent and preconditioner of a level with an added tension [Pa]; return whether it is of use.
 
-        It is not at a slack start. With `keep` the aggregates of an earlier tangent will do.
+        It is not at a slack start. With `keep` the aggregates of an earlier tangent will do, and
+        the tangents of coarser lattices.
         """
         if self.hierarchy:
-            self.hierarchy.linearise(index, tension)
+            self.hierarchy.linearise(index, tension, keep)
             return self.hierarchy.usable
         level = self.levels[0]
         level.linearise(tension)
