@@ -13,6 +13,8 @@ from ..device.checks import InputError
 Segment = tuple[tuple[float, float], tuple[float, float]]
 # Part of the length of a segment that places along it are uncertain by.
 ROUND_OFF = 1e-9
+# Distance from the origin, over the extent, from which a triangulation is made about the middle.
+FAR = 1e3
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,10 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
     """Delaunay triangulation of the convex hull of points. Raises InputError if the points are collinear."""
     from scipy.spatial import Delaunay, QhullError
 
+    low, high = points.min(axis=0), points.max(axis=0)
+    if np.abs(high).max() > FAR * (high - low).max():
+        # Squares of coordinates far from the origin keep no digits of the distances between points.
+        points = points - 0.5 * (low + high)
     try:
         return np.asarray(Delaunay(points).simplices)
     except QhullError:

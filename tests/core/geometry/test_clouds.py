@@ -72,3 +72,13 @@ def test_a_filled_rectangle_has_whole_areas_if_asked(grid):
     np.testing.assert_allclose(sheet.areas, 1e-4, rtol=1e-12)
     with pytest.raises(InputError, match="areas = 'half'"):
         Sheet.filled(0.1, 0.1, points=11, areas="half", **grid, **SOLID)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (500e3, 4.5e6), (-500e3, -4.5e6)])
+def test_a_cloud_at_survey_coordinates_has_its_triangles(shift):
+    """Squares of coordinates of 4500 km keep no digits of spacings of 5 mm."""
+    near = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=21)
+    sheet = Sheet.from_points(near.points + np.array(shift), thickness=1e-3, density=1e3)
+    assert len(sheet.triangles) == 800
+    assert sheet.areas.sum() == pytest.approx(0.01, rel=1e-6)
+    assert len(sheet.edges("outline")) == 80
