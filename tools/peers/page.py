@@ -12,13 +12,14 @@ from peers.codes import CODES
 from peers.problems import PROBLEMS, Problem
 
 Row = Mapping[str, Any]
-HEAD = ["code", "points", "error", "of its own material", "CPU time [s]", "wall time [s]", "memory [MB]", "version"]
+HEAD = ["code", "points", "error", "of its own material", "time [s]", "memory [MB]"]
 ERRORS = (0.05, 0.02, 0.01, 0.001)
 
 
 def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
     """Sections by heading: what is fastest, one for each problem and device, the codes."""
     found = {"## The fastest": fastest(rows)}
+    versions = {r["code"]: r["version"] for r in rows if r.get("version")}
     for name, problem in PROBLEMS.items():
         for device in dict.fromkeys(r["device"] for r in rows if r["problem"] == name):
             here = [r for r in rows if r["problem"] == name and r["device"] == device]
@@ -29,16 +30,21 @@ def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
                 "", f"![error over time]({file.name})", "", *table(HEAD, [cells(r) for r in here]), "",
                 *without(name, device), "",
             ]  # fmt: skip
-    found["## How each code was used"] = [f"- **{code.name}**: {code.how}." for code in CODES]
+    found["## How each code was used"] = [
+        f"- **{code.name}** ({versions[code.name]}): {code.how}." for code in CODES if code.name in versions
+    ]
     return found
 
 
 def without(problem: str, device: str) -> list[str]:
-    """Codes that have no row, and why."""
-    reasons = {code.name: code.cannot[problem] for code in CODES if problem in code.cannot}
+    """Codes that have no row, and why; those without a GPU path are named once, in the text of the page."""
     if device != "CPU":
-        reasons |= {code.name: "it has no GPU path here" for code in CODES if not code.gpu}
-    return [f"- {name}: no row, {reason}." for name, reason in reasons.items()]
+        return []
+    found: dict[str, list[str]] = {}
+    for code in CODES:
+        if problem in code.cannot:
+            found.setdefault(code.cannot[problem], []).append(code.name)
+    return [f"- No row of {'; '.join(names)}: {reason}." for reason, names in found.items()]
 
 
 def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
@@ -57,11 +63,11 @@ def cells(row: Row) -> list[str]:
     """One line of a table."""
     begin = [row["code"], str(row["points"])]
     if row.get("failed"):
-        return [*begin, row["failed"], *[""] * 5]
+        return [*begin, row["failed"], *[""] * 3]
     own = row.get("own_error")
     return [
-        *begin, percent(row["error"]), percent(own) if own else "", f"{row['cpu']:.3g}", f"{row['wall']:.3g}",
-        f"{row['memory'] / 1e6:.0f}" if row["memory"] else "", row["version"],
+        *begin, percent(row["error"]), percent(own) if own else "", f"{seconds(row):.3g}",
+        f"{row['memory'] / 1e6:.0f}" if row.get("memory") else "",
     ]  # fmt: skip
 
 
