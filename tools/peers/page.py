@@ -12,7 +12,7 @@ from peers.codes import CODES
 from peers.problems import PROBLEMS, Problem
 
 Row = Mapping[str, Any]
-HEAD = ["code", "points", "error", "of its own material", "time [s]", "memory [MB]"]
+HEAD = ["code", "points", "error [%]", "of its own material [%]", "time [s]", "memory [MB], up to"]
 ERRORS = (0.05, 0.02, 0.01, 0.001)
 
 
@@ -27,7 +27,7 @@ def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
             draw(here, file)
             found[f"## {problem.title}: {device}"] = [
                 f"{', '.join(dict.fromkeys(r['made'] for r in here))}. {measured_by(problem, here)}",
-                "", f"![error over time]({file.name})", "", *table(HEAD, [cells(r) for r in here]), "",
+                "", f"![error over time]({file.name})", "", *table(HEAD, by_code(here)), "",
                 *without(name, device), "",
             ]  # fmt: skip
     found["## How each code was used"] = [
@@ -59,21 +59,26 @@ def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
     return f"The reference {whose}changes by {max(changes, default=0.0):.1g} when its spacing is halved."
 
 
-def cells(row: Row) -> list[str]:
-    """One line of a table."""
-    begin = [row["code"], str(row["points"])]
-    if row.get("failed"):
-        return [*begin, row["failed"], *[""] * 3]
-    own = row.get("own_error")
+def by_code(rows: Sequence[Row]) -> list[list[str]]:
+    """A line of a table for each code, its runs one after the other."""
+    return [cells([r for r in rows if r["code"] == code]) for code in dict.fromkeys(r["code"] for r in rows)]
+
+
+def cells(runs: Sequence[Row]) -> list[str]:
+    """The line of the runs of one code."""
+    done = [r for r in runs if not r.get("failed")]
+    own = [r["own_error"] for r in done if r.get("own_error")]
+    most = max((r.get("memory") or 0.0 for r in done), default=0.0)
     return [
-        *begin, percent(row["error"]), percent(own) if own else "", f"{seconds(row):.3g}",
-        f"{row['memory'] / 1e6:.0f}" if row.get("memory") else "",
+        runs[0]["code"], ", ".join(str(r["points"]) for r in runs),
+        ", ".join(r["failed"] if r.get("failed") else percent(r["error"]) for r in runs),
+        ", ".join(map(percent, own)), ", ".join(f"{seconds(r):.3g}" for r in done), f"{most / 1e6:.0f}" if most else "",
     ]  # fmt: skip
 
 
 def percent(share: float) -> str:
-    """Two digits."""
-    return f"{100.0 * share:.2g} %"
+    """Two digits, in percent."""
+    return f"{100.0 * share:.2g}"
 
 
 def seconds(row: Row) -> float:
