@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-if not __package__ or __package__ == "tools":
+if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parent)
 
 from error_vs_time.elements import NEAR, square
