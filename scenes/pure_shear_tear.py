@@ -75,6 +75,7 @@ def build(
 
     Args:
         points: Points along the height: rows.
+        far_end: "free", or "held": the end away from the cut keeps its place along the strip.
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         advance: Growth of the crack at which its onset is read, in spacings.
     """

@@ -105,6 +105,7 @@ def test_units_agree_with_each_other():
     si = {unit: factor for unit, (factor, _) in UNITS.items()}
     gravity, pound, mercury = 9.80665, 0.45359237, 13595.1
     base = {"1", "-", "mm/mm", "m/m", "in/in", "m", "Pa", "N", "s", "m^3", "J", "J/m^2", "m/s", "Hz", "degrees", "deg"}
+    base |= {"1/s", "s^-1"}
     assert {unit for unit, factor in si.items() if factor == 1.0} == base
     assert (si["mm"], si["cm"], si["um"], si["µm"], si["mJ"]) == (1e-3, 1e-2, 1e-6, 1e-6, 1e-3)
     assert si["mm/s"] == pytest.approx(si["mm"] / si["s"], rel=1e-12)
@@ -119,6 +120,9 @@ def test_units_agree_with_each_other():
     assert (si["in"], si["cm"], si["bar"], si["%"], si["min"], si["h"]) == (0.0254, 0.01, 1e5, 0.01, 60.0, 3600.0)
     assert si["N/mm^2"] == si["MPa"] == 1e6 and si["N/mm"] == si["kJ/m^2"] == 1e3
     assert (si["l"], si["ml"], si["mm^3"]) == pytest.approx((1e-3, si["cm"] ** 3, si["mm"] ** 3), rel=1e-12)
+    assert (si["%/s"], si["1/min"], si["%/min"]) == pytest.approx(
+        (si["%"] / si["s"], 1.0 / si["min"], si["%"] / si["min"]), rel=1e-12
+    )
     assert si["mm/min"] == pytest.approx(si["mm"] / si["min"], rel=1e-12)
     assert (si["kPa"], si["GPa"], si["mbar"], si["kN"], si["mN"], si["ms"]) == (1e3, 1e9, 1e2, 1e3, 1e-3, 1e-3)
 
