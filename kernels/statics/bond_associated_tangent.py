@@ -163,6 +163,23 @@ def bond_associated_tangent(
                 s = wp.min(s, real(2.0) * constant / q)
         return s
 
+    @wp.func
+    def responded(
+        family: Family,
+        i: int,
+        j: int,
+        G: types.mat22,
+        constants: Constants,
+        terms: wp.array(dtype=types.parameters),
+        state: wp.array2d(dtype=types.parameters),
+    ):
+        """Stress and moduli of intersection j of family i at a strain."""
+        here = f.of_bond(family, i, j, constants)
+        if wp.static(remembers):
+            return response_of(G, here, i, j, family.members, terms, state)
+        else:
+            return response_of(G, here)
+
     @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
@@ -184,11 +201,7 @@ def bond_associated_tangent(
             moduli[j, i] = vec6()
             there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
-                G, here = motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants)
-                if wp.static(remembers):
-                    S, T = response_of(G, here, i, j, family.members, terms, state)
-                else:
-                    S, T = response_of(G, here)
+                S, T = responded(family, i, j, motion.green(H1, H2, tilt), constants, terms, state)
                 A1, A2 = motion.gradient(H1, H2, tilt)
                 F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
                 gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
@@ -232,11 +245,7 @@ def bond_associated_tangent(
         for j in range(family.members):
             there, H1, H2, _inverse, weight, tilt = visit(family, base, i, j, undamaged)
             if there:
-                G, here = motion.green(H1, H2, tilt), f.of_bond(family, i, j, constants)
-                if wp.static(remembers):
-                    S, T = response_of(G, here, i, j, family.members, terms, state)
-                else:
-                    S, T = response_of(G, here)
+                S, T = responded(family, i, j, motion.green(H1, H2, tilt), constants, terms, state)
                 F1, F2 = motion.gradient(H1, H2, tilt)
                 _there, D1, D2, _inverse, _weight, _tilt = visit(family, change, i, j, undamaged)
                 c11 = real(2.0) * wp.dot(F1, D1)

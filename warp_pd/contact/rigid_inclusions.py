@@ -16,14 +16,12 @@ from ..context import Context
 from ..device.checks import InputError
 from ..device.launches import Stage, with_values
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, BuiltPart, Columns, Constraint, Part
+from ..interfaces import HELD, BuiltLaw, BuiltPart, Columns, Constraint, Part
 from ..kernels.contact.rigid import held_inclusions, rigid_inclusions
 from ..kernels.integrate import RIGID
 from ..step import Phase
 
 OWNER = "rigid inclusions"
-# Bits of a point that supports hold or move in x, y and z.
-HELD = 7
 # Largest deviation of displacements or velocities of an inclusion from those of a rigid body, over the largest of them.
 RIGID_WITHIN = 1e-6
 # Deviation that is rounding, over the largest of all points.

@@ -172,22 +172,20 @@ def law_tests(build: Callable[..., Any], ramps: Sequence[tuple[Curve, float]], g
         ramps: Curves and their rates [1/s], see `read_ramps`.
         given: Arguments of `build`.
     """
-    parameters = inspect.signature(build).parameters
+    signature = inspect.signature(build)
 
     def law(**values: Any) -> BondAssociated:
         force = build(**values).force
         relaxing_terms(force)
         return cast(BondAssociated, force)
 
-    law.__signature__ = inspect.signature(build)  # type: ignore[attr-defined]
+    law.__signature__ = signature  # type: ignore[attr-defined]
     numbers = {
         name: parameter.default
-        for name, parameter in parameters.items()
+        for name, parameter in signature.parameters.items()
         if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool)
     }
-    return RateTests(
-        law, [curve for curve, _ in ramps], {**numbers, **given}, rates=[rate for _, rate in ramps]
-    )  # fmt: skip
+    return RateTests(law, [curve for curve, _ in ramps], {**numbers, **given}, rates=[rate for _, rate in ramps])
 
 
 def read_ramps(table: Table, measure: str | None) -> tuple[list[tuple[Curve, float]], list[str]] | None:

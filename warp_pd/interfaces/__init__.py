@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .frame import FrameReport, Writer
     from .law import BuiltLaw, Law
     from .part import (
+        HELD,
         SLOPE,
         BuiltContact,
         BuiltLoad,
@@ -32,6 +33,7 @@ else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "HELD",
     "SLOPE",
     "BuiltContact",
     "BuiltLaw",

@@ -48,8 +48,8 @@ class Turn:
         return np.asarray(-2.0 * np.sin(0.5 * angle) ** 2 * away + np.sin(angle) * across)
 
 
-# Bit of points whose slope is held, beside those of their components.
-SLOPE = 16
+# Bits of x, y and z together, and that of points whose slope is held.
+HELD, SLOPE = 7, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Constraint:
     Attributes:
         owner: Name of the part, for messages.
         points: Point indices, int32.
-        components: Bits: 1, 2, 4 for x, y, z; 8 for points of a rigid inclusion, SLOPE for held slopes.
+        components: Bits: 1, 2, 4 for x, y, z (all: HELD); 8 for points of a rigid inclusion, SLOPE for held slopes.
         motion: Schedule of the displacement [m], or None for points that stay at their initial position.
         turn: Rotation added to the motion, or None.
     """

@@ -12,14 +12,12 @@ import warp as wp
 from ..context import Context
 from ..device.checks import InputError, point_indices
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltPart, Columns, Part
+from ..interfaces import HELD, BuiltLaw, BuiltPart, Columns, Part
 from ..kernels.integrate import RIGID
 from ..kernels.loads import support_forces
 from ..step import Phase
 
 OWNER = "Reaction"
-# Bits of the components that a support holds.
-HELD = 7
 
 
 @dataclass(frozen=True, eq=False)

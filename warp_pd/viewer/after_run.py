@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, kind_and_text, point_indices, user_code
-from ..interfaces import History
+from ..interfaces import HELD, History
 from ..materials import capabilities
 from ..output.file_writers import FRAMES
 from ..run.files import Files
@@ -105,4 +105,5 @@ def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping
     regions = capabilities(scene.force.material).regions
     points = [point_indices("regions", points, scene.sheet.size) for points, _ in regions]
     fine = read_history(folder / FINE) if (folder / FINE).is_file() else ()
-    default_pictures.draw(history, folder, summary, points, np.flatnonzero(held_by_loads(scene) & 7 == 7), fine)
+    held = np.flatnonzero(held_by_loads(scene) & HELD == HELD)
+    default_pictures.draw(history, folder, summary, points, held, fine)
