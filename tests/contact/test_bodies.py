@@ -334,7 +334,7 @@ def test_bodies_are_in_files_and_pictures(tmp_path):
         )
         for s in shapes
     ]
-    simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run")
+    simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run", usd=True)
     stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))
     found = {str(p.GetTypeName()) for p in stage.GetPrimAtPath("/World/Bodies").GetChildren()}
     assert found == {"Sphere", "Capsule", "Cylinder", "Mesh"}

@@ -86,7 +86,7 @@ FOLDER = tempfile.TemporaryDirectory(prefix="warp_pd_scenes_")
 @functools.cache
 def ran(name):
     """The small run of a scene, with its files in a temporary folder."""
-    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, usd=False)
+    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, pictures=True)
 
 
 def value(result, name):

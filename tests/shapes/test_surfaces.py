@@ -249,7 +249,7 @@ def test_results_of_a_curved_sheet_are_written(tmp_path):
         small_tube(16, 1.5), BondAssociated(NEO, weights="plain"), Explicit(1e-3, frames=2),
         pictures=lambda history, folder: draw(folder),
     )  # fmt: skip
-    simulation.run(out=tmp_path / "tube", device="cpu")
+    simulation.run(out=tmp_path / "tube", device="cpu", pictures=True, usd=True)
     names = {path.name for path in (tmp_path / "tube").iterdir()}
     assert {"frames.vtkhdf", "above.png", "space.png"} <= names and any(
         name.endswith((".usd", ".usdc")) for name in names

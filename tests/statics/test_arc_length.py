@@ -85,7 +85,7 @@ def corners(sheet, displacement):
 
 
 def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(tmp_path):
-    result = snapping(ArcLength(), out=tmp_path, pictures=False, usd=False)
+    result = snapping(ArcLength(), out=tmp_path, view=True)
     factors = np.array([row["load_factor"] for row in result.history])
     assert result.status == "finished" and kinds(result) == ["maximum", "minimum"]
     falls = np.flatnonzero(np.diff(factors) < 0.0)

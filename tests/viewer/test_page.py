@@ -40,14 +40,14 @@ def test_the_same_run_gives_the_same_page(ball):
 
 
 def test_a_run_can_leave_it_out(tmp_path):
-    simulate(square(7)).run(device="cpu", out=tmp_path, usd=False, view=False)
+    simulate(square(7)).run(device="cpu", out=tmp_path)
     assert not (tmp_path / "view.html").exists()
 
 
 def test_a_large_sheet_gets_a_note_in_place_of_its_page(tmp_path, monkeypatch):
     # A sheet that is large takes minutes.
     monkeypatch.setattr(after_run, "LARGE", 48)
-    result = simulate(square(7)).run(device="cpu", out=tmp_path, usd=False)
+    result = simulate(square(7)).run(device="cpu", out=tmp_path, view=True)
     assert not (tmp_path / "view.html").exists()
     assert (
         f"view.html: not written because of the number of points; write it with `warp-pd view {tmp_path}`"

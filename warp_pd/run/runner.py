@@ -72,23 +72,24 @@ def run(
     precision: int | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    usd: bool = True,
+    usd: bool = False,
     reporter: Progress | None = None,
     writers: list[Writer] | None = None,
-    pictures: bool | str = True,
+    pictures: bool | str = False,
     vtkhdf: bool = True,
     fields: Sequence[str] | None = None,
-    view: bool = True,
+    view: bool = False,
     history_every: float | None = None,
     stride: int = 1,
     restarts: bool = True,
 ) -> Result:
     """Run a scene.
 
+    What is made from the frames at the end (animation, pictures, page) is made if asked for, as `warp-pd run` does.
+
     Args:
         scene: What to run.
-        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json, pictures and view.html;
-            None writes nothing.
+        out: Folder for frames.vtkhdf, history.csv, restart.npz and summary.json; None writes nothing.
         device: "cpu", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
         resume: Continue from the restart file in `out`.
@@ -96,8 +97,7 @@ def run(
         usd: Whether to write animation.usd at the end, from frames.vtkhdf.
         reporter: Shows the progress.
         writers: Additional writers of frames.
-        pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
-            "png,pdf".
+        pictures: Whether to draw pictures (True: "png"), or their format: "pdf", "svg", or several such as "png,pdf".
         vtkhdf: Whether to write frames.vtkhdf, which animation, pictures and view.html need.
         fields: Names of the point fields stored in frames.vtkhdf besides the displacement and the scene's `fields`,
             such as ("damage", "stretch"); by default velocity, damage and strain energy density.
@@ -304,8 +304,14 @@ def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -
         return
     solver = result.built.simulation.solver
     equal = solver.duration / solver.frame_count if solver.equal_frames else None
-    derived = partial(write_derived, folder, files.usd, equal) if files.vtkhdf else None
-    viewer().after_run(result, folder, files, others, derived)
+    derived = partial(write_derived, folder, files.usd, equal)
+    if files.pictures or files.view:
+        viewer().after_run(result, folder, files, others, derived)
+        return
+    result.summary["pictures"] = []
+    write_summary(result, folder)
+    if files.vtkhdf:
+        derived()
 
 
 def write_summary(result: Result, folder: Path) -> None:

@@ -18,7 +18,7 @@ class Viewer(Protocol):
     """Draws and shows runs, their histories and sheets."""
 
     def after_run(
-        self, result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None] | None
+        self, result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None]
     ) -> None:
         """Write the summary, pictures and page of a run.
 

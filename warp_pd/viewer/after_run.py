@@ -25,13 +25,10 @@ from .folder_page import LARGE, write_page
 from .picture_files import Drawing, drawing, unnumbered
 
 
-def show(
-    result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None] | None
-) -> None:  # fmt: skip
+def show(result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None]) -> None:
     """Write the summary, the pictures beside those of others, the page, and meanwhile the files derived from frames."""
     with contextlib.ExitStack() as after:
-        if derived is not None:
-            after.callback(begun(derived))
+        after.callback(begun(derived))
         _show(result, folder, files, others)
 
 

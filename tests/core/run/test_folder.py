@@ -40,7 +40,7 @@ def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
     for resume in (False, True):
         for name in left:
             (tmp_path / name).write_bytes(b"half")
-        assert simulation.run(out=tmp_path, device="cpu", usd=usd, resume=resume).status == "finished"
+        assert simulation.run(out=tmp_path, device="cpu", usd=usd, view=True, resume=resume).status == "finished"
         results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json", "view.html"} | (
             {"animation.usd"} if usd else set()
         )

@@ -25,7 +25,7 @@ from warp_pd.run.version import commit_of
 
 def one_frame(tmp_path, usd=False, **parts):
     simulation = Simulation(square(5), BondAssociated(NEO), Explicit(1e-4, frames=1), **parts)
-    return simulation.run(device="cpu", out=tmp_path, usd=usd)
+    return simulation.run(device="cpu", out=tmp_path, usd=usd, pictures="pictures" in parts)
 
 
 @pytest.mark.parametrize(("value", "said"), [(lambda h: 1 / 0, "ZeroDivisionError"), (lambda h: "many", "'many'")])
