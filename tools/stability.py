@@ -1,4 +1,4 @@
-"""Stiff and extreme cases with every law, at the default step: both tables of docs/stability.md.
+"""Stiff and extreme cases with every law, at the default step: the tables of docs/stability.md.
 
     python -m tools.stability                                   # small sheets; a CPU takes ten minutes to compile
     python -m tools.stability --only "K/mu = 1e+06" --laws plain published
@@ -261,27 +261,30 @@ def sections(rows: list[dict[str, Any]]) -> dict[str, list[str]]:
     found = {(row["kind"], row["case"], row["law"]): row["found"] for row in rows}
     made = {kind: sorted({row["made"] for row in rows if row["kind"] == kind}) for kind in ("sheet", "ball")}
 
-    def cells(laws: dict[str, Any]) -> list[str]:
-        lines = [[case, *(found.get(("sheet", case, law), "") for law in laws)] for case in CASES]
-        return table(["", *laws], [line for line in lines if any(line[1:])])
+    def line(law: str) -> list[str]:
+        ends = {case: found["sheet", case, law] for case in CASES if ("sheet", case, law) in found}
+        balances = {case: end for case, end in ends.items() if end.endswith("%")}
+        worst = max(balances, key=lambda case: float(balances[case][:-2]), default=None)
+        refused = ", ".join(case for case, end in ends.items() if end == "refused")
+        diverged = ", ".join(f"{case}{end[8:]}" for case, end in ends.items() if end.startswith("diverged"))
+        balance = f"{balances[worst]}: {worst}" if worst else "has no energy"
+        return [law, str(len(ends)), balance, refused, diverged]
 
-    by = "`python -m tools.stability`"
     tables = {
-        "## Laws of the package": [
-            f"{by}; {'; '.join(made['sheet'])}. Worst error of the energy balance.", "", *cells(LAWS),
-        ],
-        "## Laws of the papers": [
-            f"The same command; {'; '.join(made['sheet'])}. Published weights with one area a point; laws without an "
-            "energy finish or do not.", "", *cells(PAPERS),
+        "## Every law": [
+            f"`python -m tools.stability`; {'; '.join(made['sheet'])}; published weights with one area a point. "
+            "`docs/stability.json` has each case.", "",
+            *table(["law", "cases", "worst energy balance", "refused", "diverged"], map(line, LAWS | PAPERS)),
         ],
     }  # fmt: skip
     if made["ball"]:
         points = max(row["points"] for row in rows if row["kind"] == "ball")
         balls = [[law, *(found.get(("ball", f"damping {d:g} /s", law), "") for d in (0.0, 2.0))] for law in BALLS]
-        tables["## The ball"] = [
-            f"{by[:-1]} --ball {points}`; {'; '.join(made['ball'])}: NN 6.4, critical stretch 1.3, at the scene's "
-            "step; worst error of the energy balance.", "", *table(["weights", "undamped", "damping 2 /s"], balls),
-        ]  # fmt: skip
+        words = (
+            f"`python -m tools.stability --ball {points}`; {'; '.join(made['ball'])}: NN 6.4, critical stretch 1.3, at "
+            "the scene's step; worst error of the energy balance."
+        )
+        tables["## The ball"] = [words, "", *table(["weights", "undamped", "damping 2 /s"], balls)]
     return tables
 
 

@@ -5,7 +5,7 @@ import json
 
 import pytest
 from papers.__main__ import NUMBERS, PAPERS, chosen, examples, judged, main, pages
-from papers.rows import Row, merged
+from papers.rows import Row, by_quantity, merged
 from papers.store import load
 
 from warp_pd import InputError
@@ -57,6 +57,10 @@ def test_neighbours_that_are_read_at_other_places_are_one_row():
     rows = merged([row("1.5", "7", "differs"), row("2", "3", "matches"), other, row("3", "1", "matches"), other])
     assert rows[0] == ["5.1", "force at 1.5, 2 s, off (%)", "good", "7, 3", "as published", "", "differs, matches"]
     assert rows[1:] == [other, row("3", "1", "matches"), other]
+    lost = ["5.1", "pieces at the end, 9 points", "2", "-", "half areas", "", "diverged: at t = 1 s (frame 2) NaN"]
+    assert by_quantity([other, lost]) == [
+        ["5.1", "pieces at the end", "2", "**2** matches; 9 points, half areas: diverged: at t = 1 s"]
+    ]
 
 
 def test_the_pages_show_the_numbers_of_the_file(tmp_path):

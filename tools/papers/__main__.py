@@ -29,7 +29,7 @@ if not __package__ or __package__ != "papers":
 from study import DOCS, device_title, provenance, renew, run_tool, study_parser, table  # noqa: E402
 
 from papers import ba, he, im, nn, ve  # noqa: E402
-from papers.rows import Row, merged  # noqa: E402
+from papers.rows import Row, by_quantity  # noqa: E402
 from papers.store import load, save  # noqa: E402
 from warp_pd import InputError  # noqa: E402
 
@@ -87,12 +87,12 @@ def pages(found: dict[str, Any], folder: Path) -> None:
         made_on = sorted({found[row.example]["made"] for row, _ in run if row.example in found})
         words = (
             f"{len(paper.ROWS)} numbers and statements: {len(run) - len(other) - silent} match, {len(other)} do not "
-            f"(below), {silent} have nothing to compare with, {len(paper.ROWS) - len(run)} have no run yet. All are in "
-            f"[printed.csv](printed.csv), by "
-            f"`python -m tools.papers --only {name}`; {'; '.join(made_on)}."
+            f"(below), {silent} have nothing to compare with, {len(paper.ROWS) - len(run)} have no run yet "
+            f"([all](printed.csv); `python -m tools.papers --only {name}`; {'; '.join(made_on)})."
         )
-        shown = [[*cells[:5], cells[5] or cells[6].replace("differs", "")] for cells in merged(other)]
-        renew(folder / f"{name}.md", {HEADING: [words, "", *table(HEAD[:6], shown)]})
+        renew(
+            folder / f"{name}.md", {HEADING: [words, "", *table([*HEAD[:3], "here, by reading"], by_quantity(other))]}
+        )
 
 
 def main() -> None:

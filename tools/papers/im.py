@@ -126,7 +126,7 @@ ROWS = [
     Row("im.6.3.wide", "6.3", "Newton steps", "6", "steps", "horizon of three spacings", value=6.0, within=0.2),
     Row("im.6.4.3", "6.4", "Newton steps", "16", "steps", "one load step", value=16.0, within=0.2),
     *(
-        Row(f"im.6.4.{spacings}", "6.4, figure 18", f"largest stress over tension field theory, {spacings} spacings",
+        Row(f"im.6.4.{spacings}", "6.4, figure 18", f"largest stress over tension field theory at {spacings} spacings",
             "above 1, more so at large horizons", "over theory", low=1.0)
         for spacings in (2, 3, 4)
     ),

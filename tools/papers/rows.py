@@ -15,8 +15,10 @@ from warp_pd.papers.as_published import as_published
 from warp_pd.run.result import Result
 
 Values = dict[str, Any]
-# What a quantity is read at, as in "force at 1.5, off the exact one (%)".
-READ_AT = re.compile(r"(?<= at )[\d.]+")
+# What a quantity is read at, as in "force at 1.5, off the exact one (%)" or "crack at Ux = 2.1e-4 m".
+READ_AT = re.compile(r"(?:(?<= at )|(?<= = ))[\d.]+(?:e-\d+)?")
+# The spacing of ours, at the end of a quantity.
+OF_POINTS = re.compile(r", ([\d x]+ points)$")
 # The numbers of an example, computed on a device; None is the default one.
 Example = Callable[[str | None], Values]
 
@@ -71,7 +73,11 @@ class Row:
         if self.value is None:
             return ours, "", "matches" if self.low <= value <= self.high else "differs"
         off = value / self.value - 1.0
-        return ours, f"{100.0 * off:+.2g} %", "matches" if abs(off) <= self.within else "differs"
+        return (
+            ours,
+            f"{100.0 * off:{'+.2g' if abs(off) < 1.0 else '+.0f'}} %",
+            "matches" if abs(off) <= self.within else "differs",
+        )
 
 
 def merged(rows: Sequence[list[str]]) -> list[list[str]]:
@@ -102,6 +108,19 @@ def _together(group: list[list[str]]) -> list[str]:
         where, READ_AT.sub(", ".join(read_at), quantity, count=1), printed, ", ".join(ours), reading,
         ", ".join(differences), ", ".join(verdicts),
     ]  # fmt: skip
+
+
+def by_quantity(rows: Sequence[list[str]]) -> list[list[str]]:
+    """Lines of a page: where, quantity, printed, and ours by reading, with its difference or why there is none."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for where, named, printed, ours, read, difference, verdict in merged(rows):
+        quantity, points = OF_POINTS.sub("", named), OF_POINTS.findall(named)
+        reading = ", ".join([*points, *([] if read == "as published" else [read])])
+        why = difference or verdict.replace("differs", "").partition(" (")[0]
+        number = "" if ours == "-" else f"**{ours}**"
+        words = ": ".join(filter(None, (reading, why)))
+        found.setdefault((where, quantity, printed), []).append(" ".join(filter(None, (number, words))))
+    return [[*place, "; ".join(readings)] for place, readings in found.items()]
 
 
 def run_scene(scene: str, device: str | None, **settings: Any) -> tuple[Values, Result | None]:

@@ -8,72 +8,88 @@ from typing import Any
 
 from study import picture, table
 
-from peers.codes import CODES
+from peers.codes import CODES, Code
 from peers.problems import PROBLEMS, Problem
 
 Row = Mapping[str, Any]
-HEAD = ["code", "points", "error [%]", "of its own material [%]", "time [s]", "memory [MB], up to"]
 ERRORS = (0.05, 0.02, 0.01, 0.001)
 
 
 def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
-    """Sections by heading: what is fastest, one for each problem and device, the codes."""
+    """Sections by heading: what is fastest, one for each problem, the codes."""
     found = {"## The fastest": fastest(rows)}
     versions = {r["code"]: r["version"] for r in rows if r.get("version")}
     for name, problem in PROBLEMS.items():
-        for device in dict.fromkeys(r["device"] for r in rows if r["problem"] == name):
-            here = [r for r in rows if r["problem"] == name and r["device"] == device]
-            file = page.with_name(f"{page.stem}-{name}{'' if device == 'CPU' else '-gpu'}.png")
-            draw(here, file)
-            found[f"## {problem.title}: {device}"] = [
-                f"{', '.join(dict.fromkeys(r['made'] for r in here))}. {measured_by(problem, here)}",
-                "", f"![error over time]({file.name})", "", *table(HEAD, by_code(here)), "",
-                *without(name, device), "",
-            ]  # fmt: skip
+        here = [r for r in rows if r["problem"] == name]
+        if not here:
+            continue
+        file = page.with_name(f"{page.stem}-{name}.png")
+        draw(here, file)
+        made = "; ".join(dict.fromkeys(r["made"] for r in here))
+        found[f"## {problem.title}"] = [
+            f"{made}. {measured_by(problem, here)}", "", f"![error over time]({file.name})", "", *by_code(here), "",
+        ]  # fmt: skip
     found["## How each code was used"] = [
-        f"- **{code.name}** ({versions[code.name]}): {code.how}." for code in CODES if code.name in versions
+        f"- **{code.name}** ({versions[code.name]}): {code.how}.{without(code)}"
+        for code in CODES
+        if code.name in versions
     ]
     return found
 
 
-def without(problem: str, device: str) -> list[str]:
-    """Codes that have no row, and why; those without a GPU path are named once, in the text of the page."""
-    if device != "CPU":
-        return []
-    found: dict[str, list[str]] = {}
-    for code in CODES:
-        if problem in code.cannot:
-            found.setdefault(code.cannot[problem], []).append(code.name)
-    return [f"- No row of {'; '.join(names)}: {reason}." for reason, names in found.items()]
+def without(code: Code) -> str:
+    """Problems that a code has no row of, and why."""
+    reasons: dict[str, list[str]] = {}
+    for problem, reason in code.cannot.items():
+        reasons.setdefault(reason, []).append(problem)
+    found = "; ".join(f"{', '.join(problems)} ({reason})" for reason, problems in reasons.items())
+    return f" No row: {found}." if found else ""
 
 
 def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
     """What the error is."""
     if problem.cut:
-        ratios = ", ".join(
-            f"{r['code']} ({r['points']}) {r['release_ratio']:.3f}" for r in rows if r.get("release_ratio")
-        )
-        return f"The error is that of G / Gc, exactly 1 when the cut grows (Rivlin and Thomas 1953): {ratios}."
+        return "The error is that of G / Gc, exactly 1 when the cut grows (Rivlin and Thomas 1953)."
     changes = [r["reference_change"] for r in rows if r.get("reference_change")]
     whose = "is this code with 97 points; it " if problem.bending else ""
     return f"The reference {whose}changes by {max(changes, default=0.0):.1g} when its spacing is halved."
 
 
-def by_code(rows: Sequence[Row]) -> list[list[str]]:
-    """A line of a table for each code, its runs one after the other."""
-    return [cells([r for r in rows if r["code"] == code]) for code in dict.fromkeys(r["code"] for r in rows)]
+def by_code(rows: Sequence[Row]) -> list[str]:
+    """The table of a problem: a line for each code, its runs one after the other; two where devices disagree."""
+    devices = list(dict.fromkeys(r["device"] for r in rows))
+    lines = []
+    for code in dict.fromkeys(r["code"] for r in rows):
+        runs = {d: {r["points"]: r for r in rows if (r["code"], r["device"]) == (code, d)} for d in devices}
+        lines += [[code, *line] for line in lines_of(runs)]
+    return table(["code", "points", "error [%]", *(f"{d} [s]" for d in devices)], lines)
 
 
-def cells(runs: Sequence[Row]) -> list[str]:
-    """The line of the runs of one code."""
-    done = [r for r in runs if not r.get("failed")]
-    own = [r["own_error"] for r in done if r.get("own_error")]
-    most = max((r.get("memory") or 0.0 for r in done), default=0.0)
-    return [
-        runs[0]["code"], ", ".join(str(r["points"]) for r in runs),
-        ", ".join(r["failed"] if r.get("failed") else percent(r["error"]) for r in runs),
-        ", ".join(map(percent, own)), ", ".join(f"{seconds(r):.3g}" for r in done), f"{most / 1e6:.0f}" if most else "",
-    ]  # fmt: skip
+def lines_of(runs: Mapping[str, Mapping[int, Row]]) -> list[list[str]]:
+    """Cells of a code: points, errors, in brackets the finest one's to its own material, times on each device."""
+    points = sorted({n for found in runs.values() for n in found})
+    errors = {n: {error(found[n]) for found in runs.values() if n in found} for n in points}
+    if any(len(different) > 1 for different in errors.values()):
+        return [
+            line for device, found in runs.items() for line in lines_of({d: found if d == device else {} for d in runs})
+        ]
+    first = [next(found[n] for found in runs.values() if n in found) for n in points]
+    own = [percent(r["own_error"]) for r in first if r.get("own_error")]
+    errors_of = ", ".join(map(error, first)) + (f" ({own[-1]})" if own else "")
+    times = [", ".join(time_of(found.get(n)) for n in points) if found else "" for found in runs.values()]
+    return [[", ".join(map(str, points)), errors_of, *times]]
+
+
+def error(row: Row) -> str:
+    """The error [%], of a tear with its sign, or why there is none."""
+    if row.get("failed"):
+        return str(row["failed"])
+    return f"{100.0 * (row['release_ratio'] - 1.0):+.2g}" if row.get("release_ratio") else percent(row["error"])
+
+
+def time_of(row: Row | None) -> str:
+    """Seconds of a run that ended, else a dash."""
+    return "-" if row is None or row.get("failed") else f"{seconds(row):.3g}"
 
 
 def percent(share: float) -> str:
@@ -87,22 +103,23 @@ def seconds(row: Row) -> float:
 
 
 def fastest(rows: Sequence[Row]) -> list[str]:
-    """The least time of each code for an error, a column for each error."""
+    """The least time of each code for an error, a column for each error, the devices one after the other."""
+    devices = list(dict.fromkeys(r["device"] for r in rows))
     lines = []
     for name in PROBLEMS:
-        for device in dict.fromkeys(r["device"] for r in rows if r["problem"] == name):
-            for code in dict.fromkeys(r["code"] for r in rows if r["problem"] == name and r["device"] == device):
-                done = [
-                    r for r in rows if (r["problem"], r["device"], r["code"]) == (name, device, code) and r.get("error")
-                ]
-                best = [least_time(done, e) for e in ERRORS]
-                if any(best):
-                    lines.append([name, device, code, *("-" if t is None else f"{t:.3g}" for t in best)])
-    head = ["problem", "device", "code", *(f"{100 * e:g} %: [s]" for e in ERRORS)]
+        for code in dict.fromkeys(r["code"] for r in rows if r["problem"] == name):
+            done = [
+                [r for r in rows if (r["problem"], r["device"], r["code"]) == (name, device, code) and r.get("error")]
+                for device in devices
+            ]
+            best = [[least_time(runs, e) for runs in done if runs] for e in ERRORS]
+            if any(t for times in best for t in times):
+                lines.append([name, code, *(" / ".join("-" if t is None else f"{t:.3g}" for t in b) for b in best)])
     return [
-        "Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs of the code keep;",
-        "codes that are further off at every spacing are left out:", "",
-        *table(head, lines), "",
+        f"Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs of the code keep; devices: "
+        f"{' / '.join(devices)}.",
+        "Codes that are further off at every spacing are left out.", "",
+        *table(["problem", "code", *(f"{100 * e:g} %" for e in ERRORS)], lines), "",
     ]  # fmt: skip
 
 
@@ -113,19 +130,22 @@ def least_time(rows: Sequence[Row], error: float) -> float | None:
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Error over time, a line for each code; dashed, to its own material."""
-    with picture(path, size=(7.0, 4.6)) as axes:
-        panel = axes[0, 0]
-        for i, code in enumerate(dict.fromkeys(r["code"] for r in rows)):
-            done = [r for r in rows if r["code"] == code and r.get("error")]
-            if not done:
-                continue
-            times = [seconds(r) for r in done]
-            panel.loglog(times, [r["error"] for r in done], "o-", color=f"C{i}", label=code)
-            if done[0].get("own_error"):
-                panel.loglog(
-                    times, [r["own_error"] for r in done], "x--", color=f"C{i}", label=f"{code}, its own material"
-                )
-        panel.set_xlabel("CPU time (s)" if rows[0]["device"] == "CPU" else "wall time (s)")
-        panel.set_ylabel("error (-)")
-        panel.legend(fontsize=7)
+    """Error over time, a panel for each device and a line for each code; dashed, to its own material."""
+    devices = list(dict.fromkeys(r["device"] for r in rows))
+    colours = {code: f"C{i}" for i, code in enumerate(dict.fromkeys(r["code"] for r in rows))}
+    with picture(path, columns=len(devices), size=(5.5, 4.2)) as axes:
+        for panel, device in zip(axes[0], devices, strict=True):
+            for code, colour in colours.items():
+                done = [r for r in rows if (r["code"], r["device"]) == (code, device) and r.get("error")]
+                if not done:
+                    continue
+                times = [seconds(r) for r in done]
+                panel.loglog(times, [r["error"] for r in done], "o-", color=colour, label=code)
+                if done[0].get("own_error"):
+                    panel.loglog(
+                        times, [r["own_error"] for r in done], "x--", color=colour, label=f"{code}, its own material"
+                    )
+            panel.set_title(device, fontsize=9)
+            panel.set_xlabel("CPU time (s)" if device == "CPU" else "wall time (s)")
+            panel.set_ylabel("error (-)")
+            panel.legend(fontsize=7)
