@@ -10,9 +10,8 @@ import functools
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import Kernel, Pointwise, kernel, pointwise
 from .numeric import numeric
-from .pointwise import Pointwise, pointwise
 
 
 @functools.cache

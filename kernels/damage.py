@@ -1,12 +1,13 @@
-"""Damage of points, and triangles not cut by a crack."""
+"""Damage by broken bonds, triangles not cut by a crack, and by what factor a damage field reduces stiffness."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
-from .bits import lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
-from .families import WORD, Layout, family_functions
+from .families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
+from .numeric import numeric
 
 
 @functools.cache
@@ -69,3 +70,81 @@ def face_damage(layout: Layout) -> Kernel:
             intact_faces[t] = wp.uint8(0)
 
     return find_intact_faces
+
+
+@functools.cache
+def stiffness_left(bits: int) -> wp.Function:
+    """Function d -> g(d) = (1 - d)^2."""
+    real = numeric(bits).real
+
+    @wp.func
+    def stiffness_left(damage: real):
+        return (real(1.0) - damage) * (real(1.0) - damage)
+
+    return stiffness_left
+
+
+@functools.cache
+def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions of (d, m) that return g, -dg/dd and d²g/dd², where m is -dg/dd at d = 0.
+
+    `weak`: Lorentz's g, which falls faster at first; otherwise (1 - d)^2, with m = 2.
+    """
+    real = numeric(bits).real
+
+    if not weak:
+
+        @wp.func
+        def left(d: real, m: real):
+            return (real(1.0) - d) * (real(1.0) - d)
+
+        @wp.func
+        def fall(d: real, m: real):
+            return real(2.0) * (real(1.0) - d)
+
+        @wp.func
+        def curvature(d: real, m: real):
+            return real(2.0)
+
+        return left, fall, curvature
+
+    @wp.func
+    def shape(m: real):
+        return wp.min(real(1.0), real(1.5) * (m - real(2.0)) - real(0.5))
+
+    @wp.func
+    def below(d: real, m: real):
+        return (real(1.0) - d) * (real(1.0) - d) + m * d * (real(1.0) + shape(m) * d)
+
+    @wp.func
+    def left(d: real, m: real):
+        return (real(1.0) - d) * (real(1.0) - d) / below(d, m)
+
+    @wp.func
+    def fall(d: real, m: real):
+        growth = real(1.0) + real(2.0) * shape(m)
+        return m * (real(1.0) - d) * (real(1.0) + growth * d) / (below(d, m) * below(d, m))
+
+    @wp.func
+    def curvature(d: real, m: real):
+        growth = real(1.0) + real(2.0) * shape(m)
+        bottom = below(d, m)
+        top = (real(1.0) - d) * (real(1.0) + growth * d)
+        top_slope = growth - real(1.0) - real(2.0) * growth * d
+        bottom_slope = m * (real(1.0) + real(2.0) * shape(m) * d) - real(2.0) * (real(1.0) - d)
+        return m * (real(2.0) * top * bottom_slope - top_slope * bottom) / (bottom * bottom * bottom)
+
+    return left, fall, curvature
+
+
+@functools.cache
+def soften(bits: int, value: Any) -> Kernel:
+    """Kernel that reduces a value of each family, such as an energy or a stress, by the damage of its point."""
+    real, left = numeric(bits).real, stiffness_left(bits)
+
+    @kernel()
+    def soften(damage: wp.array(dtype=real), first: int, values: wp.array(dtype=value)):
+        i = wp.tid() + first
+        values[i] = value(left(damage[i])) * values[i]
+
+    return soften

@@ -11,6 +11,16 @@ of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is 
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one in any system of units, which suits float32.
+
+Masks of members have words of 32 bits. A loop over the members of a mask
+
+    members = ...                                   bits of one word
+    while members != wp.uint32(0):
+        k = word * WORD + lowest_bit(members)       member index
+        members = without_lowest_bit(members)
+        ...
+
+visits them in ascending order, so sums are reproducible bit for bit.
 """
 
 import functools
@@ -19,7 +29,6 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_of
 from .numeric import Numeric, entry_of, numeric
 
 WORD = 32
@@ -36,9 +45,9 @@ class Layout:
         breakable: Whether bonds can break.
         softened: Whether the damage of a point reduces the stiffness of its family, see
             kernels/tearing/damage_field.py.
-        regions: Whether bonds have several materials, see kernels/by_region.py.
+        regions: Whether bonds have several materials, see kernels/materials.py.
         by_point: Whether the last constant of the material is a value of the point.
-        remembers: Whether it is a value of the intersection instead, see kernels/memory.py.
+        remembers: Whether it is a value of the intersection instead, see kernels/bond_associated.py.
     """
 
     kind: str
@@ -89,7 +98,7 @@ class FamilyFunctions:
         is_undamaged: (family, i) -> whether no bond of i is broken; the tables of the undamaged sheet are then valid.
         is_intact: (family, i, k) -> whether the bond is intact.
         of_bond: (family, i, k, constants of a material) -> the same, whose last one is the index of the bond's material
-            (kernels/by_region.py), the value of point i or that of the intersection; or the constants themselves.
+            (kernels/materials.py), the value of point i or that of the intersection; or the constants themselves.
     """
 
     struct: Any
@@ -410,3 +419,44 @@ def family_functions(layout: Layout) -> FamilyFunctions:
     if layout.softened:
         return family_functions(replace(layout, softened=False))
     return lattice_functions(layout) if layout.kind == "lattice" else table_functions(layout)
+
+
+_LOWEST = """
+#if defined(__CUDA_ARCH__)
+    return __ffs(static_cast<int>(mask)) - 1;
+#else
+    return __builtin_ctz(mask);
+#endif
+"""
+
+_NUMBER = """
+#if defined(__CUDA_ARCH__)
+    return __popc(mask);
+#else
+    return __builtin_popcount(mask);
+#endif
+"""
+
+
+@wp.func_native(_LOWEST)
+def lowest_bit(mask: wp.uint32) -> int:
+    """Index of the lowest set bit; undefined for 0."""
+    ...
+
+
+@wp.func_native(_NUMBER)
+def number_of_bits(mask: wp.uint32) -> int:
+    """Number of set bits."""
+    ...
+
+
+@wp.func
+def without_lowest_bit(mask: wp.uint32):
+    """The mask with its lowest set bit cleared."""
+    return mask & (mask - wp.uint32(1))
+
+
+@wp.func
+def bit_of(mask: wp.uint32, index: int):
+    """Whether a bit, 0 to 31, is set."""
+    return ((mask >> wp.uint32(index)) & wp.uint32(1)) != wp.uint32(0)

@@ -1,6 +1,6 @@
 """The variational bond-associated force of any family on a CPU, as sums over the rows of small tables.
 
-The sums are those of kernels/reference_force.py, in three passes over a family. A row is the contribution of a member
+The sums are those of kernels/bond_associated.py, in three passes over a family. A row is the contribution of a member
 to every intersection that contains it. A CPU adds a row with vector instructions, and a family's rows fit its
 first-level cache:
 
@@ -20,12 +20,11 @@ from dataclasses import replace
 
 import warp as wp
 
-from .bits import lowest_bit, number_of_bits, without_lowest_bit
+from .damage import stiffness_left
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory, constants_of
-from .families import WORD, Layout, family_functions
+from .families import WORD, Layout, family_functions, lowest_bit, number_of_bits, without_lowest_bit
 from .kinematics import kinematics
-from .stiffness_left import stiffness_left
+from .numeric import FunctionFactory, PairFactory, constants_of
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
 ROW = 8
@@ -47,7 +46,7 @@ def family_rows(
         near: Factory of stress_near, called with `bits`, or None.
         words: Number of words of a family's masks.
         energetic: Whether it fills energies [points] with the energy of each family [J] instead.
-        response: That of a viscous law, as for `kernels.reference_force.reference_force`. The kernel then also advances
+        response: That of a viscous law, as for `kernels.bond_associated.reference_force`. The kernel then also advances
             the state by one step (none if `step` is 0) and adds to viscous_work [points], J: the dissipated energy of
             Maxwell elements, the work of Prony stresses.
     """

@@ -4,11 +4,10 @@ import functools
 
 import warp as wp
 
-from .effects import Kernel, kernel
-from .factories import constants_of
+from .damage import stiffness_left
+from .effects import Kernel, Pointwise, kernel, pointwise
 from .families import Layout, family_functions
-from .pointwise import Pointwise, pointwise
-from .stiffness_left import stiffness_left
+from .numeric import constants_of
 
 
 @functools.cache

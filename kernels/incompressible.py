@@ -15,23 +15,12 @@ With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no differences of
 
 import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import warp as wp
 
-from .factories import FunctionFactory, constants_of
-from .materials import MaterialFunctions, invariants
-from .numeric import numeric
-
-T = TypeVar("T")
-
-
-def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
-    """Wrap a cached factory under a name unique to the material; Warp identifies compiled functions by name."""
-    cached: Any = functools.cache(factory)
-    cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
-    cached.__qualname__ = f"{energy.__qualname__}.{what}"
-    return cached  # type: ignore[no-any-return]
+from .materials import MaterialFunctions, invariants, named
+from .numeric import FunctionFactory, constants_of, numeric
 
 
 @functools.cache

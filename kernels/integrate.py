@@ -20,9 +20,8 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import Kernel, Pointwise, kernel, pointwise
 from .numeric import numeric
-from .pointwise import Pointwise, pointwise
 
 RIGID = 8
 

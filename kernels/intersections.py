@@ -8,9 +8,8 @@ import functools
 
 import warp as wp
 
-from .bits import lowest_bit, without_lowest_bit
 from .effects import unstaged
-from .families import WORD
+from .families import WORD, lowest_bit, without_lowest_bit
 from .kinematics import kinematics
 
 

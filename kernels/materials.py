@@ -25,15 +25,22 @@ divisions.
 
 Written with the second Piola stress, the law needs no local frame and no rotation: F S is exactly what the
 papers obtain by rotating to the tangent plane, taking the stress there and rotating back.
+
+`by_region` combines several materials: one vector has the constants of all, one material after the other, and last the
+index of the material, which `of_bond` of the families (kernels/families.py) sets for each bond.
 """
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import warp as wp
 
-from .factories import FunctionFactory, PairFactory
-from .numeric import numeric
+from .effects import unstaged
+from .numeric import FunctionFactory, PairFactory, constants_of, numeric
+
+T = TypeVar("T")
 
 # Typical states take 2 or 3 steps; the worst state found below the lock of a Gent sheet takes 19 (K / mu near 1). After
 # RESTART steps a guess that does not converge is replaced by zero.
@@ -66,6 +73,14 @@ class MaterialFunctions:
     volume: FunctionFactory | None = None
     width: FunctionFactory | None = None
     membrane: PairFactory | None = None
+
+
+def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
+    """Wrap a cached factory under a name unique to the material; Warp identifies compiled functions by name."""
+    cached: Any = functools.cache(factory)
+    cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
+    cached.__qualname__ = f"{energy.__qualname__}.{what}"
+    return cached  # type: ignore[no-any-return]
 
 
 @functools.cache
@@ -171,3 +186,130 @@ def volume(bits: int) -> wp.Function:
         return d * (real(3.0) + d * (real(3.0) + d))
 
     return volume_of
+
+
+# (bits, type of all constants, function of a material, its own constants, index of the material, function of those
+# after it) -> function.
+Declare = Callable[[int, Any, wp.Function, wp.Function, int, wp.Function], wp.Function]
+
+
+@functools.cache
+def by_region(materials: tuple[MaterialFunctions, ...]) -> MaterialFunctions:
+    """Functions that select the material by its index; a function that one material lacks is missing."""
+
+    def joined(bits: int, functions: tuple[wp.Function, ...], declare: Declare) -> wp.Function:
+        types = [constants_of(material.functions(bits)[0]) for material in materials]
+        ends = [sum(each._length_ for each in types[:n]) for n in range(len(types) + 1)]
+        Constants = numeric(bits).constants(ends[-1] + 1)
+        found = None
+        for n, function in reversed(list(enumerate(functions))):
+            own = own_constants(Constants, types[n], ends[n], n)
+            found = declare(bits, Constants, function, own, n, found)
+        return found
+
+    def functions(bits: int) -> tuple[wp.Function, wp.Function]:
+        stress, energy = zip(*(material.functions(bits) for material in materials), strict=True)
+        return joined(bits, stress, of_strain), joined(bits, energy, of_strain)
+
+    def of(name: str, declare: Declare) -> Callable[[int], wp.Function] | None:
+        factories = [getattr(material, name) for material in materials]
+        if None in factories:
+            return None
+        return called(lambda bits: joined(bits, tuple(factory(bits) for factory in factories), declare), name)
+
+    def called(factory: Callable[[int], Any], what: str) -> Callable[[int], Any]:
+        names = "_".join(f"{one.functions.__module__}_{one.functions.__name__}" for one in materials)
+        return named(factory, materials[0].functions, f"{what}_by_region_{names}")
+
+    return MaterialFunctions(
+        functions=called(functions, "functions"),
+        near=of("near", with_guess),
+        response=of("response", of_strain),
+        volume=of("volume", of_strain),
+    )
+
+
+def own_constants(Constants: Any, Own: Any, begin: int, index: int) -> wp.Function:
+    """Function (constants of all materials) -> constants of one material, which start at `begin`."""
+    count = Own._length_
+
+    @wp.func(name=f"constants_{index}")
+    def own(constants: Constants):
+        found = Own()
+        for k in range(wp.static(count)):
+            found[k] = constants[begin + k]
+        return found
+
+    return own
+
+
+def of_strain(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
+    """(G, constants) -> the values of `function`."""
+    real, mat22, last = numeric(bits).real, numeric(bits).mat22, Constants._length_ - 1
+
+    @wp.func(name=f"{function.func.__name__}_{n}")
+    def values(G: mat22, constants: Constants):
+        if wp.static(others is not None):
+            if constants[last] != real(n):
+                return others(G, constants)
+        return function(G, own(constants))
+
+    return values
+
+
+def with_guess(bits: int, Constants: Any, function: wp.Function, own: wp.Function, n: int, others: wp.Function) -> Any:
+    """(G, constants, guess) -> stress and the next guess."""
+    real, mat22, last = numeric(bits).real, numeric(bits).mat22, Constants._length_ - 1
+
+    @wp.func(name=f"{function.func.__name__}_{n}")
+    def values(G: mat22, constants: Constants, guess: real):
+        if wp.static(others is not None):
+            if constants[last] != real(n):
+                return others(G, constants, guess)
+        return function(G, own(constants), guess)
+
+    return values
+
+
+@functools.cache
+def energy_density(functions: PairFactory) -> wp.Kernel:
+    """Kernel that fills `out` [n] with the energy density [J/m^3] of principal stretches [n], in float64."""
+    types = numeric(64)
+    mat22 = types.mat22
+    _, energy = functions(64)
+    Constants = constants_of(energy)
+
+    def energy_at(
+        first: wp.array(dtype=wp.float64),
+        second: wp.array(dtype=wp.float64),
+        constants: Constants,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        one = wp.float64(1.0)
+        zero = wp.float64(0.0)
+        G = mat22((first[i] - one) * (first[i] + one), zero, zero, (second[i] - one) * (second[i] + one))
+        out[i] = energy(G, constants)
+
+    return unstaged(energy_at)
+
+
+@functools.cache
+def stress_and_volume(functions: PairFactory, volume: FunctionFactory) -> wp.Kernel:
+    """Kernel that fills S [Pa] and J^2 - 1 of strains G = C - I [n], in float64."""
+    stress, _ = functions(64)
+    volume_change = volume(64)
+    Constants = constants_of(stress)
+
+    def stress_at(
+        strain: wp.array(dtype=wp.mat22d),
+        constants: Constants,
+        out: wp.array(dtype=wp.mat22d),
+        change: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        G = strain[i]
+        out[i] = stress(G, constants)
+        change[i] = volume_change(G, constants)
+
+    return unstaged(stress_at)

@@ -1,8 +1,9 @@
-"""Scalar, vector and matrix types of one precision, and fast access to entries of their arrays."""
+"""Scalar, vector and matrix types of one precision, fast access to entries of their arrays, and fast division."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import warp as wp
 
@@ -78,3 +79,47 @@ def put_entry(kind: Any, dimension: int, index: Any = wp.int32) -> wp.Function:
     def put(values: Values, number: index, value: kind): ...
 
     return put
+
+
+FunctionFactory: TypeAlias = Callable[[int], wp.Function]
+PairFactory: TypeAlias = Callable[[int], tuple[wp.Function, wp.Function]]
+PairwiseFactory: TypeAlias = Callable[[int], tuple[wp.Function, wp.Function, wp.Function]]
+
+
+def constants_of(function: wp.Function) -> Any:
+    """Type of the constants that a function of a material or of a law takes: `constants`, or the second argument."""
+    types = function.input_types
+    return types.get("constants", list(types.values())[1])
+
+
+# An estimate of 20 bits, and a step of third order.
+_QUOTIENT = """
+#if defined(__CUDA_ARCH__)
+    double inverse;
+    asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(inverse) : "d"(b));
+    double error = fma(-b, inverse, 1.0);
+    error = fma(error, error, error);
+    return a * fma(inverse, error, inverse);
+#else
+    return a / b;
+#endif
+"""
+
+
+@functools.cache
+def division(bits: int) -> wp.Function:
+    """Function (a, b) -> a / b for an ordinary b, i.e. one that is neither zero, infinite nor subnormal.
+
+    In float64 on a GPU it is accurate to two units in the last place, and takes a third of the instructions of a
+    division, which also treats the other cases. The result for another b is NaN.
+    """
+    real = numeric(bits).real
+
+    @wp.func
+    def quotient(a: real, b: real):
+        return a / b
+
+    @wp.func_native(_QUOTIENT)
+    def double_quotient(a: wp.float64, b: wp.float64) -> wp.float64: ...
+
+    return double_quotient if bits == 64 else quotient

@@ -13,10 +13,9 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_of
 from .effects import Kernel, kernel
-from .factories import constants_of
-from .families import WORD, Layout, family_functions
+from .families import WORD, Layout, bit_of, family_functions
+from .numeric import constants_of
 
 # Points of a block that is screened together.
 SCREENED = 128

@@ -17,8 +17,8 @@ import warp as wp
 from .block_sums import BLOCK
 from .effects import Kernel, kernel
 from .integrate import RIGID, free_components
-from .lanes import value_of_lane
 from .numeric import numeric
+from .threads import value_of_lane
 
 # Eigenvalues up to this fraction of the largest found so far are damped equally. A larger fraction would end nearer to
 # lambda, but more slowly.

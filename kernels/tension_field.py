@@ -29,10 +29,9 @@ from typing import Any
 
 import warp as wp
 
-from .factories import FunctionFactory, PairFactory, constants_of
-from .incompressible import named, principal_strains, principal_tangent
-from .materials import MaterialFunctions
-from .numeric import numeric
+from .incompressible import principal_strains, principal_tangent
+from .materials import MaterialFunctions, named
+from .numeric import FunctionFactory, PairFactory, constants_of, numeric
 
 # Maximum number of steps of the search for the width, and the change of g2 over g1 at which it ends.
 SEARCH = 60

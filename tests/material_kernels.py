@@ -5,8 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
-from warp_pd.kernels.factories import constants_of
-from warp_pd.kernels.numeric import numeric
+from warp_pd.kernels.numeric import constants_of, numeric
 from warp_pd.materials import capabilities, padded_constants
 
 

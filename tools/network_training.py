@@ -11,8 +11,7 @@ import warp as wp
 
 from warp_pd import InputError
 from warp_pd.kernels.effects import unstaged
-from warp_pd.kernels.factories import FunctionFactory, PairFactory, constants_of
-from warp_pd.kernels.numeric import numeric
+from warp_pd.kernels.numeric import FunctionFactory, PairFactory, constants_of, numeric
 from warp_pd.materials import Material, capabilities, padded_constants
 from warp_pd.papers.neural.networks import INPUTS, OUTPUTS, Network, inputs, ratios_of, unit_of_stress
 from warp_pd.papers.neural.torch_network import bond_network

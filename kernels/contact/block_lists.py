@@ -11,8 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from ..bits import lowest_bit, number_of_bits, without_lowest_bit
 from ..effects import kernel
+from ..families import lowest_bit, number_of_bits, without_lowest_bit
 
 # Whether any thread of the block has a nonzero count; on a CPU the count itself.
 _ANY = """

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from ..effects import NEAR_BLOCK, Pointwise, pointwise
 from ..integrate import StepOptions, half_step
 from ..numeric import numeric
-from ..pointwise import NEAR_BLOCK, Pointwise, pointwise
 from .body_motion import MOVES, STEP, vec6d, wrench
 from .body_search import REMEMBERED, BodySearch, body_search
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import warp as wp
 
+from ..effects import NEAR_BLOCK, Pointwise, pointwise
 from ..numeric import numeric
-from ..pointwise import NEAR_BLOCK, Pointwise, pointwise
 from .body_motion import MOVES, SEARCH, SLOW, STEP, vec6d
 from .distances import BodyShape, of_any_point, plane_distance, ways_out
 from .mesh_distance import is_clear, look_around

@@ -19,8 +19,8 @@ from typing import Any
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..fast.grid_barrier import synchronize
 from ..integrate import StepOptions
+from ..threads import synchronize
 from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
 from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact
 from .body_motion import change_motion, spin_of, vec6d, wrench

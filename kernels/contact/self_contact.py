@@ -18,11 +18,9 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..bits import lowest_bit, without_lowest_bit
-from ..effects import Kernel, kernel
-from ..families import WORD, Layout, family_functions
+from ..effects import Kernel, Pointwise, kernel, pointwise
+from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..integrate import RIGID, StepOptions, half_step
-from ..pointwise import Pointwise, pointwise
 from .near_pairs import TOUCHED, pair_functions
 
 

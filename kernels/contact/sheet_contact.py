@@ -23,10 +23,9 @@ import functools
 
 import warp as wp
 
-from ..effects import Kernel, kernel
+from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..integrate import StepOptions, half_step
 from ..numeric import numeric
-from ..pointwise import Pointwise, pointwise
 from .face_tree import next_face
 from .narrow_phase import crosses
 from .sheet_pairs import (

@@ -1,6 +1,6 @@
 """The variational bond-associated force with a few bonds per thread and a few families per thread block.
 
-It computes the same sums as kernels/reference_force.py, for any family. Threads of a block exchange results through
+It computes the same sums as kernels/bond_associated.py, for any family. Threads of a block exchange results through
 shared memory between barriers:
 
     every thread (i, k)     c_k X_k and U_k of its members
@@ -21,13 +21,11 @@ from typing import Any
 
 import warp as wp
 
-from ..bits import bit_of, lowest_bit, without_lowest_bit
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, constants_of
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, bit_of, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
-from ..numeric import entry_of, put_entry
-from .grid_barrier import synchronize
+from ..numeric import FunctionFactory, constants_of, entry_of, put_entry
+from ..threads import synchronize
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision and bonds per thread.

@@ -4,11 +4,10 @@ import functools
 
 import warp as wp
 
-from ..bits import bit_of
-from ..families import WORD, Layout, family_functions
+from ..damage import stiffness_left
+from ..effects import Pointwise, pointwise
+from ..families import WORD, Layout, bit_of, family_functions
 from ..numeric import entry_of
-from ..pointwise import Pointwise, pointwise
-from ..stiffness_left import stiffness_left
 
 
 @functools.cache

@@ -20,9 +20,8 @@ from typing import Any
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, constants_of
 from ..kinematics import kinematics
-from ..numeric import entry_of, numeric
+from ..numeric import FunctionFactory, constants_of, entry_of, numeric
 from .stencil import LARGE, Stencil
 
 # Maximum number of registers, of 255, that displacements and forces of a family may take together.

@@ -12,10 +12,9 @@ import functools
 
 import warp as wp
 
-from ..effects import Kernel, kernel
+from ..damage import stiffness_left
+from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..numeric import numeric
-from ..pointwise import Pointwise, pointwise
-from ..stiffness_left import stiffness_left
 
 # Triangles that one thread sums.
 BLOCK = 64

@@ -22,11 +22,10 @@ from typing import Any
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import PairwiseFactory
 from ..families import Layout, family_functions
-from ..family_fields import gradient_of_family
 from ..kinematics import kinematics
-from ..numeric import numeric
+from ..numeric import PairwiseFactory, numeric
+from ..point_fields import gradient_of_family
 from .bonds import BondLaw, bond_functions, sums_of_bonds
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.

@@ -12,10 +12,9 @@ from typing import Any
 
 import warp as wp
 
-from ..bits import lowest_bit, without_lowest_bit
 from ..effects import Kernel, kernel
-from ..factories import constants_of
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
+from ..numeric import constants_of
 
 
 @dataclass(frozen=True)

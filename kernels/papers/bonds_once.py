@@ -16,9 +16,8 @@ import functools
 
 import warp as wp
 
-from ..bits import bit_of
 from ..effects import Kernel, kernel
-from ..families import WORD
+from ..families import WORD, bit_of
 from ..numeric import numeric
 from ..rupture import SCREENED
 

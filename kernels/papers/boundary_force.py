@@ -11,10 +11,9 @@ import functools
 
 import warp as wp
 
-from ..bits import lowest_bit, without_lowest_bit
 from ..effects import Kernel, kernel
-from ..families import WORD, Layout, family_functions
-from ..follower_pressure import surface_vector
+from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
+from ..loads import surface_vector
 
 
 @functools.cache

@@ -33,10 +33,9 @@ from typing import Any
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, PairFactory, constants_of
 from ..families import Layout, family_functions
 from ..kinematics import kinematics
-from ..numeric import numeric
+from ..numeric import FunctionFactory, PairFactory, constants_of, numeric
 from .bonds import forces_of_families
 from .neural_network import Layers, network_function
 from .nodal import point_gradient

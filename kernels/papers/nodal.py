@@ -18,10 +18,9 @@ from typing import Any
 
 import warp as wp
 
-from ..bits import lowest_bit, without_lowest_bit
-from ..factories import PairFactory, constants_of
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
+from ..numeric import PairFactory, constants_of
 from .bonds import BondLaw, forces_of_families
 
 

@@ -20,8 +20,8 @@ import warp as wp
 
 from ..effects import kernel
 from ..families import Layout, family_functions
-from ..family_fields import gradient_of_family
 from ..kinematics import kinematics
+from ..point_fields import gradient_of_family
 from ..visco.visco import relaxation_factors
 from .bonds import BondLaw, bond_functions, forces_of_families
 

@@ -11,13 +11,12 @@ import functools
 
 import warp as wp
 
-from ..bits import lowest_bit, without_lowest_bit
 from ..bond_associated import family_mechanics
+from ..damage import stiffness_left
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, constants_of
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
-from ..stiffness_left import stiffness_left
+from ..numeric import FunctionFactory, constants_of
 
 # Density over that of the taut sheet below which a point counts as slack.
 SLACK = 0.1

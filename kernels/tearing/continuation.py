@@ -11,8 +11,8 @@ For a material of I1 alone, with x = I1 - 3 and x_s at the strength,
 
     Psi*(x) = Psi(x),  x <= x_s,        Psi*(x) = Psi(x_s) + Psi'(x_s) (x - x_s)  beyond,
 
-exactly (`continued_energy`; kernels/gent.py for a compressible sheet). Any other energy is mapped by a function of its
-own value,
+exactly (`continued_energy`; kernels/compressible.py for a compressible sheet). Any other energy is mapped by a function
+of its own value,
 
     Psi* = phi(Psi),     S* = phi'(Psi) S,     phi'(Psi) = 1 up to the strength,
 
@@ -34,10 +34,9 @@ import functools
 
 import warp as wp
 
-from ..factories import FunctionFactory, PairFactory, constants_of
-from ..incompressible import incompressible, mooney_rivlin, named
-from ..materials import MaterialFunctions
-from ..numeric import numeric
+from ..incompressible import incompressible, mooney_rivlin
+from ..materials import MaterialFunctions, named
+from ..numeric import FunctionFactory, PairFactory, constants_of, numeric
 
 # Knots of phi': the last lies at 2^KNOTS times the strength. Beyond it phi' is constant.
 KNOTS = 12

@@ -4,12 +4,11 @@ import functools
 
 import warp as wp
 
-from ..bits import bit_of
+from ..damage import stiffness_left
 from ..effects import Kernel, kernel
-from ..factories import constants_of
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, bit_of, family_functions
+from ..numeric import constants_of
 from ..rupture import energy_over_step
-from ..stiffness_left import stiffness_left
 
 
 @functools.cache

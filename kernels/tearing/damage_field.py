@@ -40,13 +40,11 @@ import functools
 
 import warp as wp
 
-from ..bits import bit_of, number_of_bits
-from ..factories import constants_of
-from ..families import WORD, Layout, family_functions
-from ..fast.grid_barrier import wait_for_blocks
-from ..lanes import sum_of_lanes
+from ..damage import degradation
+from ..families import WORD, Layout, bit_of, family_functions, number_of_bits
+from ..numeric import constants_of
 from ..rupture import energy_over_step
-from ..stiffness_left import degradation
+from ..threads import sum_of_lanes, wait_for_blocks
 from .damage_list import field_tables
 
 NEAR = 0.55

@@ -10,9 +10,8 @@ from typing import Any
 
 import warp as wp
 
-from ..bits import bit_of
 from ..effects import Kernel, kernel
-from ..families import WORD, Layout, family_functions
+from ..families import WORD, Layout, bit_of, family_functions
 from ..numeric import numeric
 from ..rupture import reference_and_deformed
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import constants_of
 from ..families import Layout, family_functions
-from ..fast.grid_barrier import wait_for_blocks
-from ..numeric import numeric
+from ..numeric import constants_of, numeric
+from ..threads import wait_for_blocks
 from .damage_field import OtherFamilies, driving, finishing, sweeping
 from .damage_list import field_tables, listing, waking
 

@@ -5,8 +5,8 @@ import functools
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import constants_of
 from ..families import Layout, family_functions
+from ..numeric import constants_of
 from ..rupture import Criterion
 
 

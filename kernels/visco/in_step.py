@@ -9,10 +9,9 @@ import functools
 import warp as wp
 
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, PairFactory, constants_of
-from ..incompressible import incompressible, named, yeoh
-from ..materials import invariants
-from ..numeric import numeric
+from ..incompressible import incompressible, yeoh
+from ..materials import invariants, named
+from ..numeric import FunctionFactory, PairFactory, constants_of, numeric
 from .maxwell import ElasticNetwork, maxwell
 from .visco import prony_response, relaxation_factors
 

@@ -40,11 +40,9 @@ from dataclasses import dataclass
 import warp as wp
 
 from ..bond_associated import energy_of_intersections
-from ..factories import FunctionFactory, PairFactory, constants_of
 from ..families import Layout, family_functions
-from ..incompressible import named
-from ..materials import invariants
-from ..numeric import numeric
+from ..materials import invariants, named
+from ..numeric import FunctionFactory, PairFactory, constants_of, numeric
 from ..tension_field import taut_strain
 from .visco import relaxation_factors
 

@@ -23,12 +23,11 @@ import warp as wp
 
 from ..bond_associated import family_mechanics
 from ..effects import Kernel, kernel
-from ..factories import FunctionFactory, PairFactory, constants_of
 from ..families import Layout, family_functions
-from ..incompressible import incompressible, named, yeoh
+from ..incompressible import incompressible, yeoh
 from ..kinematics import kinematics
-from ..materials import invariants
-from ..numeric import numeric
+from ..materials import invariants, named
+from ..numeric import FunctionFactory, PairFactory, constants_of, numeric
 
 # Maximum number of steps of the search for C_q, which is convex and takes a few, and its tolerance.
 SEARCH, ENOUGH = 60, 1e-11

@@ -23,9 +23,9 @@ from warp_pd import (
 from warp_pd.device import graph, launches
 from warp_pd.families import unpack
 from warp_pd.kernels import block_sums
-from warp_pd.kernels.lanes import WARP
 from warp_pd.kernels.numeric import numeric
 from warp_pd.kernels.stable_step import power_iteration
+from warp_pd.kernels.threads import WARP
 from warp_pd.tearing import damage_field
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))

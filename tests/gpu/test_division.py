@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_pd.kernels.division import division
 from warp_pd.kernels.effects import unstaged
-from warp_pd.kernels.numeric import numeric
+from warp_pd.kernels.numeric import division, numeric
 
 
 def quotient_kernel(bits):

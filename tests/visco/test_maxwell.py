@@ -19,8 +19,7 @@ from warp_pd import (
     TensionField,
     Visco,
 )
-from warp_pd.kernels.factories import constants_of
-from warp_pd.kernels.numeric import numeric
+from warp_pd.kernels.numeric import constants_of, numeric
 from warp_pd.kernels.visco.maxwell import ElasticNetwork, maxwell
 from warp_pd.materials import padded_constants
 

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.contact.body_contact import PointContact, body_contact
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, turn_between
-from ..kernels.pointwise import NEAR_BLOCK
+from ..kernels.effects import NEAR_BLOCK
 from ..step import Phase
 from .body_shapes import BodyShape
 

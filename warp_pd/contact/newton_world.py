@@ -21,7 +21,7 @@ from ..device.fields import Array
 from ..device.graph import no_collection
 from ..device.launches import Call, Touched
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
-from ..kernels.checks import frame_checks
+from ..kernels.block_sums import frame_checks
 from ..kernels.contact.newton_world import lead_shape, load_bodies, take_impulses
 from .bodies import RigidBody
 from .body_mesh import TriangleMesh

@@ -15,8 +15,7 @@ from typing import Any, TypeAlias
 
 import warp as wp
 
-from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import Pointwise, every_point, in_turn
+from ..kernels.effects import Effects, Kernel, Pointwise, every_point, in_turn
 from .cores import compilers
 from .fields import Array
 from .kernel_cache import load_module

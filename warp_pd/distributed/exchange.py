@@ -16,7 +16,7 @@ from ..device.checks import InputError
 from ..device.fields import FieldRegister, Stored
 from ..device.launches import Call, Item, Launch, Stage, complete_later
 from ..families.partition import Partition
-from ..kernels.pointwise import Pointwise
+from ..kernels.effects import Pointwise
 from .overlap import has_streams, overlap_exchanges
 from .partition import HALO
 

@@ -19,11 +19,11 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Span, Stage, with_values
 from ..families.partition import ALIGNED
-from ..kernels.factories import FunctionFactory
 from ..kernels.fast.family_blocks import FamilyBlock, block_force
 from ..kernels.fast.reverse_bonds import gather_reverse_bonds
 from ..kernels.fast.stencil import Stencil
 from ..kernels.fast.undamaged_lattice import undamaged_lattice_force
+from ..kernels.numeric import FunctionFactory
 from ..kernels.tearing.damage_field import OtherFamilies
 from ..laws.family_struct import moments_of
 from ..laws.force_paths import Reference

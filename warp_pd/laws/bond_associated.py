@@ -15,7 +15,7 @@ from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
 from ..kernels.bond_associated import family_energies, represented_area
-from ..kernels.factories import FunctionFactory
+from ..kernels.numeric import FunctionFactory
 from ..materials import Material, capabilities, check_material, largest_energy_density
 from ..step import Phase
 from .family_law import require_one_material
@@ -99,7 +99,7 @@ class BondAssociatedForce(BondAssociatedLaw):
 
     Attributes:
         path: The force path in use.
-        response: Response of a viscous law (kernels/reference_force.py), or None.
+        response: Response of a viscous law (kernels/bond_associated.py), or None.
         terms: Its constants.
         state: Its internal variables.
     """
@@ -201,7 +201,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         """Add the launches of a phase, and those of what the material remembers."""
         super().add(phase, stage)
         if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
-            from ..kernels.memory import remembered
+            from ..kernels.bond_associated import remembered
 
             kernel = remembered(self.layout, self.material.functions, self.remembered)
             self.add_launch(stage, kernel, self.context.state.displacement, largest=self.struct.remembered)

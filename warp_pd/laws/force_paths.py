@@ -15,10 +15,10 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.effects import Kernel
-from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_rows import family_rows
 from ..kernels.family_sums import energy_of_families
+from ..kernels.numeric import FunctionFactory
 from ..materials import capabilities
 from . import FORCE_PATHS
 from .variational import BondAssociatedLaw
@@ -55,7 +55,7 @@ class Reference:
     Attributes:
         name: Name of the path in the plan.
         other_families: As `BuiltLaw.other_families`.
-        response: Response of a viscous law (kernels/reference_force.py), or None.
+        response: Response of a viscous law (kernels/bond_associated.py), or None.
     """
 
     name: ClassVar[str] = "reference"
@@ -82,7 +82,7 @@ class Reference:
 
     def add_pairs(self, stage: Stage, displacement: Array, viscous: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `viscous` as NOT_VISCOUS."""
-        from ..kernels.reference_force import published_force, reference_force
+        from ..kernels.bond_associated import published_force, reference_force
 
         law = self.law
         layout, material, form = law.key

@@ -14,9 +14,9 @@ from ..device.launches import Stage, with_values
 from ..interfaces import BuiltLaw
 from ..interfaces.frame import OWN_FIELDS
 from ..kernels.effects import Kernel
-from ..kernels.factories import FunctionFactory, PairFactory
 from ..kernels.families import Layout
-from ..kernels.principal_fields import Wanted, field_arrays
+from ..kernels.numeric import FunctionFactory, PairFactory
+from ..kernels.point_fields import Wanted, field_arrays
 from ..materials import Capabilities, Material, capabilities
 
 # Names that a scene or a user gives, and the arrays that frames then hold.
@@ -102,7 +102,7 @@ class ShownFields:
         if not self.counts:
             return
         context = self.context
-        from ..kernels.bond_fields import bond_counts
+        from ..kernels.point_fields import bond_counts
 
         kernel = bond_counts(context.layout)
         stage.launch(
@@ -114,7 +114,7 @@ class ShownFields:
         """Kernel for one gradient per family, with the stress of `material` if it is not None."""
         context, known = self.context, capabilities(material)
         functions = None if material is None else material.functions
-        from ..kernels.family_fields import point_fields
+        from ..kernels.point_fields import point_fields
 
         return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
@@ -124,7 +124,7 @@ class ShownFields:
         """Kernel for means over bonds, for a law with one gradient per bond; arguments as for `bond_fields`."""
         known: Capabilities = capabilities(material)
         stiffened = self.context.sheet.stiffness is not None
-        from ..kernels.bond_fields import bond_fields
+        from ..kernels.point_fields import bond_fields
 
         return bond_fields(*key, known.volume, known.wrinkle_width, stiffened, self.wanted, response)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..device.fields import Array
-from ..kernels.factories import FunctionFactory, PairFactory
 from ..kernels.families import Layout
+from ..kernels.numeric import FunctionFactory, PairFactory
 from ..materials import Material
 from .family_law import FamilyLaw
 

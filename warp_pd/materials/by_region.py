@@ -61,7 +61,7 @@ class ByRegion(PlaneStress):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Constants of all materials, and the index of the first one, for kernels/by_region.py."""
+        """Constants of all materials, and the index of the first one, for kernels/materials.py."""
         return (*(number for material in self.materials for number in padded_constants(material)), 0.0)
 
     @property
@@ -91,9 +91,8 @@ class ByRegion(PlaneStress):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """Warp functions that select the material of a bond, from `kernels.by_region.by_region`."""
-        from ..kernels.by_region import by_region
-        from ..kernels.materials import MaterialFunctions
+        """Warp functions that select the material of a bond, from `kernels.materials.by_region`."""
+        from ..kernels.materials import MaterialFunctions, by_region
 
         return by_region(
             tuple(

@@ -47,8 +47,8 @@ class NeoHookean(PlaneStress):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """See `kernels.neo_hookean`."""
-        from ..kernels.neo_hookean import neo_hookean
+        """See `kernels.compressible`."""
+        from ..kernels.compressible import neo_hookean
 
         return neo_hookean
 
@@ -96,8 +96,8 @@ class Gent(PlaneStress):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """See `kernels.gent`."""
-        from ..kernels.gent import gent
+        """See `kernels.compressible`."""
+        from ..kernels.compressible import gent
 
         return gent
 

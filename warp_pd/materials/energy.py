@@ -29,7 +29,7 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     """
     import warp as wp
 
-    from ..kernels.energy_density import energy_density as kernel_of
+    from ..kernels.materials import energy_density as kernel_of
 
     check_material(material, "functions")
     start_warp()
@@ -58,7 +58,7 @@ def cauchy_stress(material: Material, gradients: np.ndarray, device: Any = None)
     """
     import warp as wp
 
-    from ..kernels.energy_density import stress_and_volume
+    from ..kernels.materials import stress_and_volume
 
     check_material(material, "functions")
     volume = capabilities(material).volume

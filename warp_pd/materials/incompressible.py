@@ -10,8 +10,8 @@ from ..device.checks import InputError, finite, not_negative, positive
 from .plane_stress import PlaneStress
 
 if TYPE_CHECKING:
-    from ..kernels.factories import FunctionFactory
     from ..kernels.materials import MaterialFunctions
+    from ..kernels.numeric import FunctionFactory
 
 
 class Incompressible(PlaneStress):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
-    from ..kernels.factories import PairFactory
     from ..kernels.materials import MaterialFunctions
+    from ..kernels.numeric import PairFactory
 
 
 class PlaneStress:

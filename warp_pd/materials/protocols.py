@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ..device.checks import InputError, finite, said
 
 if TYPE_CHECKING:
-    from ..kernels.factories import FunctionFactory, PairFactory, PairwiseFactory
+    from ..kernels.numeric import FunctionFactory, PairFactory, PairwiseFactory
 
 
 class Material(Protocol):
@@ -129,6 +129,6 @@ def _constants_taken(material: Any) -> int:
     """Number of constants that a material's device functions take."""
     if not hasattr(material, "functions"):
         return 4
-    from ..kernels.factories import constants_of
+    from ..kernels.numeric import constants_of
 
     return len(constants_of(material.functions(64)[0])())

@@ -10,8 +10,8 @@ from .plane_stress import PlaneStress
 from .protocols import Material, capabilities, check_material
 
 if TYPE_CHECKING:
-    from ..kernels.factories import FunctionFactory
     from ..kernels.materials import MaterialFunctions
+    from ..kernels.numeric import FunctionFactory
 
 WRINKLES = ("relaxed", "resolved")
 

@@ -32,7 +32,7 @@ from .bond_law import BondForces
 from .inner_directions import inner_directions
 
 if TYPE_CHECKING:
-    from ..kernels.factories import PairwiseFactory
+    from ..kernels.numeric import PairwiseFactory
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}

@@ -14,8 +14,7 @@ from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Columns
-from ..kernels.block_sums import BLOCK
-from ..kernels.checks import frame_checks
+from ..kernels.block_sums import BLOCK, frame_checks
 from ..kernels.clock import clock
 from ..kernels.integrate import kinetic_energy
 from ..step import Phase

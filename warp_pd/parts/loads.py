@@ -19,8 +19,7 @@ from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..interfaces.scales import LIGHTEST, Scales, largest_factor
-from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
-from ..kernels.loads import dead_load
+from ..kernels.loads import dead_load, follower_pressure, follower_pressure_tangent
 
 Ramp = Sequence[tuple[float, float]] | None
 # Of the Earth [m/s^2].

@@ -9,8 +9,8 @@ from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
-from ..kernels.lanes import WARP
 from ..kernels.stable_step import PowerIteration, power_iteration
+from ..kernels.threads import WARP
 
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
 # force, far below what would change the tangent.

@@ -16,8 +16,8 @@ from ..materials.protocols import Capabilities, Material, capabilities, padded_c
 from ..materials.tension_field import TensionField
 
 if TYPE_CHECKING:
-    from ..kernels.factories import FunctionFactory
     from ..kernels.materials import MaterialFunctions
+    from ..kernels.numeric import FunctionFactory
 
 # Stretches at which energies are compared, and the relative difference of energies that counts as round-off.
 STRETCHES, ROUND_OFF = np.geomspace(1.0, 1e3, 4001), 1e-9
@@ -113,8 +113,8 @@ class ContinuedGent(Gent):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """See `kernels.gent.continued_gent`."""
-        from ..kernels.gent import continued_gent
+        """See `kernels.compressible.continued_gent`."""
+        from ..kernels.compressible import continued_gent
 
         return continued_gent
 

@@ -17,11 +17,11 @@ from ..device.launches import Span, Stage, with_values
 from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
-from ..kernels.lanes import lanes_of
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies
 from ..kernels.tearing.damage_list import TOGETHER, field_tables
 from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
+from ..kernels.threads import lanes_of
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
 from .cut_profiles import CutEnds, damage_of_cuts, initial_damage

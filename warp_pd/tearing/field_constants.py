@@ -53,7 +53,7 @@ class FieldConstants:
             point of the whole sheet, (N,).
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
         largest_limit: The maximum [J/m^3].
-        steepness: -dg/dd at d = 0, see kernels/stiffness_left.py; 2 if the strength follows from the length.
+        steepness: -dg/dd at d = 0, see kernels/damage.py; 2 if the strength follows from the length.
 
     Args:
         energy: Tearing energy [J/m^2], a number or one value per point, (N,).

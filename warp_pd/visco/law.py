@@ -15,7 +15,7 @@ from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..implicit.internal import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
-from ..kernels.factories import FunctionFactory
+from ..kernels.numeric import FunctionFactory
 from ..kernels.visco.in_step import maxwell_moduli, prony_moduli
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
 from ..kernels.visco.visco import prony_response, visco_energy

@@ -11,8 +11,7 @@ from warp_pd.context import find_device
 from warp_pd.device import graph
 from warp_pd.device.graph import LaunchSequence, side_stream_waits, wrapped
 from warp_pd.device.launches import Stage, Touched
-from warp_pd.kernels.effects import Effects, kernel
-from warp_pd.kernels.pointwise import pointwise
+from warp_pd.kernels.effects import Effects, kernel, pointwise
 
 
 @functools.cache
