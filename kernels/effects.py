@@ -19,8 +19,8 @@ import warp as wp
 
 # What a thread works on.
 PER = ("point", "block", "list", "face", "body", "once")
-# Each thread that compiles for a CPU first reads Warp's header. Without bfloat16, which no kernel uses, that takes
-# 0.8 s, not 1.2 s. Clang instantiates the header's templates then, not in every module. The code is the same.
+# Warp's header, compiled once for a CPU, does without bfloat16, which no kernel uses. Clang instantiates the header's
+# templates then, not in every module. The code is the same.
 _GIVEN = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
 CPU_FLAGS = f"{_GIVEN} -fpch-instantiate-templates -DWP_NO_BFLOAT16"
 

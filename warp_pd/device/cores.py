@@ -75,15 +75,12 @@ def compilers(device: Any) -> Iterator[ThreadPoolExecutor]:
 
 
 def load_kernel(kernel: Any, device: Any) -> None:
-    """Compile or load a kernel in one of these threads: each thread that compiles first takes seconds for headers."""
+    """Compile or load a kernel in one of these threads."""
     begin_loading(kernel, device).result()
 
 
 def begin_loading(kernel: Any, device: Any) -> Future[Any]:
-    """Begin to compile or load a kernel in these threads, without waiting.
-
-    A thread that compiles first then reads its headers beside what the caller goes on with.
-    """
+    """Begin to compile or load a kernel in these threads, without waiting."""
     return cores().submit(load_module, kernel.module, device, 1 if device.is_cpu else None)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
+import hashlib
 import os
 import shutil
 import tempfile
@@ -35,6 +36,36 @@ def init_warp() -> None:
             pass
     except OSError as error:
         _use_temporary(error)
+    _keep_headers()
+
+
+def _keep_headers() -> None:
+    """Keep Warp's precompiled headers for a CPU beside the kernels.
+
+    Warp has them made anew by every thread of every process that compiles, which takes a core 1.3 s. Clang writes them
+    under another name first, compares them with the headers and the processor, and does without those that do not fit.
+    """
+    import warp as wp
+
+    try:
+        from warp._src import build, context
+
+        native = Path(build.warp_home) / "native" / "builtin.h"
+        target = context._get_cpu_target_hash("-march=native")
+        runtime: Any = context.runtime
+        state = native.stat()
+    except (ImportError, AttributeError, OSError):
+        # These names are Warp's own: a version without them makes its headers as it likes.
+        return
+    made_for = hashlib.sha256(f"{native} {state.st_mtime_ns} {state.st_size} {target}".encode()).hexdigest()[:8]
+
+    def folder() -> str:
+        path = Path(wp.config.kernel_cache_dir or "") / f"wp_headers_{made_for}"
+        path.mkdir(parents=True, exist_ok=True)
+        return str(path)
+
+    if runtime.llvm is not None:
+        runtime.get_clang_pch_dir = folder
 
 
 def _use_temporary(error: OSError) -> None:

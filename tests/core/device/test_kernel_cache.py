@@ -66,8 +66,22 @@ def test_a_damaged_module_is_compiled_once_more(filled, tmp_path, left):
     assert len(objects) == len(descriptions) == 1
     for file in objects if left is not None else descriptions:
         file.write_bytes(left or b"")
+    headers = {file: file.stat().st_mtime_ns for file in cache.rglob("*.pch")}
     _, notes = run(tmp_path, cache)
     assert notes == [] and next(iter(cache.rglob("*.o"))).stat().st_size > 300
+    again = {file: file.stat().st_mtime_ns for file in cache.rglob("*.pch")}
+    assert len(headers) == 1 and again == headers, "a second process takes the headers of the first"
+
+
+def test_damaged_headers_are_done_without(filled, tmp_path):
+    """Cut: the module is compiled without them, and they are gone for the next one."""
+    cache = tmp_path / "cache"
+    shutil.copytree(filled, cache)
+    shutil.rmtree(next(iter(cache.rglob("*.o"))).parent)
+    (headers,) = cache.rglob("*.pch")
+    headers.write_bytes(headers.read_bytes()[:1000])
+    _, notes = run(tmp_path, cache)
+    assert notes == [] and list(cache.rglob("*.o")) and not headers.exists()
 
 
 def test_a_cache_that_can_only_be_read_is_used(tmp_path):
