@@ -8,7 +8,7 @@ from warp_pd import Sheet
 from warp_pd.context import Context, find_device
 from warp_pd.device.clock import Clock
 from warp_pd.device.fields import FieldRegister
-from warp_pd.geometry.shape import Shape
+from warp_pd.geometry.sheet import Shape
 from warp_pd.kernels.families import Layout
 from warp_pd.kernels.integrate import StepOptions
 from warp_pd.kernels.numeric import numeric

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warp_pd.geometry.topology import directed_edges, neighbours, undirected
+from warp_pd.geometry.triangulation import directed_edges, neighbours, undirected
 
 # Relative error of a determinant in float64, on the safe side, below which its sign is found exactly.
 DOUBT = 1e-13

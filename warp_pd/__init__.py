@@ -55,8 +55,7 @@ if TYPE_CHECKING:
     from .papers.neural.law import Neural
     from .papers.nodal import Nodal
     from .papers.visco_bonds import ViscoBondBased
-    from .parts.loads import BodyForce, PointForce, Pressure
-    from .parts.point_values import ValuesInTime
+    from .parts.loads import BodyForce, PointForce, Pressure, ValuesInTime
     from .parts.reaction import Reaction
     from .parts.rupture import CriticalStretch
     from .parts.supports import Fixed, Motion

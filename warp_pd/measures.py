@@ -11,8 +11,7 @@ import numpy as np
 from .device.checks import InputError, point_indices, positive, vector
 from .families import unpack
 from .geometry.sheet import Sheet
-from .geometry.topology import components, directed_edges, joined_points, shared_sides, undirected
-from .geometry.triangulation import triangle_areas
+from .geometry.triangulation import components, directed_edges, joined_points, shared_sides, triangle_areas, undirected
 from .interfaces import History
 from .materials import Material, capabilities
 from .materials.energy import cauchy_stress, energy_density

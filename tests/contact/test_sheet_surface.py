@@ -23,7 +23,7 @@ from warp_pd import (
     together,
 )
 from warp_pd.contact import sheet_surface
-from warp_pd.geometry.topology import directed_edges, undirected
+from warp_pd.geometry.triangulation import directed_edges, undirected
 
 # Speed of waves in the sheets of `square` [m/s], and their stable step [s].
 WAVES, STABLE = 2.0, 6.4e-3

@@ -8,8 +8,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from warp_pd import InputError, Sheet
 from warp_pd.families.visibility import severed
-from warp_pd.geometry.topology import boundary_edges
-from warp_pd.geometry.triangulation import cell_triangles, signed_areas
+from warp_pd.geometry.triangulation import boundary_edges, cell_triangles, signed_areas
 from warp_pd.shapes.files import read_mesh
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}

@@ -15,7 +15,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.geometry.topology import boundary_edges
+from warp_pd.geometry.triangulation import boundary_edges
 from warp_pd.measures import TearLine
 from warp_pd.shapes.curves import Circle
 from warp_pd.shapes.roughness import rough_surface

@@ -7,8 +7,7 @@ import shapely
 from warp_pd import Sheet
 from warp_pd.device.checks import InputError
 from warp_pd.families import build_families
-from warp_pd.geometry.topology import boundary_edges
-from warp_pd.geometry.triangulation import signed_areas
+from warp_pd.geometry.triangulation import boundary_edges, signed_areas
 from warp_pd.shapes.curves import Circle, Polygon, Spline
 
 SHEET = {"thickness": 1e-3, "density": 1000.0}

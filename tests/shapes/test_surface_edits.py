@@ -7,8 +7,7 @@ from helpers import build, refused
 
 from warp_pd import Sheet, TearingEnergy
 from warp_pd.families import build_families
-from warp_pd.geometry.topology import pieces
-from warp_pd.geometry.triangulation import triangle_areas
+from warp_pd.geometry.triangulation import pieces, triangle_areas
 from warp_pd.scenes import glove
 
 TUBE = small_tube(24, 3.0)

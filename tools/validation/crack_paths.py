@@ -9,7 +9,7 @@ from study import whole
 
 from validation.comparison import Comparison, UnfinishedError
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation, TearingEnergy
-from warp_pd.geometry.topology import joined_points
+from warp_pd.geometry.triangulation import joined_points
 
 MU, BULK, DENSITY, THICKNESS = 1e3, 1e5, 1000.0, 1e-3
 # Small against MU times any length here, as the sheets of both sources hardly stretch [J/m^2].

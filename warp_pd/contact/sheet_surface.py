@@ -11,7 +11,7 @@ from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
-from ..geometry.topology import directed_edges, undirected
+from ..geometry.triangulation import directed_edges, undirected
 from ..interfaces import BuiltContact, BuiltLaw, Columns
 from ..kernels.contact import sheet_contact as kernels
 from ..kernels.contact.face_tree import FaceTree, merge_boxes

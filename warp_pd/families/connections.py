@@ -6,7 +6,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
-from ..geometry.topology import components, directed_edges
+from ..geometry.triangulation import components, directed_edges
 from .tables import Families, inverse_shape
 
 # Shorter horizons rarely let corrected weights balance a cloud.

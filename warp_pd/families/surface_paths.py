@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.sheet import Sheet
-from ..geometry.topology import boundary_edges, undirected
+from ..geometry.triangulation import boundary_edges, undirected
 
 # Longest path along the edges of the triangles between points that share a bond, over their distance: a square lattice
 # without one of its diagonals has 1.42.

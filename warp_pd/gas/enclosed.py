@@ -11,9 +11,9 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, finite, not_negative, positive, said
+from ..device.clock import Schedule, factor_schedule
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..device.schedules import Schedule, factor_schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Columns, History, Load
 from ..interfaces.scales import Scales, largest_factor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.topology import boundary_edges, boundary_rings, require_one_side
+from ..geometry.triangulation import boundary_edges, boundary_rings, require_one_side
 
 # How far four points may be from a rectangle, over its diagonal.
 SKEW = 1e-6

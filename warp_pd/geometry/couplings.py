@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .shape import Shape
-from .topology import boundary_edges, directed_edges
-from .triangulation import Lattice
+from .sheet import Shape
+from .triangulation import Lattice, boundary_edges, directed_edges
 
 
 def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

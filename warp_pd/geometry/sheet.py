@@ -1,19 +1,300 @@
-"""The sheet: points with areas, a triangulation, thickness and density."""
+"""The sheet: points with areas, a triangulation, thickness and density; rectangles; selections of points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from ..device.checks import InputError, by_point, finite, point_indices, positive, truth_values, vector
-from .rectangles import line, rectangle
-from .regions import edge_points, region_of
-from .shape import Shape
-from .topology import joined
-from .triangulation import Lattice, moved_cut
+from ..device.checks import (
+    InputError,
+    by_point,
+    count,
+    counts,
+    finite,
+    one_of,
+    point_indices,
+    positive,
+    truth_values,
+    vector,
+)
+from .triangulation import Lattice, Segment, doubled_normals, joined, lattice_triangles, moved_cut
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """Points with areas, and a triangulation.
+
+    Attributes:
+        points: Reference positions [m], float64, shape (N, 2); of a curved sheet (N, 3).
+        areas: Area represented by each point [m^2], shape (N,).
+        triangles: Triangulation, counter-clockwise (of a curved sheet: seen from outside), shape (F, 3), int32.
+        spacing: Distance of neighbouring points [m], the minimum on a graded sheet; the horizon is a multiple of it.
+        lattice: The lattice if the points form a complete rectangular grid, otherwise None.
+        cuts: Segments that no bond crosses.
+        tips: Whether the ends of each cut are tips, inside the shape and not on another cut: a bond through a tip
+            exists, so that a cut acts as long as it is drawn.
+        inclusions: Point indices of each rigid inclusion.
+        grid: Column and row of each point on a square grid of pitch `spacing`, -1 for other points, int32, shape (N,
+            2); or None. Points on the grid are in order, row by row. The grid may have gaps.
+        spacings: Local spacing at each point of a graded sheet [m], shape (N,); None if uniform.
+        frames: Orthonormal tangent vectors at each point, columns e1 and e2, shape (N, 3, 2), of a curved sheet; or
+            None.
+        barriers: Edges of the sheet that no bond crosses, pairs of points with the sheet on the left, int32, shape
+            (B, 2); or None if bonds are only limited by the horizon.
+        bodies: Index (from 1) of the rigid inclusion that contains each point, 0 for the sheet and the edges of
+            inclusions, int32, shape (N,); or None. Bonds join only points with equal indices.
+        parts: Point indices of parts of the boundary, by name.
+        pieces: Index (from 1) of the piece of each point, int32, shape (N,); None for a single piece. Bonds join only
+            points of one piece.
+        origins: Position of the origin of each piece [m], shape (pieces, 2); of a curved shape (pieces, 3); or None.
+        notes: What may be a mistake of the shape, and what its reader changed, one line each; the summary of a run has
+            them.
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    triangles: np.ndarray
+    spacing: float
+    lattice: Lattice | None = None
+    cuts: tuple[Segment, ...] = ()
+    tips: tuple[tuple[bool, bool], ...] = ()
+    inclusions: tuple[np.ndarray, ...] = ()
+    grid: np.ndarray | None = None
+    spacings: np.ndarray | None = None
+    frames: np.ndarray | None = None
+    barriers: np.ndarray | None = None
+    bodies: np.ndarray | None = None
+    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    pieces: np.ndarray | None = None
+    origins: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Size along each axis [m]."""
+        return np.asarray(np.ptp(self.points, axis=0))
+
+    @property
+    def whole_lattice(self) -> Lattice | None:
+        """The lattice if the points are all of its points in order; None for a part of a lattice."""
+        lattice = self.lattice
+        return lattice if lattice is not None and self.size == lattice.columns * lattice.rows else None
+
+    @property
+    def widest_spacing(self) -> float:
+        """The largest distance between neighbouring points [m]."""
+        return self.spacing if self.spacings is None else float(self.spacings.max())
+
+    @property
+    def layout(self) -> str:
+        """Layout of the families: "lattice", "grid" (with gaps) or "cloud"."""
+        if self.lattice is not None:
+            return "lattice"
+        alike = self.spacings is None and self.frames is None
+        return "grid" if self.grid is not None and alike else "cloud"
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Reference positions [m], shape (N, 3); z is zero on a flat sheet."""
+        return np.column_stack([self.points, np.zeros((self.size, 3 - self.points.shape[1]))])
+
+    def body_of(self, points: np.ndarray) -> np.ndarray:
+        """Index (from 0) of the rigid inclusion of each of these points, of their shape; -1 outside."""
+        body = np.full(self.size, -1, np.int32)
+        for number, members in enumerate(self.inclusions):
+            body[members] = number
+        return np.asarray(body[points])
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals [-], shape (N, 3): +z on a flat sheet, outward on a curved one."""
+        if self.frames is None:
+            return np.tile([0.0, 0.0, 1.0], (self.size, 1))
+        return np.cross(self.frames[..., 0], self.frames[..., 1])
+
+    @functools.cached_property
+    def folds(self) -> np.ndarray:
+        """Twice the largest angle between the normal of a point and that of its triangles [degrees], shape (N,)."""
+        largest = np.ones(self.size)
+        if self.frames is None or not len(self.triangles):
+            return 0.0 * largest
+        triangles = np.asarray(self.triangles)
+        normals = doubled_normals(self.points, triangles)
+        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+        for corner in range(3):
+            np.minimum.at(largest, triangles[:, corner], (normals * self.normals[triangles[:, corner]]).sum(axis=1))
+        return np.asarray(2.0 * np.degrees(np.arccos(np.clip(largest, -1.0, 1.0))))
+
+
+SIDES = ("left", "right", "bottom", "top")
+# Functions of NumPy that give indices if they are given indices.
+JOINING = frozenset(
+    {np.concatenate, np.hstack, np.append, np.unique, np.union1d, np.intersect1d, np.setdiff1d, np.sort, np.ravel}
+)
+
+
+class Region(np.ndarray):
+    """Point indices, int32, with the points they were selected from, to detect use with another sheet.
+
+    Slicing, and joining with other regions of the same points, preserve the region. A plain array, such as
+    `np.array(region)`, is never checked.
+
+    Attributes:
+        of: Positions of these points [m], shape (N, 2), or None.
+    """
+
+    of: Any
+
+    def __array_finalize__(self, obj: Any) -> None:
+        """Copy `of` to views and copies."""
+        self.of = getattr(obj, "of", None)
+
+    def __array_function__(
+        self, func: Callable[..., Any], types: Iterable[type], args: Iterable[Any], kwargs: Any
+    ) -> Any:
+        """Return a plain array from NumPy functions, except when joining regions of the same points."""
+        result = super().__array_function__(func, types, args, kwargs)
+        if func not in JOINING or type(result) not in (np.ndarray, Region):
+            return result
+        given = _regions(args)
+        same = all(region.of is given[0].of for region in given)
+        return region_of(result, given[0].of) if given and same and given[0].of is not None else np.asarray(result)
+
+    def fits(self, points: Any) -> bool:
+        """Whether it was selected from these points, shape (N, 2), or from equal ones."""
+        return self.of is None or self.of is points or bool(np.array_equal(self.of, points))
+
+
+def region_of(indices: np.ndarray, points: Any) -> Region:
+    """Make a region from indices of points, shape (N, 2)."""
+    region = np.asarray(indices, np.int32).view(Region)
+    region.of = points
+    return region
+
+
+def _regions(arguments: Iterable[Any]) -> list[Region]:
+    found: list[Region] = []
+    for argument in arguments:
+        if isinstance(argument, Region):
+            found.append(argument)
+        elif isinstance(argument, list | tuple):
+            found += _regions(argument)
+    return found
+
+
+def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
+    """Indices of the points on the named edges; arguments as for `Sheet.edges`.
+
+    They are ascending, except those of one part, which are in its order.
+    """
+    known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
+    if len(names) == 1 and names[0] in shape.parts:
+        return np.asarray(shape.parts[names[0]])
+    chosen = np.zeros(shape.size, bool)
+    for name in names or ("all",):
+        if name == "all" and name not in known:
+            known["all"] = whole_edge(shape, known)
+        if name not in known:
+            one_of("edge", name, {**known, "all": None})
+        chosen[known[name]] = True
+    return np.flatnonzero(chosen)
+
+
+def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts do not count."""
+    outer = known if shape.frames is not None else [name for name in known if name.startswith("outline")] or SIDES
+    chosen = np.zeros(shape.size, bool)
+    for name in {*outer, *(name for name in known if name.startswith("hole "))}:
+        chosen[known[name]] = True
+    return chosen
+
+
+def _sides(shape: Shape) -> dict[str, np.ndarray]:
+    """Points within a quarter of a spacing of the sides of the bounding box; on a lattice exactly on the sides."""
+    tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)
+    low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+    return {
+        "left": shape.points[:, 0] < low[0] + tolerance,
+        "right": shape.points[:, 0] > high[0] - tolerance,
+        "bottom": shape.points[:, 1] < low[1] + tolerance,
+        "top": shape.points[:, 1] > high[1] - tolerance,
+    }
+
+
+# Points are counted in 32 bits.
+MAX_POINTS = 2**31 - 1
+
+
+def rectangle(
+    width: float,
+    height: float,
+    points: int | tuple[int, int],
+    origin: tuple[float, float],
+    layers: tuple[int, int],
+    centred: bool,
+    areas: str = "shared",
+) -> Shape:
+    """A rectangle on a regular grid; arguments as for `Sheet.rectangle`."""
+    width, height = positive("width", width), positive("height", height)
+    one_of("centred", centred, (True, False))
+    one_of("areas", areas, ("shared", "whole"))
+    if not 1.0 / MAX_POINTS < height / width < MAX_POINTS:
+        raise InputError(f"width = {width:g}, height = {height:g}: expected sides that the points can both resolve")
+    x0, y0 = vector("origin", origin, 2)
+    if isinstance(points, tuple | list):
+        columns, rows = counts("points", points, 3)
+    else:
+        columns = count("points", points, 3)
+        rows = max(3, round(height / width * (columns - 1)) + 1)
+    if centred:
+        dx = width / columns
+        rows = rows if isinstance(points, tuple | list) else max(3, round(height / dx))
+        dy = height / rows
+        x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
+    else:
+        dx, dy = width / (columns - 1), height / (rows - 1)
+    across, along = counts("layers", layers, 0)
+    columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
+    if columns * rows > MAX_POINTS:
+        raise InputError(
+            f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected at most {MAX_POINTS}"
+        )
+    x, y = x0 + dx * np.arange(columns), y0 + dy * np.arange(rows)
+    width_x, width_y = np.full(columns, dx), np.full(rows, dy)
+    if not centred and areas == "shared":
+        width_x[[0, -1]] *= 0.5
+        width_y[[0, -1]] *= 0.5
+    return Shape(
+        points=np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2),
+        areas=(width_y[:, None] * width_x).ravel(),
+        triangles=lattice_triangles(columns, rows),
+        spacing=float(np.sqrt(dx * dy)),
+        lattice=Lattice(columns, rows, dx, dy),
+    )
+
+
+def line(length: float, points: int) -> Shape:
+    """One row of points; arguments as for `Sheet.line`."""
+    spacing = positive("length", length) / count("points", points, 3)
+    if points > MAX_POINTS:
+        raise InputError(f"points = {points!r}: expected at most {MAX_POINTS}")
+    return Shape(
+        points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
+        areas=np.full(points, spacing),
+        triangles=np.zeros((0, 3), np.int32),
+        spacing=spacing,
+        lattice=Lattice(points, 1, spacing, spacing),
+    )
+
 
 AnySheet = TypeVar("AnySheet", bound="Sheet")
 

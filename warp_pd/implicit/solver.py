@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from ..context import Context
 from ..device.checks import InputError, below_one, count, not_negative, one_of, positive
-from ..device.schedules import Schedule
+from ..device.clock import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver
-from ..solvers.frame_times import FramesInTime
+from ..solvers.stepping import FramesInTime
 from ..statics.newton_settings import NewtonSettings
 
 

@@ -13,9 +13,9 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
+from ..device.clock import Schedule
 from ..device.fields import Array, assign
 from ..device.launches import Stage
-from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion

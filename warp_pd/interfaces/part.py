@@ -1,24 +1,283 @@
-"""Interfaces of supports, loads, contact and rupture."""
+"""What a scene is made of: its law, supports, loads, contact and rupture, as a user lists them and on a device."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
+from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..device.schedules import Schedule
+from ..families import Families
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from .built_part import BuiltPart
+from ..step import Phase
 from .frame import Body
-from .law import BuiltLaw, Law
 from .scales import Scales
+
+History = list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class StepLimit:
+    """A maximum step [s] and the reason, for messages, such as "in which the ball moves 0.25 spacings"."""
+
+    seconds: float
+    reason: str
+
+
+def _no_values(*of: object) -> dict[str, float]:
+    return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a part adds to the history.
+
+    Attributes:
+        names: Names of its columns besides energies, which measures must not use.
+        at_frame: (totals, elapsed) -> values of these columns at a frame, by name. `totals` are the sums of all parts,
+            `elapsed` is the time since the last frame [s].
+        between: (before, totals, elapsed) -> values in a row between frames, computed only from sums: those at the
+            previous row (empty at the first row after a frame) and at this one, and the time between the two [s].
+        units: SI units of its columns, by name, as far as known.
+        sums: Point arrays (float64 or vec3) to sum at every frame, by name; a vec3 array has the sums name_x, name_y,
+            name_z.
+        stored: Energy that the part stores now [J], by column: (N,) float64 arrays, summed at every frame. The history
+            shows these columns, and the energy balance counts them.
+        lost: Energy lost to the part since the start of the run [J], likewise.
+    """
+
+    names: Sequence[str] = ()
+    at_frame: Callable[[Mapping[str, float], float], dict[str, float]] = _no_values
+    between: Callable[[Mapping[str, float], Mapping[str, float], float], dict[str, float]] = _no_values
+    units: Mapping[str, str] = field(default_factory=dict)
+    sums: Mapping[str, Array] = field(default_factory=dict)
+    stored: Mapping[str, Array] = field(default_factory=dict)
+    lost: Mapping[str, Array] = field(default_factory=dict)
+
+
+class BuiltPart(Protocol):
+    """A part on a device.
+
+    Attributes:
+        label: Name of the part in messages, such as "contact = RigidBall".
+    """
+
+    label: str = "part"
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase to a stage, if the part has any."""
+        return None
+
+    def complete(self, step: Stage) -> None:
+        """Do host work that needs all launches of an explicit step, once it is composed."""
+        return None
+
+    def begin(self) -> None:
+        """Do host work once, at the start of a run that does not resume another."""
+        return None
+
+    def columns(self) -> Columns:
+        """What the part adds to the history; asked once, when all parts are built."""
+        return Columns()
+
+    def end_frame(self) -> None:
+        """Do host work after a frame has been recorded."""
+        return None
+
+    def step_limit(self) -> StepLimit | None:
+        """Maximum step that the part allows, or None."""
+        return None
+
+    def interval(self) -> float | None:
+        """Longest time between two exchanges with another simulation [s], which steps by itself; None without one."""
+        return None
+
+    def before_interval(self, seconds: float) -> None:
+        """Let the other simulation take a step of `seconds`, the same each time, before the sheet does."""
+        return None
+
+    def after_interval(self) -> None:
+        """Take from the sheet what the next step of the other simulation needs."""
+        return None
+
+    def added_frequency(self) -> float:
+        """Upper bound of the frequency from the part alone [rad/s].
+
+        It is added to the frequency of the stable step, whose estimate does not include forces that begin later, such
+        as contact.
+        """
+        return 0.0
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Notes for the user on a finished run, one line each.
+
+        Args:
+            history: One row per frame.
+            load_duration: Load time of the full load in static runs [s]; None in dynamics.
+        """
+        return []
+
+
+class BuiltLaw(BuiltPart, Protocol):
+    """A force law on a device.
+
+    Attributes:
+        weights: Weights in use, for the summary.
+        has_energy: Whether it reports an energy, normally one whose gradient is minus the force.
+        horizon_ratio: Horizon in spacings of the sheet [-].
+        families: The families on the host.
+        struct: The families on the device, a Warp struct (kernels/families.py).
+        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
+        constants: Constants of the material.
+        point_values: Values of the points that replace the last constant, (N,), which parts may change; or None.
+        unit_volume: Thickness times reference area [m^3].
+        correction: Report on the correction of the weights for the summary, or None.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        driving_energy: The same for the part that drives a damage field; None if it is the whole.
+        energy_constants: The constants that these take.
+        partial_energy: Warp function of what every n-th member adds to this energy, if the law has one.
+        represented: Warp function of the area that the intact bonds of a family represent, see
+            kernels/family_sums.py; None for a law without one.
+        resists_bending: Whether the slope of the sheet can be held.
+        needs_finest: Why the law cannot be built on coarser sheets, as text of a message; "" if it can.
+        goes_slack: Whether the material carries nothing in compression.
+        slack_stiffness: Stiffness that the material keeps where it is slack [Pa].
+        slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
+            stiffer in other states, such as a bimodular one; None for other laws.
+        slack_force: Loads and reactions [N] that count as none where relaxation finds a sheet slack; 0 for other laws.
+        other_families: The families that are not undamaged, a struct `OtherFamilies` of
+            kernels/tearing/damage_field.py, if a kernel of its own computes the others and bonds can break; else None.
+        damage: What `soften` was given, (N,), or None.
+    """
+
+    weights: str
+    has_energy: bool
+    horizon_ratio: float
+    families: Families
+    struct: Any
+    intact: Array | None
+    constants: Any
+    point_values: Array | None
+    unit_volume: float
+    correction: dict[str, float] | None
+    earlier_energy: wp.Function | None
+    driving_energy: wp.Function | None
+    energy_constants: Any
+    partial_energy: wp.Function | None
+    represented: wp.Function | None
+    resists_bending: bool = False
+    needs_finest: str
+    goes_slack: bool
+    slack_stiffness: float
+    slack_frequency: float | None
+    slack_force: float
+    other_families: Any | None = None
+    damage: Array | None = None
+
+    @property
+    def strain_energy(self) -> Array | None:
+        """Energy of each family at the last frame [J], (N,) float64; None for a law without an energy."""
+        ...
+
+    @property
+    def force_path(self) -> str:
+        """Name of its force path, for the plan."""
+        return "reference"
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        ...
+
+    def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
+        """Add a launch that computes the force and flags blocks of points whose bonds may break, if the law has one.
+
+        Args:
+            stage: Stage in which bonds break.
+            squared_stretch: Squared stretch |Y|^2/|X|^2 [-] below which no bond breaks.
+            exceeding: Output, one entry per block of SCREENED points: 1 if a bond ahead of one of them may break, else
+                0.
+
+        Returns:
+            Whether a launch was added.
+        """
+        return False
+
+    def bond_force(self) -> Array:
+        """Force of each family on its pairs [N], (members, N) vec3, of the last force; InputError without one."""
+        ...
+
+    def soften(self, damage: Array, near: Array) -> None:
+        """Reduce the stiffness of each family by the damage of its point, (N,); see kernels/tearing/damage_field.py.
+
+        `near`, (N,) uint8, is not 0 at all points that have damage in their family.
+
+        Raises:
+            InputError: if the law does not support it.
+        """
+        ...
+
+    def represented_areas(self) -> np.ndarray:
+        """Area represented by the bonds of each point [m^2], shape (N,)."""
+        ...
+
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density [J/m^3] at stretches, and across them (by default 1: pure shear); InputError without one."""
+        ...
+
+    def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
+        """Build the law on a coarser sheet, with the horizon in its spacings, for multigrid; None if not supported."""
+        return None
+
+    def request_fields(self, names: Sequence[str]) -> None:
+        """Add fields of the law to the frames.
+
+        Raises:
+            InputError: for names that the law does not offer.
+        """
+        ...
+
+    def add_shown(self, stage: Stage, shown: Any) -> None:
+        """Add the launches that fill point fields of the law, `ShownFields` of laws/point_fields.py."""
+        ...
+
+    def field_names(self) -> Sequence[str]:
+        """Names of the fields that `request_fields` accepts."""
+        return ()
+
+    def fingerprint(self) -> str:
+        """Hash of the values of user functions at fixed arguments; restarts must use the same functions."""
+        return ""
+
+    def likely_cause(self, safety: float) -> str:
+        """The likely cause if a dynamic run diverged, and a safety of the step to try."""
+        ...
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A force law, which maps displacements to forces. A frozen dataclass."""
+
+    @property
+    def material(self) -> Any:
+        """The material."""
+        ...
+
+    @property
+    def horizon(self) -> float:
+        """Horizon in spacings of the sheet [-]."""
+        ...
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Build families, tables and kernels on a device."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The bond-associated force law, which maps displacements to forces. interfaces/law.py defines what a law is."""
+"""The bond-associated force law, which maps displacements to forces. interfaces/part.py defines what a law is."""
 
 from __future__ import annotations
 

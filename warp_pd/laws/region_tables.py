@@ -12,8 +12,7 @@ from ..context import Context
 from ..device.checks import InputError, point_indices
 from ..families import Families, InfluenceFunction, pack, unpack
 from ..geometry.sheet import Sheet
-from ..geometry.topology import boundary_edges
-from ..geometry.triangulation import voronoi_areas
+from ..geometry.triangulation import boundary_edges, voronoi_areas
 from ..materials import Material
 from .weight_tables import Tables, weight_tables
 

@@ -13,7 +13,7 @@ from ..device.checks import InputError, not_negative, one_of, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
-from ..geometry.topology import boundary_edges
+from ..geometry.triangulation import boundary_edges
 from ..interfaces import BuiltLaw, BuiltLoad, Load
 from ..kernels.papers.boundary_force import boundary_force
 

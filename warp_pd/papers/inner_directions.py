@@ -10,7 +10,7 @@ import numpy as np
 from ..context import Context
 from ..families import Families
 from ..geometry.sheet import Sheet
-from ..geometry.topology import boundary_edges
+from ..geometry.triangulation import boundary_edges
 
 # Points whose families are looked at, number of directions kept apart, and angle between different ones over pi.
 LOOKED_AT, DIRECTIONS, DIFFERENT = 500, 64, 1e-7

@@ -10,8 +10,8 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, numbers, point_indices
+from ..device.clock import factor_schedule
 from ..device.launches import Stage
-from ..device.schedules import factor_schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..kernels.papers.mirror import mirror

@@ -1,4 +1,4 @@
-"""Quantities computed at every frame: finiteness check, speeds, energies, and the sums of the history."""
+"""Parts that every run has: the clock, and what is computed at frames (soundness, energies, sums of the history)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,21 @@ from ..kernels.block_sums import BLOCK, frame_checks
 from ..kernels.clock import clock
 from ..kernels.integrate import kinetic_energy
 from ..step import Phase
+
+
+class Ticking(BuiltPart):
+    """Advances the time between the motions and the loads of a step, and evaluates the schedules."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch of the clock, unless a body on a path counts the time."""
+        if phase is Phase.CLOCK and self.context.dynamic and self.context.clock.counted_by is not None:
+            return
+        if phase in (Phase.CLOCK, Phase.SCHEDULES):
+            self.context.clock.add_tick(stage, steps=1 if phase is Phase.CLOCK else 0)
+
 
 OWNER = "frames"
 

@@ -12,8 +12,8 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, called, count, numbers, one_of, point_indices, said, vector
+from ..device.clock import Schedule, schedule
 from ..device.launches import Stage
-from ..device.schedules import Schedule, schedule
 from ..geometry.sheet import Sheet
 from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.scales import Scales

@@ -14,9 +14,8 @@ from ..context import State, find_device, with_material
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Columns, Part, System
-from ..interfaces.external_force import ExternalForce
-from ..parts.clock import Ticking
-from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, begin_loading_common
+from ..interfaces.solver import ExternalForce
+from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums, Ticking, begin_loading_common
 from ..parts.supports import MovedPoints
 from ..step import Phase, begin
 from . import PARTS

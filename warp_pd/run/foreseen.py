@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.schedules import Schedule
+from ..device.clock import Schedule
 from ..interfaces.scales import LIGHTEST, Scales
 from ..materials import shear_modulus, stability_notes
 from .built import Built

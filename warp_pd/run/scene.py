@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device.checks import InputError, finite, numbers, said
-from ..geometry.regions import Region
-from ..geometry.sheet import Sheet
+from ..geometry.sheet import Region, Sheet
 from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from ..interfaces.frame import OWN_FIELDS
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.topology import boundary_edges
-from ..geometry.triangulation import doubled_normals
+from ..geometry.triangulation import boundary_edges, doubled_normals
 from ..interfaces.frame import Frame, Surface, format_time
 from .built import Built
 

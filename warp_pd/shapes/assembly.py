@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.regions import SIDES
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, split_along
-from ..geometry.triangulation import point_areas, voronoi_areas
+from ..geometry.sheet import SIDES, Shape
+from ..geometry.triangulation import boundary_edges, point_areas, split_along, voronoi_areas
 
 # Names of other points: the sides of the bounding box, and the whole boundary.
 RESERVED = (*SIDES, "all")

@@ -9,15 +9,17 @@ import numpy as np
 
 from ..device import checks
 from ..device.checks import InputError, corners, one_of, positions, positive
-from ..geometry.rectangles import rectangle
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, boundary_rings, directed_edges, ring_names
+from ..geometry.sheet import Shape, rectangle
 from ..geometry.triangulation import (
+    boundary_edges,
+    boundary_rings,
     counter_clockwise,
     delaunay,
+    directed_edges,
     local_spacings,
     point_areas,
     refuse_coincident,
+    ring_names,
     signed_areas,
     triangles_of,
     turned_grid,

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.couplings import distance_from_segments
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges
+from ..geometry.sheet import Shape
 from ..geometry.triangulation import (
     Lattice,
     Segment,
+    boundary_edges,
     cell_areas,
     cell_triangles,
     crosses,

@@ -9,10 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..device.checks import InputError, one_of
-from ..geometry.regions import SIDES
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, pieces, ring_names
-from ..geometry.triangulation import counter_clockwise, voronoi_areas
+from ..geometry.sheet import SIDES, Shape
+from ..geometry.triangulation import boundary_edges, counter_clockwise, pieces, ring_names, voronoi_areas
 from .clouds import cloud
 from .faces import repeated_faces, sides_of, triangulate
 from .file_checks import existing_file, library_reads, meters

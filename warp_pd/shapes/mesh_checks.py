@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.topology import boundary_edges, crowded_edges, directed_edges, flipped, pieces
-from ..geometry.triangulation import doubled_normals, signed_areas
+from ..geometry.triangulation import (
+    boundary_edges,
+    crowded_edges,
+    directed_edges,
+    doubled_normals,
+    flipped,
+    pieces,
+    signed_areas,
+)
 from .file_checks import listed
 from .seams import near_pairs
 

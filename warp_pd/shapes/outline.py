@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, positive, user_code
-from ..geometry.shape import Shape
-from ..geometry.topology import directed_edges
-from ..geometry.triangulation import cell_triangles, signed_areas, whole_cells
+from ..geometry.sheet import Shape
+from ..geometry.triangulation import cell_triangles, directed_edges, signed_areas, whole_cells
 from .assembly import Part, assembled
 from .crack_lines import crack_lines
 from .curves import Spacing

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..device.checks import InputError, finite, vector
-from ..geometry.shape import Shape
+from ..geometry.sheet import Shape
 from ..geometry.triangulation import moved_cut
 
 # Gap between pieces that lie side by side, in spacings of the wider one.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.topology import boundary_sides, components, directed_edges, joined_points, undirected
+from ..geometry.triangulation import boundary_sides, components, directed_edges, joined_points, undirected
 
 # Over the shortest edge at a point: points nearer than this are one, and a point nearer to an edge lies on it. Files
 # with six or seven digits move points by up to 1e-3 of their edges.

@@ -10,9 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, directed_edges, split_along, undirected
-from ..geometry.triangulation import doubled_normals, voronoi_areas
+from ..geometry.sheet import Shape
+from ..geometry.triangulation import (
+    boundary_edges,
+    directed_edges,
+    doubled_normals,
+    split_along,
+    undirected,
+    voronoi_areas,
+)
 from .surfaces import tangents
 
 # A level below this fraction of its largest difference along an edge is zero, and a place may be this fraction of the

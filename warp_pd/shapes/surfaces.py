@@ -6,9 +6,8 @@ import numpy as np
 
 from ..device.checks import InputError, corners, count, counts, one_of, positions, positive
 from ..gas.enclosure import volume_of
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, require_one_side
-from ..geometry.triangulation import cell_triangles, doubled_normals, local_spacings
+from ..geometry.sheet import Shape
+from ..geometry.triangulation import boundary_edges, cell_triangles, doubled_normals, local_spacings, require_one_side
 from .seams import require_distinct, seam_notes
 
 # Arc of an edge of the icosahedron [rad].

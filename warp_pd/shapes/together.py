@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, of_kind, point_indices, said
-from ..geometry.topology import crowded_edges, neighbours
-from ..geometry.triangulation import doubled_normals
+from ..geometry.triangulation import crowded_edges, doubled_normals, neighbours
 from .clouds import cloud
 from .pieces import Place, side_by_side
 from .sheet import Sheet

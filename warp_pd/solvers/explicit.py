@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,11 +16,7 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.solver import FINISHED
 from ..step import Phase, explicit_step, join_steps
-from .frame_times import FramesInTime
-from .retries import Retries
-
-if TYPE_CHECKING:
-    from .stable_step import StableStep
+from .stepping import FramesInTime, Retries, StableStep, add_motion
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
 # a few per cent of the steps between them.
@@ -111,8 +107,6 @@ class BuiltExplicit(BuiltSolver):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add drift and kick."""
-        from .integrator import add_motion
-
         add_motion(phase, stage, self.context, self.context.state.mass)
 
     def prepare(self, system: System) -> None:
@@ -123,8 +117,6 @@ class BuiltExplicit(BuiltSolver):
         for part in system.parts:
             part.complete(step)
         join_steps(step)
-        from .stable_step import StableStep
-
         self.stable_step = StableStep(system, self.context.state.mass)
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
         if self.solver.damping > 0.0:

@@ -12,8 +12,8 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import count, one_of
+from ..device.clock import Schedule, proportional
 from ..device.fields import assign
-from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .level import OWNER

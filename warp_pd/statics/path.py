@@ -11,8 +11,8 @@ import numpy as np
 
 from ..context import Context
 from ..device.checks import InputError
+from ..device.clock import Schedule
 from ..device.fields import assign
-from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, Columns, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from .corrector import Origin, mean_product, norm

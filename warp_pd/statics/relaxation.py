@@ -6,27 +6,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
 
 from ..context import Context
 from ..device.checks import below_one, count, positive
+from ..device.clock import Schedule, proportional
 from ..device.fields import Array, assign
 from ..device.launches import Stage
-from ..device.schedules import Schedule, proportional
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..kernels.integrate import RIGID
-from ..solvers.retries import Snapshot
+from ..solvers.stepping import Snapshot, StableStep, add_motion
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
 from .load_scale import LoadScale
 from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, StaticRounds, flies
-
-if TYPE_CHECKING:
-    from ..solvers.stable_step import StableStep
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -157,8 +154,6 @@ class BuiltRelaxation(BuiltSolver):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add drift, kick, and the damping of the step."""
         context, state = self.context, self.context.state
-        from ..solvers.integrator import add_motion
-
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
@@ -182,8 +177,6 @@ class BuiltRelaxation(BuiltSolver):
         relaxation_step(system, step)
         join_steps(step)
         self.rounds = StaticRounds(system)
-        from ..solvers.stable_step import StableStep
-
         self.stable_step = StableStep(system, self.inertia())
         self._snapshot = Snapshot(context, OWNER, step)
         stage = context.stage("residual", f"every {CHECK_EVERY} steps of relaxation")

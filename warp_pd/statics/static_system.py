@@ -16,7 +16,7 @@ from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
-from ..solvers.retries import Snapshot
+from ..solvers.stepping import Snapshot
 from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .aggregates import MAX_COARSEST, Aggregates
 from .descent import COARSE_TOLERANCE, Descent, Sizes

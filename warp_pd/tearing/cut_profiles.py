@@ -24,7 +24,7 @@ from ..geometry.couplings import (
     loose_ends,
 )
 from ..geometry.sheet import Sheet
-from ..geometry.topology import components
+from ..geometry.triangulation import components
 from .field_constants import DEFAULT_LENGTH
 
 # Gap between a cut and its mirror image in an edge, and between two cuts, in lengths of the field, beyond which caps

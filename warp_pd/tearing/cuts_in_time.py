@@ -11,9 +11,9 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, finite, numbers, point_indices, positive, said, vector
+from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..device.schedules import Schedule
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import crosses
 from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Part, Rupture

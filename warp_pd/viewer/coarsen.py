@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.topology import components, directed_edges
-from ..geometry.triangulation import triangle_areas
+from ..geometry.triangulation import components, directed_edges, triangle_areas
 
 Triangles = NDArray[np.integer]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..geometry.topology import joined_points
+from ..geometry.triangulation import joined_points
 from ..interfaces.frame import format_time
 from ..output.point_fields import FrameFields
 from ..output.vtkhdf import read_frame, read_outlines, read_series

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.topology import boundary_sides, directed_edges
+from ..geometry.triangulation import boundary_sides, directed_edges
 from ..output.quantities import ENERGIES, column_label, field_label, with_unit
 from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn

@@ -8,9 +8,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..geometry.shape import Shape
-from ..geometry.topology import boundary_edges, boundary_rings, directed_edges, pieces
-from ..geometry.triangulation import corner_sums, triangle_areas
+from ..geometry.sheet import Shape
+from ..geometry.triangulation import boundary_edges, boundary_rings, corner_sums, directed_edges, pieces, triangle_areas
 from .picture_files import enlarged, enlargement, new_figure, save, target
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].

@@ -19,7 +19,7 @@ from warp_pd import (
     Simulation,
     Visco,
 )
-from warp_pd.geometry.shape import Shape
+from warp_pd.geometry.sheet import Shape
 from warp_pd.measures import support_force
 
 RUBBER = MooneyRivlin(500.0)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...geometry.topology import boundary_sides, directed_edges
-from ...geometry.triangulation import doubled_normals
+from ...geometry.triangulation import boundary_sides, directed_edges, doubled_normals
 from ...kernels.kinematics import DEGENERATE
 from .dual import BALANCED, closest_balanced
 
