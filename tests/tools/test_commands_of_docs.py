@@ -9,7 +9,7 @@ from small_runs import cli
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "docs/guide.md")
-PAGES_OF_COMMANDS = (*PAGES, "docs/viewing.md")
+PAGES_OF_COMMANDS = (*PAGES, "docs/tearing.md", "docs/viewing.md")
 # What is too large for a test, and what runs in its place: the same options with smaller values.
 SMALLER = {
     "run ball_penetration": "run ball_penetration --points 15 --horizon 2.015 --duration 0.2 --frames 4",
@@ -18,16 +18,16 @@ SMALLER = {
     "sweep ball_penetration --points 41 --set tearing_energy=4,8,16": (
         "sweep ball_penetration --points 13 --duration 0.05 --set tearing_energy=4,8,16"
     ),
-    "bench --points 101 --horizon 2.015 --horizon 3.15": (
-        "bench --points 15 --horizon 2.015 --horizon 3.15 --seconds 0.05"
-    ),
-    "run slit.py --pictures png,pdf": "run slit.py --points 24 --duration 0.05 --frames 5 --pictures png,pdf",
+    "run tear.py --points 40": "run tear.py --points 24 --duration 0.05",
     "run pressure --points 31 --solver explicit --quiet": "run pressure --points 11 --solver explicit --quiet",
     "run pressure --points 31 --solver relaxation": "run pressure --points 15 --solver relaxation",
     "plan pressure --points 31": "plan pressure --points 15",
 }
 # Lines that are not warp-pd, and the file that each needs.
-OTHERS = {"tools/start.sh test": "tools/start.sh", "source .venv/bin/activate": "tools/start.sh"}
+OTHERS = {
+    "xdg-open runs/ball_penetration/view.html": "warp_pd/viewer/view.py",
+    "source .venv/bin/activate": "tools/start.sh",
+}
 
 
 def blocks(page):

@@ -94,7 +94,10 @@ def _run(build: Build, settings: Mapping[str, Any], device: str | None) -> tuple
         raise InputError(f"measures: expected {' and '.join(sorted(missing))} in the scene")
     value = result.summary["measures"].get("onset_ratio", {}).get("value")
     if value is None:
-        raise InputError("onset_ratio: the strip did not tear: expected a longer or stronger pull")
+        largest = max(row["release_ratio"] for row in result.history)
+        raise InputError(
+            f"onset_ratio: the strip did not tear at up to {largest:.3g} Gc: expected a stronger pull, or more points"
+        )
     return result.history, float(value)
 
 
