@@ -127,6 +127,12 @@ def test_units_agree_with_each_other():
     assert (si["kPa"], si["GPa"], si["mbar"], si["kN"], si["mN"], si["ms"]) == (1e3, 1e9, 1e2, 1e3, 1e-3, 1e-3)
 
 
+@pytest.mark.parametrize("cell", ["inf", "-Infinity", "1e999"])
+def test_a_cell_that_is_not_finite_is_refused(tmp_path, cell):
+    with refused(f"data.csv, line 3: height = {cell!r}: expected a number that is finite, or an empty cell"):
+        read_table(written(tmp_path, f"pressure [kPa],height [mm]\n1,2\n2,{cell}\n"))
+
+
 def test_gaps_are_left_out_and_named(tmp_path):
     path = written(tmp_path, "pressure [kPa],height [mm]\n1,2\n2,\n,3\n4,nan\n5,6\n")
     (curve,), notes = read_tests(path, cases.blown, None)

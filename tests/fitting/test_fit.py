@@ -1,5 +1,7 @@
 """Fits find what made the data, say how sure they are, and what the data cannot tell."""
 
+from pathlib import Path
+
 import fitting_cases as cases
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from warp_pd.fitting import (
     UniformTests,
     fit,
     nominal_stress,
+    read_table,
 )
 from warp_pd.fitting.equilibrium import Equilibrium
 
@@ -340,3 +343,29 @@ def test_stresses_of_the_wrong_sign_are_noted(at, sign, rows):
     noted = [note for note in tests.notes({"c10": 2e5}) if note.startswith("sheet: a stress of")]
     assert len(noted) == bool(rows)
     assert all(f"({rows} such rows)" in note and "add 1 to strains" in note for note in noted)
+
+
+@pytest.mark.parametrize(
+    ("at", "noted"),
+    [(np.linspace(2.2, 4.0, 6), True), (np.linspace(2.0, 3.0, 6), True), (np.linspace(1.1, 3.0, 6), False)],
+    ids=["from a strain of 1.2", "from a strain of 1", "stretches"],
+)
+def test_strains_above_1_are_noted(at, noted):
+    """Their signs are right, but the first rows do not lead back to no stress at 1, or there is a stress at 1."""
+    stress = nominal_stress(MooneyRivlin(2e5), "uniaxial", at)
+    tests = UniformTests(MooneyRivlin, [Curve("uniaxial", at - noted, "stress", stress, name="sheet")])
+    notes = [note for note in tests.notes({"c10": 2e5}) if note.startswith("sheet: ")]
+    assert len(notes) == noted
+    assert all("add 1 to strains" in note for note in notes)
+
+
+@pytest.mark.parametrize("name", ["james", "kawabata", "kawamura", "meunier", "treloar"])
+def test_published_stretches_are_not_taken_for_strains(name):
+    rows = read_table(Path(__file__).parents[1] / "references" / f"{name}.csv")
+    curves = []
+    for loading in ("uniaxial", "planar", "equibiaxial"):
+        names = [f"{loading}_stretch", f"{loading}_stress"]
+        if names[0] in rows.columns:
+            at, stress = rows.without_gaps(names)[0].values()
+            curves.append(Curve(loading, at, "stress", stress))
+    assert curves and not UniformTests(MooneyRivlin, curves).wrong_signs()

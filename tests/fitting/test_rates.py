@@ -108,7 +108,10 @@ def test_the_command_finds_the_constants_of_a_scene_from_curves_at_two_rates(tmp
     ("uniaxial [1], stress [Pa], rate [mm/s]\n2, 1e5, 1", "column 'rate' is a velocity: expected a rate"),
     ("uniaxial [1], stress [Pa], rate [1/s]\n2, 1e5, -1", "rate = -1.0: expected 0 or a positive number"),
     ("uniaxial [1], stress [Pa], rate [1/s]\n2, 1e5,", "expected rows with both uniaxial and stress"),
-    ("uniaxial [%], stress [Pa], rate [1/s]\n10, 1e5, 1", "expected positive stretches, got 0.1"),
+    ("uniaxial [1], stress [Pa], rate [1/s]\n0.1, 1e5, 1", "expected positive stretches, got 0.1"),
+    ("uniaxial [%], stress [Pa]\n150, 1e5", "in [%] may be strains or stretches: expected 'uniaxial strain' or"),
+    ("planar [mm/mm], stress [Pa]\n1.5, 1e5", "in [mm/mm] may be strains or stretches: expected 'planar strain' or"),
+    ("planar strain [1], stress [Pa]\n150, 1e5", "write the unit [%] for percents"),
     ("uniaxial [1], stress [Pa], rate [1/s]\n0.9, -1e5, 1\n1.1, 1e5, 1", "expected all above 1 or all below 1"),
     ("uniaxial [1], stress [Pa], rate [1/s]\n1.5, 2e5, 1\n1.2, 1e5, 1", "without unloading"),
 ])  # fmt: skip
@@ -151,3 +154,20 @@ def test_more_times_than_rates_are_noted_and_fixed_times_are_not():
         "many rates as times"
     ]
     assert tests._untold({name: constants[name] for name in ("mu", "m1", "m2", "t1")}) == []
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("uniaxial [1]", (1.25, 2.5, 3.5)),
+        ("uniaxial stretch [m/m]", (1.25, 2.5, 3.5)),
+        ("Uniaxial strain [-]", (0.25, 1.5, 2.5)),
+        ("uniaxial strain [%]", (25.0, 150.0, 250.0)),
+    ],
+)
+def test_a_column_says_whether_it_has_strains_or_stretches(tmp_path, header, rows):
+    text = "".join(f"{row}, {stretch}\n" for row, stretch in zip(rows, (1.25, 2.5, 3.5), strict=True))
+    table = read_table(written(tmp_path, "test.csv", f"{header}, true stress [Pa]\n{text}"))
+    ((curve, _),), _ = read_ramps(table, None)
+    np.testing.assert_allclose(curve.at, (1.25, 2.5, 3.5), rtol=1e-14)
+    np.testing.assert_allclose(curve.values, 1.0, rtol=1e-14)

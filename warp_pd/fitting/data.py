@@ -73,7 +73,8 @@ def require_stretches(name: str, stretch: np.ndarray) -> None:
     """Check that numbers can be stretches: 1 is undeformed. Raises InputError for strains and percents."""
     if np.min(stretch) < LEAST_STRETCH:
         raise InputError(
-            f"{name}: expected positive stretches, got {np.min(stretch):g}; 1 is undeformed: add 1 to strains"
+            f"{name}: expected positive stretches, got {np.min(stretch):g}; 1 is undeformed: add 1 to strains, or call "
+            "the column of a uniform test 'uniaxial strain' and the like"
         )
     if np.max(stretch) > MOST_STRETCH:
         raise InputError(
@@ -181,6 +182,7 @@ class Table:
     Attributes:
         columns: Values by name, NaN where a cell is empty, each of shape (n,).
         dimensions: Dimension by name.
+        units: Unit in the file by name.
         rows: Line number in the file of each row, shape (n,).
         notes: Notes on skipped rows, one line each.
     """
@@ -188,6 +190,7 @@ class Table:
     path: Path
     columns: dict[str, np.ndarray]
     dimensions: dict[str, str]
+    units: dict[str, str]
     rows: np.ndarray
     notes: list[str] = field(default_factory=list)
 
@@ -225,7 +228,7 @@ def read_table(path: str | Path) -> Table:
     separator = max(";\t,", key=first.count)
     cells = [next(csv.reader([line], delimiter=separator)) for _, line in kept]
     header, above = _joined_header(path, cells[0], cells[1], kept[1][0])
-    names, factors, dimensions = _header(path, header)
+    names, units, factors, dimensions = _header(path, header)
     cells, rows = cells[above:], np.array([number for number, _ in kept[above:]])
     for row, number in zip(cells, rows, strict=True):
         if len(row) != len(names):
@@ -240,7 +243,7 @@ def read_table(path: str | Path) -> Table:
         for c, text in enumerate(row):
             values[k, c] = factors[c] * _number(path, int(number), names[c], text, decimal)
     columns = {name: values[:, c] for c, name in enumerate(names)}
-    return Table(path, columns, dict(zip(names, dimensions, strict=True)), rows, notes)
+    return Table(path, columns, *(dict(zip(names, each, strict=True)) for each in (dimensions, units)), rows, notes)
 
 
 def _text_of(path: Path) -> tuple[str, list[str]]:
@@ -341,8 +344,8 @@ def _half_width(cell: str) -> str:
     return cell.translate(str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]"))
 
 
-def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], list[str]]:
-    names, factors, dimensions = [], [], []
+def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[str], list[float], list[str]]:
+    names, units, factors, dimensions = [], [], [], []
     for cell in cells:
         match = HEADER.match(_half_width(cell))
         if match is None:
@@ -353,11 +356,13 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], l
         name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
         if name in names:
             raise InputError(f"{path.name}: column {name!r} appears twice: expected different names")
-        factor, dimension = factor_and_dimension(name, match.group(2).strip() or "1", path.name)
+        unit = match.group(2).strip() or "1"
+        factor, dimension = factor_and_dimension(name, unit, path.name)
         names.append(name)
+        units.append(unit)
         factors.append(factor)
         dimensions.append(dimension)
-    return names, factors, dimensions
+    return names, units, factors, dimensions
 
 
 def _number(path: Path, line: int, name: str, text: str, decimal: str) -> float:
@@ -366,5 +371,9 @@ def _number(path: Path, line: int, name: str, text: str, decimal: str) -> float:
     try:
         value = float(text.replace("." if decimal == "," else ",", "").replace(decimal, "."))
     except ValueError:
-        raise InputError(f"{path.name}, line {line}: {name} = {text!r}: expected a number, or an empty cell") from None
-    return value if math.isfinite(value) else math.nan
+        value = math.inf
+    if not math.isfinite(value):
+        raise InputError(
+            f"{path.name}, line {line}: {name} = {text!r}: expected a number that is finite, or an empty cell"
+        )
+    return value

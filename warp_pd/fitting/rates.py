@@ -26,6 +26,14 @@ from .uniform import LOADINGS, UniformModel, UniformTests, nominal_stress
 STEPS = 800
 # A measured ramp may go back by this part of its range: noise.
 BACK = 0.05
+# Loading, and the value of the undeformed sheet, by the name of a column.
+STRETCHES = {
+    f"{loading}{kind}": (loading, undeformed)
+    for loading in LOADINGS
+    for kind, undeformed in (("", 1.0), ("_stretch", 1.0), ("_strain", 0.0))
+}
+# Units of a stretch: those with a name are mostly of strains.
+PURE = ("1", "-")
 # Change of a constant that shows which terms it belongs to.
 NUDGE = 1e-3
 
@@ -191,28 +199,35 @@ def law_tests(build: Callable[..., Any], ramps: Sequence[tuple[Curve, float]], g
 def read_ramps(table: Table, measure: str | None) -> tuple[list[tuple[Curve, float]], list[str]] | None:
     """Read the curves of uniform tests in a file, with their rates [1/s], and notes; None for any other file.
 
-    A column "uniaxial", "equibiaxial" or "planar" has the stretch, another one the nominal stress; one whose name
-    begins with "true" has the true stress of an incompressible sheet. A column "rate" has |d stretch / dt|; each of its
-    values makes a curve.
+    A column "uniaxial", "equibiaxial" or "planar", alone or followed by "stretch", has the stretch; one followed by
+    "strain" the stretch less 1. Another column has the nominal stress; one whose name begins with "true" has the true
+    stress of an incompressible sheet. A column "rate" has |d stretch / dt|; each of its values makes a curve.
 
     Raises:
         InputError: if columns are missing, or have other units, or the stretches of a rate are no ramp from 1.
     """
-    file, found = table.path.name, [name for name in table.columns if name in LOADINGS]
+    file = table.path.name
+    found = [(name, *kind) for name in table.columns if (kind := STRETCHES.get(name)) is not None]
     if not found:
         return None
     if len(found) > 1:
-        raise InputError(f"{file}: columns {', '.join(found)}: expected one of them")
-    loading, stress = found[0], _stress_column(table, found[0], measure)
-    rated = "rate" in table.columns
-    for name, wanted in ((loading, "ratio"), (stress, "pressure"), *([("rate", "rate")] if rated else [])):
+        raise InputError(f"{file}: columns {', '.join(name for name, *_ in found)}: expected one of them")
+    (column, loading, undeformed), rated = found[0], "rate" in table.columns
+    stress = _stress_column(table, column, measure)
+    for name, wanted in ((column, "ratio"), (stress, "pressure"), *([("rate", "rate")] if rated else [])):
         if table.dimensions[name] != wanted:
             raise InputError(f"{file}: column {name!r} is a {table.dimensions[name]}: expected a {wanted}")
-    columns, rows = table.without_gaps([loading, stress, *(["rate"] if rated else [])])
+    if column == loading and table.units[column] not in PURE:
+        raise InputError(
+            f"{file}: column {column!r} in [{table.units[column]}] may be strains or stretches: expected "
+            f"'{loading} strain' or '{loading} stretch'"
+        )
+    columns, rows = table.without_gaps([column, stress, *(["rate"] if rated else [])])
     if len(rows) == 0:
-        raise InputError(f"{file}: expected rows with both {loading} and {stress}")
-    require_stretches(f"{file}: column {loading!r}", columns[loading])
-    values = columns[stress] / (columns[loading] if stress.startswith("true") else 1.0)
+        raise InputError(f"{file}: expected rows with both {column} and {stress}")
+    stretch = columns[column] + (1.0 - undeformed)
+    require_stretches(f"{file}: column {column!r}", stretch)
+    values = columns[stress] / (stretch if stress.startswith("true") else 1.0)
     rates = columns["rate"] if rated else np.zeros(len(rows))
     ramps = []
     for rate in np.unique(rates):
@@ -220,23 +235,21 @@ def read_ramps(table: Table, measure: str | None) -> tuple[list[tuple[Curve, flo
         name = f"{table.path.stem}, {rate:g} /s" if rated else table.path.stem
         not_negative(f"{file}: rate", float(rate))
         if rate > 0.0:
-            _require_ramp(f"{file}: column {loading!r} at {rate:g} /s", columns[loading][mine])
-        curve = Curve(
-            loading, columns[loading][mine], "stress", values[mine], name=name, rows=rows[mine], units=("1", "Pa")
-        )
+            _require_ramp(f"{file}: column {column!r} at {rate:g} /s", stretch[mine])
+        curve = Curve(loading, stretch[mine], "stress", values[mine], name=name, rows=rows[mine], units=("1", "Pa"))
         ramps.append((curve, float(rate)))
     notes = [] if rated else [f"{file}: no column rate [1/s]: taken as a test in which everything has relaxed"]
     return ramps, [*table.notes, *notes]
 
 
-def _stress_column(table: Table, loading: str, measure: str | None) -> str:
-    others = [name for name in table.columns if name not in (loading, "rate")]
+def _stress_column(table: Table, column: str, measure: str | None) -> str:
+    others = [name for name in table.columns if name not in (column, "rate")]
     if measure is not None and measure in others:
         return measure
     stresses = [name for name in others if table.dimensions[name] == "pressure"]
     if len(stresses) != 1:
         raise InputError(
-            f"{table.path.name}: columns {', '.join(table.columns)}: expected one of stress beside {loading!r}, such "
+            f"{table.path.name}: columns {', '.join(table.columns)}: expected one of stress beside {column!r}, such "
             "as 'stress [MPa]', or its name as measure (--measure)"
         )
     return stresses[0]
