@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from helpers import refused
 
 from warp_pd import Sheet
 from warp_pd.device.checks import InputError
@@ -304,3 +305,22 @@ def test_wrong_outlines_are_refused_in_a_line(case):
 
 def test_empty_lists_are_fine():
     assert outline(holes=[], cracks={}, inclusions=()).size == outline().size
+
+
+@pytest.mark.parametrize("shift", [500e3, -4.5e6])
+@pytest.mark.parametrize("spacing", [5e-3, lambda x, y: 5e-3 + 0.0 * x], ids=["even", "graded"])
+def test_an_outline_at_survey_coordinates_is_that_near_the_origin(shift, spacing):
+    """Squares of coordinates of 4500 km keep no digits of 5 mm, and slivers along a slanting side have their round-off."""
+    corners, shift = np.array([(0.0, 0.0), (0.09, 0.013), (0.08, 0.1), (0.007, 0.097)]), np.array([0.1 * shift, shift])
+    near, far = (
+        Sheet.outline(corners + by, holes=[Circle(by + 0.05, 0.015)], spacing=spacing, thickness=1e-3, density=1e3)
+        for by in (np.zeros(2), shift)
+    )
+    assert abs(far.size - near.size) <= 2 and len(far.edges("outline")) == len(near.edges("outline"))
+    assert len(far.triangles) - 2 * far.size == len(near.triangles) - 2 * near.size
+    assert far.areas.sum() == pytest.approx(near.areas.sum(), rel=1e-7)
+
+
+def test_an_outline_without_digits_is_refused():
+    with refused("boundary: coordinates up to 4.5e+08 m have no digits for a spacing of 0.005 m"):
+        Sheet.outline(np.array([(0, 0), (0.1, 0), (0, 0.1)]) + 4.5e8, spacing=5e-3, thickness=1e-3, density=1e3)

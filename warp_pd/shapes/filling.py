@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.triangulation import signed_areas
+from ..geometry.triangulation import signed_areas, triangles_of
 from .curves import Spacing
 
 # In spacings: least distance of a point of the grid from a curve; the band along curves in which points relax.
@@ -136,11 +136,10 @@ def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None
     added in large triangles and removed from small ones.
     """
     import shapely
-    from scipy.spatial import Delaunay
 
     points = points.copy()
     for number in range(rounds):
-        triangles = Delaunay(points).simplices
+        triangles = triangles_of(points)
         middle = points[triangles].mean(axis=1)
         triangles = triangles[shapely.contains_xy(region, *middle.T)]
         if spacing is not None and number % RENEWED == RENEWED - 1 and number < rounds - RENEWED:

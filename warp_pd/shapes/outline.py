@@ -9,7 +9,7 @@ import numpy as np
 
 from ..device.checks import InputError, positive, user_code
 from ..geometry.sheet import Shape
-from ..geometry.triangulation import cell_triangles, directed_edges, signed_areas, whole_cells
+from ..geometry.triangulation import cell_triangles, directed_edges, signed_areas, triangles_of, whole_cells
 from .assembly import Part, assembled
 from .crack_lines import crack_lines
 from .curves import Spacing
@@ -18,6 +18,8 @@ from .lines import Line, Named, line_edges, named, region, require_apart, ring
 
 # Most points of an outline: beyond, arrays of the triangulation leave the memory of common machines.
 MAX_POINTS = 100_000_000
+# Round-off of coordinates, over the spacing, up to which points on the grid are told from others.
+ROUND_OFF = 2.5e-7
 # Cracks are clipped by curves whose points are so much nearer to each other than those of the sheet.
 FINER = 16
 
@@ -71,6 +73,12 @@ def _require_size(sheet: Any, at: Spacing, least: float) -> None:
     """Check that a sheet has a sensible number of points."""
     low, high = np.reshape(sheet.bounds, (2, 2))
     longest, space = float((high - low).max()), least or float(at(np.array([[*sheet.centroid.coords[0]]]))[0])
+    far = float(np.abs([low, high]).max())
+    if np.spacing(far) > ROUND_OFF * space:
+        raise InputError(
+            f"boundary: coordinates up to {far:.4g} m have no digits for a spacing of {space:.4g} m: expected the "
+            "sheet nearer to the origin; subtract its middle"
+        )
     if longest < 2.0 * space:
         raise InputError(f"spacing is {space:.4g} m in a sheet {longest:.4g} m long: expected at most half of that")
     if least and sheet.area > MAX_POINTS * least**2:
@@ -102,11 +110,11 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
 def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -> np.ndarray:
     """Two triangles per grid cell away from other points, and Delaunay triangles between."""
     import shapely
-    from scipy.spatial import Delaunay, cKDTree
+    from scipy.spatial import cKDTree
 
     cells, covered = _grid_cells(points, grid, least)
     rest = np.flatnonzero(~covered)
-    found = rest[Delaunay(points[rest]).simplices] if len(rest) else np.zeros((0, 3), np.int64)
+    found = rest[triangles_of(points[rest])] if len(rest) else np.zeros((0, 3), np.int64)
     middle = points[found].mean(axis=1)
     shapely.prepare(sheet)
     kept = shapely.contains_xy(sheet, *middle.T)
@@ -117,11 +125,12 @@ def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -
     found = found[kept]
     turned = signed_areas(points, found) < 0.0
     found[turned] = found[turned][:, ::-1]
-    # Slivers along a straight side have no area.
-    sliver = signed_areas(points, found) < 1e-9 * (least or 1.0) ** 2
+    # Slivers along a straight side have no area, but that of round-off.
+    round_off = 8.0 * float(np.spacing(np.abs(points).max()))
+    sliver = signed_areas(points, found) < least * (1e-9 * least + round_off)
     triangles = np.concatenate([cells, found[~sliver]]).astype(np.int32)
     total = float(signed_areas(points, triangles).sum())
-    if abs(total - sheet.area) > 1e-9 * sheet.area:
+    if abs(total - sheet.area) > 1e-9 * sheet.area + round_off * sheet.length:
         raise InputError(
             f"spacing: triangles cover {total:.6g} of {sheet.area:.6g} m^2; expected a finer spacing, with at least "
             "two points across every gap between curves"
