@@ -337,6 +337,25 @@ def test_a_ramp_shorter_than_a_step_is_noted_where_the_balance_is_off():
     assert not notes(0.05)
 
 
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        ({"x": [0.0, 0.01, -0.01]}, "Motion: its velocity jumps by 6 m/s at 0.005 s"),
+        (
+            {"x": 0.0, "angle": [0.0, 0.5, -0.5], "axis": (1, 0, 0), "about": (0.1, 0.025)},
+            "jumps by 300 rad/s at 0.005",
+        ),
+        ({"x": lambda t: 0.005 * (1.0 - np.cos(np.pi * t / 0.01))}, ""),
+    ],
+)
+def test_a_velocity_that_jumps_is_noted_where_the_balance_is_off(motion, said):
+    sheet = square(11)
+    times = [0.0, 0.005, 0.01] if said else np.linspace(0.0, 0.02, 41)
+    loads = [Fixed(sheet.edges("left")), Motion(sheet.edges("right"), times, **{"y": 0.0, "z": 0.0, **motion})]
+    result = run(sheet, Implicit(0.02, frames=4, steps=40), material=NeoHookean(mu=3e5, bulk=1e8), loads=loads)
+    assert [said in note for note in result.summary["notes"] if "jumps" in note] == ([True] if said else [])
+
+
 def test_parts_with_forces_of_their_own_are_refused():
     pair = together(square(5), square(5))
     there = placed(pair, Place(), Place((0.0, 0.0, 2e-3)))

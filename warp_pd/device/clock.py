@@ -72,6 +72,13 @@ class Schedule:
         rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
         return float(np.linalg.norm(rates[self.times[:-1] < time], axis=1).max(initial=0.0))
 
+    def largest_jump(self, end: float) -> tuple[float, float]:
+        """Largest jump of the rate of change before `end` [1/s], from rest to rest, and its time [s]."""
+        rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
+        jumps = np.linalg.norm(np.diff(rates, axis=0, prepend=0.0, append=0.0), axis=1)
+        jumps = np.where(self.times < end * (1.0 - 1e-9), jumps, 0.0)
+        return float(jumps.max()), float(self.times[jumps.argmax()])
+
 
 def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     """Create a schedule from checked times, shape (K,), and values, shape (K, 3)."""

@@ -16,6 +16,7 @@ from ..device.checks import InputError, said
 from ..device.version import __version__
 from ..interfaces import History
 from ..interfaces.solver import STOPPED
+from .built import Built
 from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Outcome, Reported
@@ -25,6 +26,8 @@ from .version import commit_of
 WHOLE_RUN = "whole run"
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
 WORST_BALANCE, WORST_GAIN = 0.01, 0.01
+# Change of the velocity of a motion at once, over the largest velocity, that is a jump.
+ABRUPT = 0.5
 
 
 @dataclass(frozen=True)
@@ -56,14 +59,35 @@ def notes_of(recorder: Recorder, interrupted: bool = False) -> list[str]:
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
-    return notes + recorder.shape_notes(interrupted) + _energy_notes(recorder)
+    return notes + recorder.shape_notes(interrupted) + _energy_notes(recorder) + _jump_notes(built, recorder.history)
+
+
+def _worst_balance(history: History) -> float:
+    """Largest error of the energy balance, over the largest energy."""
+    return max((row["balance_error"] for row in history if "balance_error" in row), key=abs, default=0.0)
+
+
+def _jump_notes(built: Built, history: History) -> list[str]:
+    """A note on a jump of the velocity of supports, where the energy balance is off."""
+    solver = built.simulation.solver
+    if abs(_worst_balance(history)) <= WORST_BALANCE or not solver.dynamic or not built.solver.has_inertia:
+        return []
+    moved = [(c.motion, "m/s") for c in built.constraints if c.motion is not None]
+    moved += [(c.turn.angle, "rad/s") for c in built.constraints if c.turn is not None]
+    for schedule, unit in moved:
+        jump, when = schedule.largest_jump(solver.duration)
+        if jump > ABRUPT * schedule.top_speed(solver.duration):
+            return [
+                f"{schedule.name}: its velocity jumps by {jump:.3g} {unit} at {when:.6g} s, which sets off waves as "
+                "short as the spacing: expected a change over several steps (more times, or a function of them)"
+            ]
+    return []
 
 
 def _energy_notes(recorder: Recorder) -> list[str]:
     """Notes on a poor energy balance."""
     history, notes = recorder.history, []
-    errors = [row["balance_error"] for row in history if "balance_error" in row]
-    worst = max(errors, key=abs, default=0.0)
+    worst = _worst_balance(history)
     if abs(worst) > WORST_BALANCE:
         notes.append(f"energy: the balance is off by {100.0 * worst:+.2g} %; try smaller steps")
     lost = [row["rupture"] for row in history if "rupture" in row]
