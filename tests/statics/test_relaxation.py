@@ -131,6 +131,8 @@ def test_small_load_on_a_stressed_sheet_in_float32():
 def test_load_that_round_off_hides_is_noted():
     result, _ = drum(Relaxation, 1e-3, precision=32, points=21)
     assert len(result.summary["notes"]) == 1 and "expected 64, or the solver Newton" in result.summary["notes"][0]
+    # Against all reactions, as it is and not as the tolerance.
+    assert result.summary["solve"]["load_steps"][-1]["round_off"] and 0.0 < result.summary["residual"] < 1e-5
 
 
 @pytest.mark.parametrize("precision", [64, 32])
@@ -138,3 +140,4 @@ def test_load_that_round_off_hides_is_noted():
 def test_stressed_sheet_without_loads_stays_where_it_is(solver, precision):
     result, moved = drum(solver, 0.0, precision=precision, points=21)
     assert abs(moved) < 1e-9 and not result.summary["notes"]
+    assert result.summary["residual"] < {64: 1e-8, 32: 1e-5}[precision]

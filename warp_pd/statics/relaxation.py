@@ -268,7 +268,9 @@ class BuiltRelaxation(BuiltSolver):
             measure.run()
             residual = self._residual()
             if self._scale.initial is not None and residual > tolerance and self._rests():
-                residual = min(residual, max(tolerance, self._residual(against_all=True)))
+                against_all = self._residual(against_all=True)
+                entry["round_off"] = against_all <= tolerance
+                residual = min(residual, against_all)
             entry["residuals"].append(residual)
             sink.progress(self._done, residual, tolerance, title)
             if not math.isfinite(residual):
