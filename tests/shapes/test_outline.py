@@ -310,7 +310,7 @@ def test_empty_lists_are_fine():
 @pytest.mark.parametrize("shift", [500e3, -4.5e6])
 @pytest.mark.parametrize("spacing", [5e-3, lambda x, y: 5e-3 + 0.0 * x], ids=["even", "graded"])
 def test_an_outline_at_survey_coordinates_is_that_near_the_origin(shift, spacing):
-    """Squares of coordinates of 4500 km keep no digits of 5 mm, and slivers along a slanting side have their round-off."""
+    """Squares of coordinates of 4500 km keep no digits of 5 mm, and slivers along a slanting side have round-off."""
     corners, shift = np.array([(0.0, 0.0), (0.09, 0.013), (0.08, 0.1), (0.007, 0.097)]), np.array([0.1 * shift, shift])
     near, far = (
         Sheet.outline(corners + by, holes=[Circle(by + 0.05, 0.015)], spacing=spacing, thickness=1e-3, density=1e3)
