@@ -243,7 +243,8 @@ def read_table(path: str | Path) -> Table:
         for c, text in enumerate(row):
             values[k, c] = factors[c] * _number(path, int(number), names[c], text, decimal)
     columns = {name: values[:, c] for c, name in enumerate(names)}
-    return Table(path, columns, *(dict(zip(names, each, strict=True)) for each in (dimensions, units)), rows, notes)
+    by_name = [dict(zip(names, each, strict=True)) for each in (dimensions, units)]
+    return Table(path, columns, by_name[0], by_name[1], rows, notes)
 
 
 def _text_of(path: Path) -> tuple[str, list[str]]:
