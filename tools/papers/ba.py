@@ -56,12 +56,12 @@ def oblong(points: tuple[int, int], device: str | None) -> Values:
 
 
 def off_plane(device: str | None) -> Values:
-    """BA 6.4 without and with the force of eq. 45, and without it at an eighth of the step; half areas on edges."""
+    """BA 6.4 without and with the force of eq. 45, and without it at an eighth of the step."""
     found = {}
     for kind, settings in (
         ("without", {"boundary_force": 0.0}), ("with", {}), ("short", {"boundary_force": 0.0, "safety": 0.06})
     ):  # fmt: skip
-        values = scene_values("off_plane_load", device, areas="shared", **settings)
+        values = scene_values("off_plane_load", device, **settings)
         found |= {f"{kind}: {name}": value for name, value in values.items()}
     if found.get("without: lift") and found.get("with: lift"):
         found["lift ratio"] = found["with: lift"] / found["without: lift"]
@@ -100,7 +100,7 @@ def _examples() -> dict[str, Example]:
     found["ba.6.3"] = double_notch
     found["ba.6.3.plain"] = partial(double_notch, roughness=1e-3, **plain)
     found["ba.6.4"] = off_plane
-    found["ba.6.5"] = partial(torn, areas="shared")
+    found["ba.6.5"] = torn
     found["ba.6.5.corrected"] = partial(torn, weights="corrected", wrinkles="relaxed")
     return found
 
@@ -150,16 +150,16 @@ ROWS = [
     Row("ba.6.3.plain", "6.3, figure 10", "deviation of the crack from the middle line (spacings)", "horizontal",
         "deviation in spacings", "plain weights, tension field", high=2.0),
     Row("ba.6.4", "6.4, figure 12", "corner points leave the surface by (spacings)", "some nodes do",
-        "without: largest_corner_distance", "without the force of eq. 45, half areas", low=0.2),
+        "without: largest_corner_distance", "without the force of eq. 45, one area a point", low=0.2),
     Row("ba.6.4", "6.4, figure 13", "corner points leave the surface by (spacings)", "brought back",
-        "with: largest_corner_distance", "A = 1e16 N/m^7, along the normal, half areas", high=0.1),
+        "with: largest_corner_distance", "A = 1e16 N/m^7, along the normal, one area a point", high=0.1),
     Row("ba.6.4", "6.4", "lift with the force over lift without", "almost unchanged", "lift ratio",
-        "A = 1e16 N/m^7, along the normal, half areas", low=0.99, high=1.01),
+        "A = 1e16 N/m^7, along the normal, one area a point", low=0.99, high=1.01),
     Row("ba.6.4", "6.4", "steps to the end, at an eighth of the step", "converges without the force", "short: steps",
-        "without the force of eq. 45, half areas", low=1.0),
+        "without the force of eq. 45, one area a point", low=1.0),
     Row("ba.6.4", "6.4", "corner points leave the surface by (spacings), at an eighth of the step", "-",
-        "short: largest_corner_distance", "without the force of eq. 45, half areas"),
-    Row("ba.6.5", "6.5, figure 15", "straight for (mm)", "some distance", "straight", "half areas on edges",
+        "short: largest_corner_distance", "without the force of eq. 45, one area a point"),
+    Row("ba.6.5", "6.5, figure 15", "straight for (mm)", "some distance", "straight", "one area a point",
         low=5e-3, scale=1e3),
     Row("ba.6.5.corrected", "6.5, figure 15", "straight for (mm)", "some distance", "straight",
         "corrected weights, tension field", low=5e-3, scale=1e3),
