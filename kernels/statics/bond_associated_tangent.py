@@ -10,6 +10,14 @@ of the internal force, minus the (symmetric) Hessian of the energy times v. An i
 S_ij. Its tangent is that of a stretched soap film, a Laplacian. It gives a flat or slack sheet the out-of-plane
 stiffness that it lacks. In a softened layout the stored values of a family are already reduced by the damage of its
 point, see kernels/tearing/damage_field.py.
+
+A stored stiffness has the blocks of pairs of points. Within the family of i the displacement of k adds
+v (x) R^-1 K_ij^-1 c_k X_ik to dF_ij, so the block of its members k and m is
+
+    c_k c_m sum over a, b of X_ik,a X_im,b [sum over j with k and m in D_ij of E_ij,ab],
+
+with four 3x3 blocks E_ij,ab of each intersection, 21 numbers by symmetry. The inner sum adds them as rows of a table,
+with vector instructions of a CPU (as in kernels/family_rows.py).
 """
 
 import functools
@@ -28,6 +36,10 @@ from ..numeric import FunctionFactory, constants_of, numeric
 FAR = 1e3
 # Lower bound on the eigenvalues of a diagonal block, divided by its largest one.
 MIN_STIFFNESS = 1e-6
+# Determinant over the cube of the trace, by precision, from which a positive definite block is inverted as it is.
+REGULAR = {64: MIN_STIFFNESS, 32: 1e-4}
+# Numbers in a row of E: 11 and 22 (upper triangles), 12, filled up to what a CPU adds at once.
+ROW = 24
 
 
 @dataclass(frozen=True)
@@ -42,8 +54,10 @@ class TangentKernels:
             inside out: its area is zero there, or its normal at a right angle to what it was; at most FAR.
         inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
             components.
-        assemble: Fills the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`, from the
-            diagonal on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
+        stiffen: Fills `stiffness` [points, members] with E_ij of every intersection (see the head of this file), and
+            `of_centre` [points, members + 1] with the blocks that couple members and centre of every family.
+        assemble: Sums these to the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`,
+            from the diagonal on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
     """
 
     linearise: Kernel
@@ -51,6 +65,7 @@ class TangentKernels:
     product: Kernel
     turning: Kernel
     inverse_blocks: Kernel
+    stiffen: Kernel
     assemble: Kernel
 
 
@@ -72,34 +87,33 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Warp functions `block_of`, the stiffness of an intersection, and `inverse_of`, of a 3x3 block."""
     types = numeric(bits)
     real, vec2, vec3, vec6, mat32, mat33 = types.real, types.vec2, types.vec3, types.vec6, types.mat32, types.mat33
-    min_stiffness, columns_of = MIN_STIFFNESS, columns_of_gradient(bits)
+    min_stiffness, regular_from = MIN_STIFFNESS, REGULAR[bits]
+    columns_of = columns_of_gradient(bits)
 
     @wp.func
-    def block_of(F: mat32, S: vec3, T: vec6, g: vec2):
-        """Stiffness of an intersection when one point moves and contributes v (x) g to dF."""
+    def strained(F: mat32, g: vec2):
+        """Twice the derivative of the strain (11, 22, 2 x 12) by a point that contributes v (x) g to dF."""
         F1, F2 = columns_of(F)
-        b1 = real(2.0) * g[0] * F1
-        b2 = real(2.0) * g[1] * F2
-        b3 = g[1] * F1 + g[0] * F2
+        return real(2.0) * g[0] * F1, real(2.0) * g[1] * F2, g[1] * F1 + g[0] * F2
+
+    @wp.func
+    def block_of(F: mat32, S: vec3, T: vec6, g: vec2, h: vec2):
+        """Force along g when a point moves that contributes v (x) h to dF."""
+        a1, a2, a3 = strained(F, g)
+        b1, b2, b3 = strained(F, h)
         t1 = T[0] * b1 + T[1] * b2 + T[2] * b3
         t2 = T[1] * b1 + T[3] * b2 + T[4] * b3
         t3 = T[2] * b1 + T[4] * b2 + T[5] * b3
-        tension = S[0] * g[0] * g[0] + real(2.0) * S[1] * g[0] * g[1] + S[2] * g[1] * g[1]
+        tension = S[0] * g[0] * h[0] + S[1] * (g[0] * h[1] + g[1] * h[0]) + S[2] * g[1] * h[1]
         return (
             tension * wp.identity(n=3, dtype=real)
-            + real(0.5) * (wp.outer(b1, t1) + wp.outer(b2, t2) + wp.outer(b3, t3))
+            + real(0.5) * (wp.outer(a1, t1) + wp.outer(a2, t2) + wp.outer(a3, t3))
         )  # fmt: skip
 
     @wp.func
-    def inverse_of(block: mat33, mask: wp.uint8):
-        """Inverse of |block| on the free components, with eigenvalues kept away from zero."""
-        reduced = block
-        for c in range(3):
-            if (wp.int32(mask) & (1 << c)) != 0:
-                for d in range(3):
-                    reduced[c, d] = real(0.0)
-                    reduced[d, c] = real(0.0)
-        Q, values = wp.eig3(reduced)
+    def clamped_inverse(block: mat33):
+        """Inverse of |block| with eigenvalues kept away from zero."""
+        Q, values = wp.eig3(block)
         largest = wp.max(wp.max(wp.abs(values[0]), wp.abs(values[1])), wp.abs(values[2]))
         scaled = Q
         for c in range(3):
@@ -109,7 +123,28 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
                     scaled[d, c] = Q[d, c] / value
                 else:
                     scaled[d, c] = real(0.0)
-        result = scaled * wp.transpose(Q)
+        return scaled * wp.transpose(Q)
+
+    @wp.func
+    def inverse_of(block: mat33, mask: wp.uint8):
+        """Inverse of |block| on the free components, with eigenvalues kept away from zero."""
+        largest = wp.max(wp.max(block[0, 0], block[1, 1]), block[2, 2])
+        reduced = block
+        for c in range(3):
+            if (wp.int32(mask) & (1 << c)) != 0:
+                for d in range(3):
+                    reduced[c, d] = real(0.0)
+                    reduced[d, c] = real(0.0)
+                reduced[c, c] = largest
+        # No eigenvalue of a positive definite block is smaller than its determinant over the square of its trace.
+        determinant, trace = wp.determinant(reduced), reduced[0, 0] + reduced[1, 1] + reduced[2, 2]
+        minor = reduced[0, 0] * reduced[1, 1] - reduced[0, 1] * reduced[1, 0]
+        regular = real(regular_from) * trace * trace * trace
+        result = mat33()
+        if reduced[0, 0] > real(0.0) and minor > real(0.0) and determinant > regular:
+            result = wp.inverse(reduced)
+        else:
+            result = clamped_inverse(reduced)
         for c in range(3):
             if (wp.int32(mask) & (1 << c)) != 0:
                 for d in range(3):
@@ -148,6 +183,8 @@ def bond_associated_tangent(
     columns_of = columns_of_gradient(bits)
     far = wp.constant(real(FAR))
     left = stiffness_left(bits)
+    Row = wp.types.vector(length=ROW, dtype=real)
+    Part = wp.types.vector(length=8, dtype=real)
 
     @wp.func
     def first_zero(constant: real, linear: real, square: real):
@@ -381,7 +418,7 @@ def bond_associated_tangent(
                         c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                         sum_of += c * f.bond(family, i, k)
                 g = levelled(times(inverse, sum_of), tilt)
-                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g)
+                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g, g)
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 m = f.neighbour(family, i, k)
@@ -396,7 +433,7 @@ def bond_associated_tangent(
                         inverse, tilt = shape_of(family, displacement, m, j, undamaged_there)
                         if inverse[0] > real(0.0):
                             g = levelled(c * times(inverse, xi), tilt)
-                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], g)
+                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], g, g)
         mask = wp.uint8(0)
         if wp.static(held):
             mask = held_mask[i]
@@ -418,98 +455,144 @@ def bond_associated_tangent(
                 high = middle
         return low
 
-    @kernel(gathers=("displacement", "family.intact", "gradient", "stress", "moduli"))
-    def assemble(
+    @kernel(gathers=("displacement",))
+    def stiffen(
         family: Family,
         displacement: wp.array(dtype=vec3),
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
         moduli: wp.array2d(dtype=vec6),
+        unit_stiffness: real,
+        first: int,
+        stiffness: wp.array2d(dtype=Row),
+        of_centre: wp.array2d(dtype=mat33),
+    ):
+        i = wp.tid() + first
+        for k in range(family.members + 1):
+            of_centre[i, k] = mat33()
+        undamaged = f.is_undamaged(family, i)
+        for j in range(family.members):
+            row = Row()
+            inverse, tilt = shape_of(family, displacement, i, j, undamaged)
+            if inverse[0] > real(0.0):
+                F = gradient[j, i]
+                S = unit_stiffness * stress[j, i]
+                T = unit_stiffness * moduli[j, i]
+                # Columns of R^-1 K^-1.
+                p = levelled(vec2(inverse[0], inverse[1]), tilt)
+                r = levelled(vec2(inverse[1], inverse[2]), tilt)
+                E11 = block_of(F, S, T, p, p)
+                E12 = block_of(F, S, T, p, r)
+                E22 = block_of(F, S, T, r, r)
+                sym = real(0.5) * (E12 + wp.transpose(E12))
+                for a in range(3):
+                    b = (a + 1) % 3
+                    row[a] = E11[a, a]
+                    row[3 + a] = E11[a, b]
+                    row[8 + a] = E22[a, a]
+                    row[11 + a] = E22[a, b]
+                    row[16 + a] = sym[a, a]
+                    row[19 + a] = sym[a, b]
+                row[6] = E12[0, 1] - sym[0, 1]
+                row[7] = E12[1, 2] - sym[1, 2]
+                row[14] = E12[2, 0] - sym[2, 0]
+                # The centre moves against all members.
+                centre = vec2(real(0.0), real(0.0))
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
+                    while members != wp.uint32(0):
+                        centre -= moment(family, i, word * word_size + lowest_bit(members))
+                        members = without_lowest_bit(members)
+                C1 = centre[0] * E11 + centre[1] * E12
+                C2 = centre[0] * wp.transpose(E12) + centre[1] * E22
+                of_centre[i, family.members] = of_centre[i, family.members] + centre[0] * C1 + centre[1] * C2
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & f.intact_members(family, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        arm = moment(family, i, k)
+                        of_centre[i, k] = of_centre[i, k] + arm[0] * C1 + arm[1] * C2
+            stiffness[i, j] = row
+
+    @wp.func
+    def moment(family: Family, i: int, k: int):
+        """Return c_k xi_k."""
+        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
+
+    @wp.func
+    def entry_of(columns: wp.array(dtype=wp.int32), begin: int, own: int, m: int):
+        """Entry of the column m of a row, from the one of the last m on; `own` is the first one that counts."""
+        entry = int(begin)
+        if columns[entry] > m:
+            entry = own
+        while columns[entry] < m:
+            entry += 1
+        return entry
+
+    @kernel(gathers=("family.intact", "stiffness", "of_centre"))
+    def assemble(
+        family: Family,
+        stiffness: wp.array2d(dtype=Row),
+        of_centre: wp.array2d(dtype=mat33),
         starts: wp.array(dtype=wp.int32),
         columns: wp.array(dtype=wp.int32),
-        unit_stiffness: real,
         first: int,
         matrix: wp.array(dtype=mat33),
     ):
         i = wp.tid() + first
-        begin = starts[i]
-        end = starts[i + 1]
-        for entry in range(begin, end):
+        own = entry_of(columns, starts[i], starts[i], i)
+        for entry in range(own, starts[i + 1]):
             matrix[entry] = mat33()
-        # Families that contain i: its own, where it is the centre (member index `members`), and its neighbours'.
-        for s in range(family.members + 1):
-            q = i
-            mine = family.members
-            belongs = bool(True)
-            word = 0
-            bit = wp.uint32(0)
-            if s < family.members:
-                belongs = f.is_intact(family, i, s)
-                if belongs:
-                    q = f.neighbour(family, i, s)
-                    mine = f.reverse(family, i, s)
-                    word = mine // word_size
-                    bit = wp.uint32(1) << wp.uint32(mine - word * word_size)
-            if belongs:
-                undamaged = f.is_undamaged(family, q)
-                own = entry_of(columns, begin, end, q)
-                for j in range(family.members):
-                    inverse = vec3(real(0.0), real(0.0), real(0.0))
-                    tilt = vec2(real(0.0), real(0.0))
-                    if mine == family.members or (f.common(family, q, j, word) & bit) != wp.uint32(0):
-                        inverse, tilt = shape_of(family, displacement, q, j, undamaged)
-                    if inverse[0] > real(0.0):
-                        # First the sum over the members; its negative is the coefficient of the centre.
-                        centre = vec2(real(0.0), real(0.0))
-                        for w in range(family.words):
-                            members = f.common(family, q, j, w) & f.intact_members(family, q, w)
-                            while members != wp.uint32(0):
-                                k = w * word_size + lowest_bit(members)
-                                members = without_lowest_bit(members)
-                                c = f.influence(family, q, k) * f.area(family, f.neighbour(family, q, k))
-                                centre -= c * f.bond(family, q, k)
-                        raw = centre
-                        if mine < family.members:
-                            raw = (f.influence(family, q, mine) * f.area(family, i)) * f.bond(family, q, mine)
-                        # Columns of R^-1 K^-1, so that the loop over members only needs c xi.
-                        p = levelled(vec2(inverse[0], inverse[1]), tilt)
-                        r = levelled(vec2(inverse[1], inverse[2]), tilt)
-                        g = raw[0] * p + raw[1] * r
-                        F = gradient[j, q]
-                        S = stress[j, q]
-                        T = moduli[j, q]
-                        F1, F2 = columns_of(F)
-                        b1 = real(2.0) * g[0] * F1
-                        b2 = real(2.0) * g[1] * F2
-                        b3 = g[1] * F1 + g[0] * F2
-                        half = real(0.5) * unit_stiffness
-                        t1 = half * (T[0] * b1 + T[1] * b2 + T[2] * b3)
-                        t2 = half * (T[1] * b1 + T[3] * b2 + T[4] * b3)
-                        t3 = half * (T[2] * b1 + T[4] * b2 + T[5] * b3)
-                        one = wp.identity(n=3, dtype=real)
-                        R1 = (
-                            (unit_stiffness * (S[0] * g[0] + S[1] * g[1])) * one
-                            + real(2.0) * wp.outer(t1, F1)
-                            + wp.outer(t3, F2)
-                        )
-                        R2 = (
-                            (unit_stiffness * (S[1] * g[0] + S[2] * g[1])) * one
-                            + real(2.0) * wp.outer(t2, F2)
-                            + wp.outer(t3, F1)
-                        )
-                        Q1 = p[0] * R1 + p[1] * R2
-                        Q2 = r[0] * R1 + r[1] * R2
-                        if q >= i:
-                            matrix[own] = matrix[own] + centre[0] * Q1 + centre[1] * Q2
-                        for w in range(family.words):
-                            members = f.common(family, q, j, w) & f.intact_members(family, q, w)
-                            while members != wp.uint32(0):
-                                k = w * word_size + lowest_bit(members)
-                                members = without_lowest_bit(members)
-                                m = f.neighbour(family, q, k)
-                                if m >= i:
-                                    cxi = (f.influence(family, q, k) * f.area(family, m)) * f.bond(family, q, k)
-                                    entry = entry_of(columns, begin, end, m)
-                                    matrix[entry] = matrix[entry] + cxi[0] * Q1 + cxi[1] * Q2
+        # Its own family, where it is the centre.
+        matrix[own] = of_centre[i, family.members]
+        entry = int(own)
+        for k in range(family.members):
+            if f.is_intact(family, i, k):
+                m = f.neighbour(family, i, k)
+                if m > i:
+                    entry = entry_of(columns, entry, own, m)
+                    matrix[entry] = wp.transpose(of_centre[i, k])
+        # Those of its neighbours.
+        for s in range(family.members):
+            if f.is_intact(family, i, s):
+                q = f.neighbour(family, i, s)
+                mine = f.reverse(family, i, s)
+                entry = own
+                if q > i:
+                    entry = entry_of(columns, entry, own, q)
+                    matrix[entry] = matrix[entry] + of_centre[q, mine]
+                arm = moment(family, q, mine)
+                for word in range(family.words):
+                    members = f.intact_members(family, q, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        m = f.neighbour(family, q, k)
+                        if m >= i:
+                            row = Row()
+                            for w in range(family.words):
+                                both = f.common(family, q, mine, w) & f.common(family, q, k, w)
+                                both = both & f.intact_members(family, q, w)
+                                while both != wp.uint32(0):
+                                    row += stiffness[q, w * word_size + lowest_bit(both)]
+                                    both = without_lowest_bit(both)
+                            other = moment(family, q, k)
+                            both_ways = arm[0] * other[1] + arm[1] * other[0]
+                            skew = arm[0] * other[1] - arm[1] * other[0]
+                            part = Part()
+                            for c in range(8):
+                                part[c] = arm[0] * other[0] * row[c] + arm[1] * other[1] * row[8 + c]
+                                part[c] += both_ways * row[16 + c]
+                            x = skew * row[6]
+                            y = skew * row[7]
+                            z = skew * row[14]
+                            block = mat33(
+                                part[0], part[3] + x, part[5] - z,
+                                part[3] - x, part[1], part[4] + y,
+                                part[5] + z, part[4] - y, part[2],
+                            )  # fmt: skip
+                            entry = entry_of(columns, entry, own, m)
+                            matrix[entry] = matrix[entry] + block
 
-    return TangentKernels(linearise, predict, product, turning, inverse_blocks, assemble)
+    return TangentKernels(linearise, predict, product, turning, inverse_blocks, stiffen, assemble)

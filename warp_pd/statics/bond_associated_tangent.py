@@ -13,7 +13,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
-from ..kernels.statics.bond_associated_tangent import bond_associated_tangent
+from ..kernels.statics.bond_associated_tangent import ROW, bond_associated_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.variational import BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
@@ -188,11 +188,21 @@ class TangentMatrix:
         self.starts = context.array("matrix_starts", OWNER, wp.int32, starts, per="table")
         self.columns = context.array("matrix_columns", OWNER, wp.int32, columns, per="table")
         self.blocks = context.array("matrix", OWNER, context.types.mat33, shape=len(columns), per="once")
+        members, t = force.families.members, context.types
+        row = wp.types.vector(length=ROW, dtype=t.real)
+        stiffness = context.array("stiffness", OWNER, row, shape=(force.points, members), intermediate=True)
+        of_centre = context.array(
+            "stiffness_of_centre", OWNER, t.mat33, shape=(force.points, members + 1), intermediate=True
+        )
+        stage.launch(
+            OWNER, tangent.kernels.stiffen, force.points,
+            family=force.struct, displacement=displacement, gradient=tangent.gradient, stress=tangent.stress,
+            moduli=tangent.moduli, unit_stiffness=force.unit_stiffness, stiffness=stiffness, of_centre=of_centre,
+        )  # fmt: skip
         stage.launch(
             OWNER, tangent.kernels.assemble, force.points,
-            family=force.struct, displacement=displacement, gradient=tangent.gradient,
-            stress=tangent.stress, moduli=tangent.moduli, starts=self.starts, columns=self.columns,
-            unit_stiffness=force.unit_stiffness, matrix=self.blocks,
+            family=force.struct, stiffness=stiffness, of_centre=of_centre, starts=self.starts, columns=self.columns,
+            matrix=self.blocks,
         )  # fmt: skip
         stage.launch(
             OWNER, self._kernels.mirror, force.points, starts=self.starts, columns=self.columns, matrix=self.blocks
