@@ -26,6 +26,7 @@ def test_a_run_needs_no_module_that_warm_has_not_loaded(tmp_path, monkeypatch):
         return load(module, device, block_dim)
 
     monkeypatch.setattr(launches, "load_module", seen)
+    monkeypatch.setattr(launches, "is_loaded", lambda module, device, block_dim: False)
     done = cli("warm", str(scene), "--device", "cpu", "--quiet")
     assert done.exit_code == 0 and "kernels of 1 scene in" in done.output
     warmed = set(loaded)

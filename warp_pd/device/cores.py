@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from .checks import InputError
-from .kernel_cache import init_warp, load_module
+from .kernel_cache import init_warp, is_loaded, load_module
 
 # Device files of an NVIDIA GPU on Linux, also under Windows; what Warp's native library prints without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
@@ -76,12 +76,17 @@ def compilers(device: Any) -> Iterator[ThreadPoolExecutor]:
 
 def load_kernel(kernel: Any, device: Any) -> None:
     """Compile or load a kernel in one of these threads."""
-    begin_loading(kernel, device).result()
+    loading = begin_loading(kernel, device)
+    if loading is not None:
+        loading.result()
 
 
-def begin_loading(kernel: Any, device: Any) -> Future[Any]:
-    """Begin to compile or load a kernel in these threads, without waiting."""
-    return cores().submit(load_module, kernel.module, device, 1 if device.is_cpu else None)
+def begin_loading(kernel: Any, device: Any) -> Future[Any] | None:
+    """Begin to compile or load a kernel in these threads, without waiting; None if it is there."""
+    block_dim = 1 if device.is_cpu else None
+    if is_loaded(kernel.module, device, block_dim):
+        return None
+    return cores().submit(load_module, kernel.module, device, block_dim)
 
 
 def start_warp() -> None:

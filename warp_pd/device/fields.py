@@ -162,5 +162,9 @@ def in_double(values: np.ndarray) -> np.ndarray:
 
 def assign(array: Array, values: np.ndarray) -> None:
     """Copy host values into a device array, in the precision of the array."""
+    if on_cpu(array):
+        # A view of the same memory, in a tenth of the time that Warp takes.
+        array.numpy()[...] = values
+        return
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(scalar)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import gc
 import itertools
@@ -125,6 +126,8 @@ class CpuLaunch:
 
     def __init__(self, item: Launch, device: wp.Device) -> None:
         self.item, self.device, self._parts = item, device, available_cores()
+        # Their modules stay loaded.
+        self._recorded: list[Any] = []
         self.slices = [self._record(item.begin, item.begin + item.threads)]
         self._needed = None if item.only_if is None else item.only_if.numpy()
         self._undecided = TIMED_RUNS if min(item.threads, self._parts) > 1 else 0
@@ -167,7 +170,19 @@ class CpuLaunch:
         command: Any = wp.launch(
             item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
         )
-        return cast(Callable[[], None], command.launch)
+        if command.block_dim > 1:
+            return cast(Callable[[], None], command.launch)
+        # Warp packs the arguments at every launch, for ten microseconds.
+        arguments = _packed(tuple(map(type, command.params[1:])))(*command.params[1:])
+        call = functools.partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(arguments))
+        self._recorded.append(command)
+        return call
+
+
+@functools.cache
+def _packed(kinds: tuple[type, ...]) -> Any:
+    """The C struct in which a kernel on a CPU takes arguments of these types."""
+    return type("Arguments", (ctypes.Structure,), {"_fields_": [(f"a{k}", kind) for k, kind in enumerate(kinds)]})
 
 
 def _run_all(slices: Iterator[Callable[[], None]]) -> None:

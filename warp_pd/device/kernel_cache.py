@@ -15,6 +15,7 @@ from typing import Any
 from .checks import InputError
 
 _notes: list[str] = []
+_loaded: set[tuple[Any, str, int | None]] = set()
 
 
 def notes() -> list[str]:
@@ -94,6 +95,11 @@ def _link(given: Path, folder: Path) -> None:
                 (folder / module.name / file.name).symlink_to(file.resolve())
 
 
+def is_loaded(module: Any, device: Any, block_dim: int | None) -> bool:
+    """Whether `load_module` has loaded a module in this process; what changed it since then, Warp loads at a launch."""
+    return (module, device.alias, block_dim) in _loaded
+
+
 def load_module(module: Any, device: Any, block_dim: int | None) -> None:
     """Compile or load a Warp module; one that is damaged in the cache is compiled again.
 
@@ -104,6 +110,7 @@ def load_module(module: Any, device: Any, block_dim: int | None) -> None:
 
     try:
         module.load(device, block_dim)
+        _loaded.add((module, device.alias, block_dim))
         return
     except Exception:  # Warp raises no narrower one for a file that it cannot load.
         folder = Path(wp.config.kernel_cache_dir or "") / module.get_module_identifier(block_dim)
@@ -114,6 +121,7 @@ def load_module(module: Any, device: Any, block_dim: int | None) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     module.mark_modified()
     module.load(device, block_dim)
+    _loaded.add((module, device.alias, block_dim))
 
 
 def _require_room(cache: Path) -> None:

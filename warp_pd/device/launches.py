@@ -18,7 +18,7 @@ import warp as wp
 from ..kernels.effects import Effects, Kernel, Pointwise, every_point, in_turn
 from .cores import compilers
 from .fields import Array
-from .kernel_cache import load_module
+from .kernel_cache import is_loaded, load_module
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
@@ -398,8 +398,11 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     # A launch on a CPU has blocks of one thread; a module built for another block size would be built again. They begin
     # in the order of the launches: first those of the force, which take longest, last the small ones of the frames.
     modules = dict.fromkeys((launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches)
+    missing = [(module, block_dim) for module, block_dim in modules if not is_loaded(module, device, block_dim)]
+    if not missing:
+        return
     with compilers(device) as pool:
-        for loaded in [pool.submit(load_module, module, device, block_dim) for module, block_dim in modules]:
+        for loaded in [pool.submit(load_module, module, device, block_dim) for module, block_dim in missing]:
             loaded.result()
 
 
