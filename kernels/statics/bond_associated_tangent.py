@@ -443,17 +443,9 @@ def bond_associated_tangent(
         out[i] = inverse_of(block, mask)
 
     @wp.func
-    def entry_of(columns: wp.array(dtype=wp.int32), begin: int, end: int, m: int):
-        """Entry of the column m among those of a row, which has it."""
-        low = int(begin)
-        high = int(end - 1)
-        while low < high:
-            middle = (low + high) // 2
-            if columns[middle] < m:
-                low = middle + 1
-            else:
-                high = middle
-        return low
+    def moment(family: Family, i: int, k: int):
+        """Return c_k xi_k."""
+        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
 
     @kernel(gathers=("displacement",))
     def stiffen(
@@ -514,11 +506,6 @@ def bond_associated_tangent(
                         arm = moment(family, i, k)
                         of_centre[i, k] = of_centre[i, k] + arm[0] * C1 + arm[1] * C2
             stiffness[i, j] = row
-
-    @wp.func
-    def moment(family: Family, i: int, k: int):
-        """Return c_k xi_k."""
-        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
 
     @wp.func
     def entry_of(columns: wp.array(dtype=wp.int32), begin: int, own: int, m: int):
