@@ -200,7 +200,7 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
         lambda x, y, z: z - 1.5 - 0.25 * TUBE.spacing, where=lambda x, y, z: x > 0
     ), "slit where .* m from 'slit 1' .*: expected half a spacing or more"),
     (lambda: TUBE.inclusion((1.0, 0.0, 1.5), 0.5).slit((1.0, 0.0, 0.8), (1.0, 0.0, 2.2)),
-     "slit from .* passes through a rigid body"),
+     "slit from .* passes through a rigid inclusion at"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* contains no points"),
     (lambda: TUBE.hole((0.0, 0.0, 1.0), 9.0), "hole at .* removes the whole sheet"),
     (lambda: Sheet.rectangle(1.0, 1.0, thickness=1.0, density=1.0, points=5).slit((0, 0, 0), (1, 0, 0)),

@@ -1,5 +1,6 @@
 """What the pages cite exists: files, commands, scenes and their arguments; and the site has no dead link."""
 
+import ast
 import inspect
 import re
 import shlex
@@ -10,8 +11,11 @@ from pathlib import Path
 import click
 import pytest
 
+import warp_pd
+from warp_pd import fitting, measures
 from warp_pd.__main__ import _assigned, main
 from warp_pd.run.arguments import split_values
+from warp_pd.run.result import Result
 from warp_pd.run.scene_files import load_scene, require_settings, scene_names
 
 ROOT = Path(__file__).parents[2]
@@ -159,3 +163,39 @@ def test_the_site_has_no_dead_link(tmp_path):
     warnings = [line for line in (done.stdout + done.stderr).splitlines() if line.startswith(("WARNING", "ERROR"))]
     assert done.returncode == 0 and not warnings, warnings
     assert (tmp_path / "site" / "index.html").is_file()
+
+
+def called(call):
+    """What a call of a page calls, if its name is public or belongs to a sheet, a scene or its result; or None."""
+    if isinstance(call.func, ast.Name):
+        found = (getattr(module, call.func.id, None) for module in (warp_pd, measures, fitting))
+        return next(filter(callable, found), None)
+    owners = (warp_pd.Sheet, warp_pd.Simulation, warp_pd.BodyPath, warp_pd.TriangleMesh, Result)
+    names = {owner.__name__.lower(): owner for owner in owners}
+    if not isinstance(call.func, ast.Attribute) or not isinstance(call.func.value, ast.Name):
+        return None
+    owner = names.get(call.func.value.id.lower(), warp_pd.Sheet)
+    return inspect.getattr_static(owner, call.func.attr, None)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_cited_calls_have_these_arguments(page):
+    """Calls in code spans, such as `Pressure(value, follower=True)`; those of blocks run."""
+    text, wrong = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL), []
+    for span in re.findall(r"`([^`]*\([^`]*)`", text):
+        source = re.sub(r"=(?=[,)])", "=0", " ".join(span.split()))
+        try:
+            tree = ast.parse("sheet" * source.startswith(".") + source)
+        except SyntaxError:
+            continue
+        for call in ast.walk(tree):
+            if not isinstance(call, ast.Call) or (function := called(call)) is None:
+                continue
+            method = not isinstance(function, type | staticmethod) and isinstance(call.func, ast.Attribute)
+            places = [0] * (method + sum(ast.unparse(place) != "..." for place in call.args))
+            words = {keyword.arg: 0 for keyword in call.keywords if keyword.arg}
+            try:
+                inspect.signature(getattr(function, "__func__", function)).bind_partial(*places, **words)
+            except TypeError as error:
+                wrong.append(f"{span}: {error}")
+    assert not wrong

@@ -55,7 +55,9 @@ def test_examples_of_fits_run(code, capsys, tmp_path, monkeypatch):
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["bodies", "contact", "rubbers", "self-contact", "solvers", "visco"])
+@pytest.mark.parametrize(
+    "page", ["bending", "bodies", "contact", "joints", "materials", "rubbers", "self-contact", "solvers", "visco"]
+)
 def test_examples_of_a_page_can_be_built(page):
     if page == "bodies":
         pytest.importorskip("newton", reason="newton, the extra `bodies`, is not installed")
@@ -64,6 +66,7 @@ def test_examples_of_a_page_can_be_built(page):
         exec(compile(textwrap.dedent(code), page, "exec"), names)
     parts = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}
     parts |= {"solvers": "every V-cycle", "visco": "branches", "rubbers": "damage"}
+    parts |= {"bending": "bending_slope", "joints": "Joint", "materials": "bond_materials"}
     assert parts[page] in names["simulation"].plan("cpu")
     if page == "contact":
         assert "settle_contact" in names["indentation"].plan("cpu")

@@ -114,6 +114,17 @@ class Shape:
             body[members] = number
         return np.asarray(body[points])
 
+    def require_beside_bodies(self, name: str, tails: np.ndarray, heads: np.ndarray) -> None:
+        """Check that a cut called `name` parts no points (`tails`, `heads`) of one rigid inclusion.
+
+        Raises InputError, which names the place, if it does.
+        """
+        body = self.body_of(tails)
+        inside = np.flatnonzero((body >= 0) & (body == self.body_of(heads)))
+        if len(inside):
+            place = tuple(self.points[tails[inside[0]]].round(6).tolist())
+            raise InputError(f"{name} passes through a rigid inclusion at {place}: expected a cut beside it")
+
     @property
     def normals(self) -> np.ndarray:
         """Unit normals [-], shape (N, 3): +z on a flat sheet, outward on a curved one."""

@@ -52,10 +52,8 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
-    body = shape.body_of(shape.triangles[near])
-    if len(inside := np.argwhere(crossed & (body >= 0) & (body == np.roll(body, -1, axis=1)))):
-        place = tuple(tried[tuple(inside[0])].round(6).tolist())
-        raise InputError(f"{name} passes through a rigid inclusion at {place}: expected a cut beside it")
+    ends = shape.triangles[near]
+    shape.require_beside_bodies(name, ends[crossed], np.roll(ends, -1, axis=1)[crossed])
     return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment), tips=tips)
 
 

@@ -114,8 +114,7 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
     inner = np.concatenate([line[1:-1] for line in lines])
     if len(np.unique(every)) < len(every) or np.isin(inner, on_edge).any():
         raise InputError(f"{name} meets itself or an edge: expected a line in the sheet with at most its ends on edges")
-    if np.isin(inner, np.concatenate([np.zeros(0, int), *shape.inclusions])).any():
-        raise InputError(f"{name} passes through a rigid body: expected a slit beside it")
+    shape.require_beside_bodies(name, inner, inner)
     if min(map(len, lines)) < 3:
         raise InputError(f"{name} is shorter than two edges of triangles: expected a longer slit")
     moved = {point: mixture for _, places in slits for point, mixture in places.items()}

@@ -302,8 +302,7 @@ class OpeningCuts(BuiltRupture):
         members = families.members_of(np.arange(sheet.size))
         tail, member = np.nonzero(members >= 0)
         head, found = members[tail, member], np.full(members.shape, np.inf)
-        inside, maker = sheet.body_of(tail), np.full(members.shape, -1)
-        inside[inside != sheet.body_of(head)] = -1
+        maker = np.full(members.shape, -1)
         for number, cut in enumerate(self.rupture.each):
             times = cut.times(sheet, tail, head)
             if not np.isfinite(times).any():
@@ -311,9 +310,8 @@ class OpeningCuts(BuiltRupture):
                     f"{cut!r}: cuts no bond; expected a place inside the sheet, that passes between points and is not "
                     "cut before the run"
                 )
-            if (through := np.isfinite(times) & (inside >= 0)).any():
-                place = tuple(sheet.points[tail[through][0]].round(6).tolist())
-                raise InputError(f"{cut!r}: passes through a rigid inclusion at {place}: expected a cut beside it")
+            opens = np.isfinite(times)
+            sheet.require_beside_bodies(repr(cut), tail[opens], head[opens])
             earlier = times < found[tail, member]
             maker[tail[earlier], member[earlier]] = number
             found[tail, member] = np.minimum(found[tail, member], times)
