@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import below_one, count, not_negative, one_of, positive
-from warp_pd.gas.enclosure import volume_of
+from warp_pd.gas.enclosed import volume_of
 from warp_pd.interfaces import Solver
 from warp_pd.measures import largest
 

@@ -33,7 +33,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.device.checks import below_one, one_of, positive
-from warp_pd.gas.enclosure import volume_of
+from warp_pd.gas.enclosed import volume_of
 from warp_pd.scenes.balloon import EXACT, MU, RADIUS, THICKNESS, exact_pressure, held_in_place
 
 OGDEN = Ogden((1.491 * MU, 0.003 * MU, -0.0237 * MU), (1.3, 5.0, -2.0))

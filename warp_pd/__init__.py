@@ -17,15 +17,13 @@ from .device.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .bending.plate import Plate
-    from .contact.bodies import RigidBody
+    from .contact.bodies import RigidBall, RigidBody
     from .contact.body_mesh import TriangleMesh
     from .contact.body_motion import BodyPath, Free
     from .contact.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
-    from .contact.joint import Joint
+    from .contact.joint import Joint, Weld, pillow
     from .contact.newton_world import newton_bodies
-    from .contact.rigid_ball import RigidBall
     from .contact.self_contact import SelfContact
-    from .contact.weld import Weld, pillow
     from .device.checks import InputError
     from .gas.enclosed import EnclosedGas, EnclosedVolume
     from .implicit.solver import Implicit
@@ -77,8 +75,7 @@ if TYPE_CHECKING:
     from .tearing.family_criteria import CriticalEnergyDensity, CriticalStress
     from .tearing.tearing_energy import TearingEnergy
     from .viewer.sheet_plot import draw_sheet
-    from .visco.law import Visco
-    from .visco.viscous import Maxwell, Prony
+    from .visco.law import Maxwell, Prony, Visco
 else:
     __getattr__ = lazy(__name__)
 

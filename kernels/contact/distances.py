@@ -4,6 +4,12 @@ A distance is a function (arm, reach, body) -> vec4d (normal, distance); `arm` i
 body is further away than `reach`, the function may return `reach`. Distances are float64 whatever the precision of the
 sheet, because float32 cannot resolve contact with a large body. A distance of a point is a function
 (i, arm, reach, body); point i may remember where the surface of a mesh is (kernels/contact/mesh_distance.py).
+
+`FaceTree` has boxes around the triangles of a moving sheet or of a body. Triangles are the leaves of a complete binary
+tree, in an order that keeps neighbours of the reference state together; node k has the children 2 k and 2 k + 1. Its
+shape never changes, so a query meets triangles in the same order in every run (Ericson, Real-Time Collision Detection,
+2005, section 6.6). The boxes of a sheet are made by launches, which are skipped while nothing has moved; the refit of a
+`wp.Bvh` is a call, which a stage cannot skip.
 """
 
 import functools
@@ -11,8 +17,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..effects import unstaged
-from .face_tree import FaceTree
+from ..effects import kernel, unstaged
 
 # Maximum number of parts into which the path of a point in a step is divided to find its entry into a body.
 PARTS = 256
@@ -23,6 +28,59 @@ STEEP = wp.constant(wp.float64(0.9))
 
 # Below this length [m] the square of a vector loses digits, so it has no direction.
 TINY = wp.constant(wp.float64(1e-140))
+
+
+@wp.struct
+class FaceTree:
+    """Boxes of triangles.
+
+    leaves: number of leaves, a power of 2. order: triangle of each leaf, -1 for a leaf without one. lower, upper:
+    corners of the box of each node [m].
+    """
+
+    leaves: int
+    order: wp.array(dtype=wp.int32)
+    lower: wp.array(dtype=wp.vec3)
+    upper: wp.array(dtype=wp.vec3)
+
+
+@wp.func
+def next_face(after: int, lower: wp.vec3, upper: wp.vec3, tree: FaceTree):
+    """The next triangle whose box overlaps another one, depth first, and its node; triangle -1 after the last.
+
+    `after`: the node before, 0 for the first, -1 to find none.
+    """
+    node = wp.where(after < 0, 0, wp.max(after, 1))
+    # Whether the children of the node are still to come.
+    down = after == 0
+    found = wp.int32(-1)
+    while node != 0 and found < 0:
+        if down:
+            low = tree.lower[node]
+            high = tree.upper[node]
+            for c in range(3):
+                down = down and low[c] <= upper[c] and high[c] >= lower[c]
+            if down and node >= tree.leaves:
+                found = tree.order[node - tree.leaves]
+                down = False
+        if found < 0:
+            if down:
+                node = 2 * node
+            else:
+                node += 1
+                while node % 2 == 0:
+                    node = node / 2
+                node = wp.where(node == 1, 0, node)
+                down = True
+    return found, node
+
+
+@kernel(per="list", writes=("tree.lower", "tree.upper"))
+def merge_boxes(tree: FaceTree, first: int):
+    """Box of a node from those of its children; a thread is a node."""
+    node = wp.tid() + first
+    tree.lower[node] = wp.min(tree.lower[2 * node], tree.lower[2 * node + 1])
+    tree.upper[node] = wp.max(tree.upper[2 * node], tree.upper[2 * node + 1])
 
 
 @wp.struct

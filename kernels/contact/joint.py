@@ -18,6 +18,8 @@ begins at s0 and is complete at sf:
 and never decreases. A change of d from one separation to another releases K A s_before s_after (change of d) / 2, which
 at a constant B is exact for any two of them. Everything is computed in float64, since pieces lie side by side in the
 reference state and their displacements nearly cancel.
+
+`weld` ties pairs of points by a stiff spring in all directions.
 """
 
 import functools
@@ -204,3 +206,28 @@ def joint(bits: int, breaks: bool) -> JointKernels:
         energy[i] = wp.float64(0.5) * left(damage, i) * pairs.stiffness * pairs.area[p] * wp.dot(s, s)
 
     return JointKernels(Pairs, joint_damage, joint_pull, add_joint, joint_energy)
+
+
+@functools.cache
+def weld(bits: int) -> Kernel:
+    """Kernel that adds the force of each point's spring to `out` [points], N.
+
+    `partner` is the other point of a pair, -1 for none, `apart` [points] the way to it before any displacement [m].
+    """
+    real, vec3 = numeric(bits).real, numeric(bits).vec3
+
+    @kernel(gathers=("moved",))
+    def add_weld(
+        partner: wp.array(dtype=wp.int32),
+        stiffness: real,
+        apart: wp.array(dtype=vec3),
+        moved: wp.array(dtype=vec3),
+        first: int,
+        out: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        m = partner[i]
+        if m >= 0:
+            out[i] = out[i] + stiffness * (apart[i] + moved[m] - moved[i])
+
+    return add_weld

@@ -1,7 +1,7 @@
 """Signed distance to a triangle mesh, and what the points of a sheet remember of its surface.
 
 The nearest triangle is searched with Warp's bounding volume hierarchy in float32; the distance to it is then computed
-in float64. Those around it come from a tree of boxes (kernels/contact/face_tree.py), because Warp's query for them
+in float64. Those around it come from a tree of boxes (kernels/contact/distances.py), because Warp's query for them
 takes the shared memory of a GPU. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section
 5.1.5. The sign follows from the angle-weighted normal of the nearest face, edge or vertex (Baerentzen and Aanaes,
 Signed distance computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11, 2005).
@@ -19,8 +19,7 @@ so what is remembered changes no result, and restarts begin without it.
 
 import warp as wp
 
-from .distances import BodyShape, MeshSurface, with_normal
-from .face_tree import next_face
+from .distances import BodyShape, MeshSurface, next_face, with_normal
 
 # Number of triangles that a point lists.
 LISTED = 4

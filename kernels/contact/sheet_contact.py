@@ -26,7 +26,7 @@ import warp as wp
 from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..integrate import StepOptions, half_step
 from ..numeric import numeric
-from .face_tree import next_face
+from .distances import next_face
 from .narrow_phase import crosses
 from .sheet_pairs import (
     ZERO,

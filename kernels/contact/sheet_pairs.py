@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .face_tree import FaceTree
+from .distances import FaceTree
 from .mesh_distance import weights_of_nearest
 from .narrow_phase import between_segments
 from .surface_contact import NEAREST

@@ -59,7 +59,7 @@ AT_END, AT_BEGIN, EARLIER, DAMPING, ERROR, SMOOTH, AHEAD = range(7, 14)
 
 @functools.cache
 def implicit_motion(options: StepOptions, stressed: bool) -> ImplicitKernels:
-    """Kernels of implicit steps; `stressed` as for `kernels.statics.residual`."""
+    """Kernels of implicit steps; `stressed` as for `kernels.statics.equilibrium`."""
     types = numeric(options.bits)
     real, vec3 = types.real, types.vec3
     held, loaded, damped, tracked = options.held, options.loaded, options.damped, options.tracked

@@ -26,7 +26,7 @@ A sheet of lower strength uses the g of Lorentz (Int. J. Fract. 207, 2017), whic
 m = 2 gives the g above. The energy of a tear and the damage profile around it are unchanged. Force kernels get 1 -
 sqrt(g) instead of d, so they need only one form of g.
 
-All this happens at the points that damage_list.py lists. damage_step.py has the kernels.
+damage_step.py has the kernels, and lists the points at which all this happens.
 
 A bond breaks permanently where d has reached `severed_at` at one of its ends, or at a common member within NEAR
 spacings of the line between its ends. No fitted deformation gradient then spans the faces of a tear. `severed_at` is
@@ -37,19 +37,60 @@ the end of a cut, where half of the members belong to the cut, the fraction PASS
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
 from ..damage import degradation
 from ..families import WORD, Layout, bit_of, family_functions, number_of_bits
-from ..numeric import constants_of
+from ..numeric import constants_of, numeric
 from ..rupture import energy_over_step
 from ..threads import sum_of_lanes, wait_for_blocks
-from .damage_list import field_tables
 
 NEAR = 0.55
 # Limits above which a point is severed that a tear has passed, see above.
 NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
+
+
+@functools.cache
+def field_tables(bits: int) -> Any:
+    """Struct of what a damage field does not change.
+
+    spared_mask: Points that are excluded from damage, if there are any.
+    members: Members whose bonds may be stretched so far that their points are damaged.
+    shortest, longest: Range of their squared stretch in which the energy stays below the limit.
+    shifts, x, y, least, most: On a lattice, of up to four members: difference of indices, components [m], and range of
+        the squared length [m^2], here with some margin for round-off.
+    scale: Factor that turns the energy of a family into y.
+    fastest: m of the g in use, see kernels/tearing/damage_field.py.
+    ahead: Points beyond the end of a cut.
+    neighbours, couplings: Neighbours of a point and c_ik, [neighbours, points].
+    relaxations: Factors of the sweeps.
+    squared_reach: Squared distance from a severed point at which bonds break, in units of horizon^2.
+    """
+    types = numeric(bits)
+    real, four = types.real, types.parameters
+
+    @wp.struct
+    class FieldTables:
+        spared_mask: wp.array(dtype=wp.uint8)
+        members: wp.array(dtype=wp.int32)
+        shortest: real
+        longest: real
+        shifts: wp.vec4i
+        x: four
+        y: four
+        least: four
+        most: four
+        scale: wp.array(dtype=real)
+        fastest: real
+        ahead: wp.array(dtype=wp.uint8)
+        neighbours: wp.array2d(dtype=wp.int32)
+        couplings: wp.array2d(dtype=real)
+        relaxations: wp.array(dtype=real)
+        squared_reach: wp.array(dtype=real)
+
+    return FieldTables
 
 
 @wp.struct

@@ -22,7 +22,7 @@ from warp_pd import (
     placed,
     together,
 )
-from warp_pd.contact import point_pairs
+from warp_pd.contact import self_contact
 from warp_pd.device import graph
 
 
@@ -176,7 +176,7 @@ def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, device,
     scene, options = simulate(**collision(friction=0.3, sideways=0.2)), {"precision": precision, "device": device}
     one, again = (scene.run(**options) for _ in range(2))
     # Nothing public says how often lists are made: it is to change no bit.
-    monkeypatch.setattr(point_pairs, "SKIN", 0.05)
+    monkeypatch.setattr(self_contact, "SKIN", 0.05)
     often = scene.run(**options)
     for other in (again, often):
         np.testing.assert_array_equal(one.frame.displacement, other.frame.displacement)
@@ -209,7 +209,7 @@ def test_the_default_stiffness_is_that_of_the_softest_rubber():
     """In pure shear, incompressible rubber has the modulus 4 mu."""
     sheet, rubber = square(9), MooneyRivlin(2e5, 1e5)
     part = build(sheet.stiffened(sheet.edges("left"), 0.5), material=rubber, contact=SelfContact())
-    expected = point_pairs.STIFFNESS * 0.5 * 4.0 * 6e5 * sheet.thickness
+    expected = self_contact.STIFFNESS * 0.5 * 4.0 * 6e5 * sheet.thickness
     assert part.contact.stiffness == pytest.approx(expected, rel=1e-4)
 
 

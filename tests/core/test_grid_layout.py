@@ -22,7 +22,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.families.weights import balance
+from warp_pd.families import weights
 
 TOLERANCE = {32: 3e-6, 64: 1e-12}
 # From the edge of the hole, across deep families.
@@ -111,9 +111,9 @@ def test_corrected_weights_are_those_of_the_cloud(sheet, horizon):
 
 def test_weights_are_corrected_around_the_gaps_alone(monkeypatch):
     sizes = []
-    whole = balance._Table
+    whole = weights._Table
     # The correction says how well it did, not at how many points it worked.
-    monkeypatch.setattr(balance, "_Table", lambda points, *rest: sizes.append(len(points)) or whole(points, *rest))
+    monkeypatch.setattr(weights, "_Table", lambda points, *rest: sizes.append(len(points)) or whole(points, *rest))
     sheet = holed(81, 0.006)
     build(sheet, horizon=1.5, weights="corrected")
     assert 0 < sizes[0] < 0.5 * sheet.size

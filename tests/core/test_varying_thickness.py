@@ -33,8 +33,7 @@ from warp_pd import (
 )
 from warp_pd.command.modes import natural_modes
 from warp_pd.measures import support_force
-from warp_pd.tearing.field_constants import bias
-from warp_pd.tearing.weak_seams import seam_energy
+from warp_pd.tearing.field_constants import bias, seam_energy
 
 LENGTH, WIDTH, PULL = 0.1, 0.025, 0.05
 LAWS = {

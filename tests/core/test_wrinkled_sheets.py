@@ -30,7 +30,7 @@ from warp_pd import (
 )
 from warp_pd.run.frame_points import FramePoints
 from warp_pd.run.shape_notes import ShapeWatch
-from warp_pd.statics.tangent_of import tangent_of
+from warp_pd.statics.tangent import tangent_of
 
 CUT = ((0.02, 0.031), (0.071, 0.08))
 OGDEN = Ogden((600.0, 12.0), (1.3, 5.0))

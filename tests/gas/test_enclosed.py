@@ -20,7 +20,7 @@ from warp_pd import (
     Relaxation,
     Simulation,
 )
-from warp_pd.gas.enclosure import edge_rings, other_diagonals, volume_of
+from warp_pd.gas.enclosed import edge_rings, other_diagonals, volume_of
 
 GAS = EnclosedGas(gauge=30.0, ambient=100.0, exponent=1.4)
 LIQUID = EnclosedVolume([(0.0, 9.0)], stiffness=7.0)

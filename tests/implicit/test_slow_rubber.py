@@ -19,7 +19,7 @@ from warp_pd import (
     Simulation,
     Visco,
 )
-from warp_pd.gas.enclosure import volume_of
+from warp_pd.gas.enclosed import volume_of
 from warp_pd.scenes.balloon import held_in_place
 from warp_pd.visco.cycles import loss_per_cycle
 

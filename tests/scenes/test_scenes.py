@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Simulation
 from warp_pd.__main__ import build_scene, load_scene, scene_names
-from warp_pd.gas.enclosure import volume_of
+from warp_pd.gas.enclosed import volume_of
 from warp_pd.scenes import snap_through, stable_crack, tube_bulge
 from warp_pd.scenes.balloon import exact_pressure
 

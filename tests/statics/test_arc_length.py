@@ -28,8 +28,7 @@ from warp_pd import (
 )
 from warp_pd.scenes import balloon_paths
 from warp_pd.scenes.balloon import exact_pressure
-from warp_pd.statics.corrector import Origin, norm
-from warp_pd.statics.turning_points import Point, changes
+from warp_pd.statics.corrector import Origin, Point, changes, norm
 
 
 def snapping(solver, pressure=5e3, contact=None, **options):

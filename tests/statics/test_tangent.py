@@ -13,7 +13,7 @@ from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Tear
 from warp_pd.device.fields import assign
 from warp_pd.statics import bond_associated_tangent
 from warp_pd.statics.level import Level
-from warp_pd.statics.tangent_of import tangent_of as newton_tangent
+from warp_pd.statics.tangent import tangent_of as newton_tangent
 
 
 @pytest.mark.parametrize("material", [NEO, GENT, NeoHookean(1.0, 1.0), NeoHookean(1e3, 1e7)], ids=str)

@@ -23,7 +23,7 @@ from warp_pd import (
 )
 from warp_pd.materials import energy_density
 from warp_pd.scenes import pure_shear_tear
-from warp_pd.tearing.shared_device import refuse_shared_device
+from warp_pd.tearing.damage_field import refuse_shared_device
 
 MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoyce(1e3, 5.0), TensionField(NEO)]
 

@@ -14,14 +14,13 @@ from ..device.checks import InputError
 from ..device.fields import Array, assign
 from ..device.launches import Stage
 from ..families import pack
-from ..implicit.internal import InternalVariables, internal_variables_of
+from ..implicit.steps import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
 from ..kernels.effects import Kernel
 from ..statics.fictitious_mass import fictitious_mass
-from ..statics.sparse import factorised
-from ..statics.tangent import Prediction, Solve, SparseTangent, Tangent
-from ..statics.tangent_of import tangent_of
+from ..statics.krylov import factorised
+from ..statics.tangent import Prediction, Solve, SparseTangent, Tangent, tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 

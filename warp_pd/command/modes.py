@@ -10,8 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.checks import InputError, count, of_kind, said
-from ..statics.tangent import Tangent
-from ..statics.tangent_of import tangent_of
+from ..statics.tangent import Tangent, tangent_of
 
 if TYPE_CHECKING:
     from ..run.built import Built

@@ -1,4 +1,4 @@
-"""Contact with rigid bodies of any shape, moving on a path or freely, with friction."""
+"""Contact with rigid bodies of any shape, moving on a path or freely, with friction; the ball of the papers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, not_negative, resolved, said
+from ..device.checks import InputError, not_negative, positive, resolved, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..families.partition import Partition
@@ -23,8 +23,8 @@ from ..kernels.contact.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, passes, sweeps, torn_since
-from .body_motion import UNBOUNDED, BodyMotion
-from .body_shapes import BodyShape, in_frame, on_device, signed_distances
+from .body_motion import UNBOUNDED, BodyMotion, BodyPath
+from .body_shapes import BodyShape, Sphere, in_frame, on_device, signed_distances
 
 if TYPE_CHECKING:
     from .body_surface import BodySurface
@@ -497,3 +497,58 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     ) -> dict[str, float]:
         """Forces [N] and torques about the centre [N m] on the body, which `impulse` and `turn` hold."""
         return super()._mean_forces({}, totals, 1.0)
+
+
+NAME = "ball"
+
+
+@dataclass(frozen=True)
+class RigidBall(Contact):
+    """A rigid, frictionless ball that moves at a prescribed constant velocity: a `RigidBody` with the name "ball".
+
+    Source: NN paper, section 6.4.
+
+    Attributes:
+        diameter: Diameter [m].
+        start: Position of the centre at time 0 [m].
+        velocity: Velocity [m/s].
+
+    Raises:
+        InputError: if the diameter is not positive, or a vector does not have three finite components.
+    """
+
+    diameter: float
+    start: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    loads_at_rest: ClassVar[bool] = True
+    divides: ClassVar[bool] = True
+    only_one: ClassVar[str] = only_one_named(NAME)
+
+    def __post_init__(self) -> None:
+        positive("RigidBall.diameter", self.diameter)
+        vector("RigidBall.start", self.start, 3)
+        vector("RigidBall.velocity", self.velocity, 3)
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it is very large, far, fast or heavy."""
+        return self._body(1.0).doubts(sheet, scales)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """Build the body on a device."""
+        # A smaller ball passes between points.
+        resolved("RigidBall.diameter", self.diameter, context.whole.widest_spacing, MIN_DIAMETER)
+        return self._body(context.clock.duration).build(context, law)
+
+    def _body(self, duration: float) -> RigidBody:
+        path = BodyPath.straight(self.start, self.velocity, duration)
+        return _Ball(Sphere(self.diameter), path, name=NAME)
+
+
+class _Ball(RigidBody):
+    """The body, with its name in messages."""
+
+    @property
+    def title(self) -> str:
+        """Name of the part of the scene, for messages."""
+        return "RigidBall"

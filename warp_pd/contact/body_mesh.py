@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device.checks import InputError, numbers
-from ..gas.enclosure import volume_of
+from ..gas.enclosed import volume_of
 from ..kernels.contact.mesh_distance import mesh_distance, mesh_distance_of_point
 from ..shapes.files import read_mesh
 from ..shapes.mesh_checks import require_closed, require_distinct_points, require_faces, require_surface

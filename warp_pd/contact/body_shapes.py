@@ -15,7 +15,7 @@ from ..device.cores import load_kernel
 from ..device.fields import Array
 from ..device.launches import with_values
 from ..kernels.contact import distances
-from ..kernels.contact.face_tree import FaceTree
+from ..kernels.contact.distances import FaceTree
 
 # Largest error of the search of a mesh in float32, divided by the size of the body.
 UNSURE = 1e-5
@@ -463,7 +463,7 @@ def on_device(
 
 
 def _face_tree(corners: np.ndarray, device: wp.Device) -> Any:
-    """Tree of boxes around triangles with these corners [m], (F, 3, 3) float32; see kernels/contact/face_tree.py."""
+    """Tree of boxes around triangles with these corners [m], (F, 3, 3) float32; see kernels/contact/distances.py."""
     made = FaceTree()
     made.leaves = 1 << (max(len(corners), 2) - 1).bit_length()
     order = order_of_leaves(corners.mean(axis=1))

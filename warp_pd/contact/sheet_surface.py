@@ -14,7 +14,7 @@ from ..device.launches import Stage, with_values
 from ..geometry.triangulation import directed_edges, undirected
 from ..interfaces import BuiltContact, BuiltLaw, Columns
 from ..kernels.contact import sheet_contact as kernels
-from ..kernels.contact.face_tree import FaceTree, merge_boxes
+from ..kernels.contact.distances import FaceTree, merge_boxes
 from ..kernels.contact.sheet_pairs import Surface
 from ..kernels.damage import face_damage
 from ..kernels.integrate import RIGID

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..families.cloud import find_neighbours, point_rows, refuse_lone_points
 from ..families.grid import widened
-from ..families.horizon import checked_horizon
 from ..families.partition import Partition
-from ..families.tables import Families, InfluenceFunction, WholeFamilies, influence_function
+from ..families.tables import Families, InfluenceFunction, WholeFamilies, checked_horizon, influence_function
 from ..geometry.sheet import Sheet
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..device.checks import InputError
-from ..families.horizon import Horizon
 from ..families.partition import ALIGNED, Partition
+from ..families.tables import Horizon
 from ..geometry.couplings import points_near
 from ..geometry.sheet import Sheet
 from ..kernels.block_sums import BLOCK

@@ -1,16 +1,16 @@
 """Families of bonds on the host: stencils of lattices, tables of clouds, and masks of intersections."""
 
-from .build import build_families
-from .connections import notes_on_folds, require_connected, require_unfolded
-from .horizon import require_diagonals
-from .masks import pack, unpack
+from .build import build_families, notes_on_folds, require_connected, require_unfolded
 from .tables import (
     INFLUENCE,
     Families,
     InfluenceFunction,
     influence_function,
     inverse_shape,
+    pack,
+    require_diagonals,
     tilts_of,
+    unpack,
 )
 
 __all__ = [

@@ -6,9 +6,8 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
-from .horizon import Horizon
 from .rows import common_by_row
-from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
+from .tables import TOLERANCE, Families, Horizon, InfluenceFunction, in_blocks
 from .visibility import cut_through, severed
 
 

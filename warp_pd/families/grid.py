@@ -10,9 +10,7 @@ from ..device.checks import InputError
 from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
 from .cloud import find_neighbours, point_rows, refuse_lone_points
-from .horizon import Horizon
-from .masks import pack
-from .tables import TOLERANCE, Families, InfluenceFunction
+from .tables import TOLERANCE, Families, Horizon, InfluenceFunction, pack
 
 # Relative difference of areas that counts as none.
 ALIKE = 1e-9

@@ -3,6 +3,8 @@
 Lengths are divided by the horizon and areas by the mean area of a point (the reference area), so that the
 tables contain numbers of order one in any units. For bond (i,j), the intersection D_ij contains the members k of
 H_i with |X_k - X_j| <= horizon, j included.
+
+In a mask of members, k is bit k % 32 of word k // 32.
 """
 
 from __future__ import annotations
@@ -12,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
+from ..device.checks import InputError, finite, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
+from ..geometry.sheet import Sheet
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE
-from .masks import unpack
 
 # Relative tolerance of lengths that are compared with the horizon.
 TOLERANCE = 1e-9
@@ -297,3 +299,77 @@ def in_blocks(rows: int, entries: int, work: Callable[[slice], None]) -> None:
     step = max(1, BLOCK // entries)
     for _ in cores().map(work, [slice(begin, min(begin + step, rows)) for begin in range(0, rows, step)]):
         pass
+
+
+def pack(mask: np.ndarray) -> np.ndarray:
+    """Pack booleans, shape (..., n), into 32-bit words, uint32, shape (..., words)."""
+    n = mask.shape[-1]
+    words = -(-n // WORD)
+    padded = np.zeros((*mask.shape[:-1], words * WORD), bool)
+    padded[..., :n] = mask
+    packed = np.packbits(padded, axis=-1, bitorder="little")
+    return np.ascontiguousarray(packed).view("<u4").astype(np.uint32)
+
+
+def unpack(words: np.ndarray, members: int) -> np.ndarray:
+    """The inverse of `pack`."""
+    as_bytes = np.ascontiguousarray(words.astype("<u4")).view(np.uint8)
+    return np.unpackbits(as_bytes, axis=-1, bitorder="little")[..., :members].astype(bool)
+
+
+# Largest horizon in spacings: beyond it the masks of a family's intersections take gigabytes.
+MAX_HORIZON = 16.0
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """Maximum length of a bond; on a graded sheet for a pair with the mean spacing.
+
+    Attributes:
+        ratio: Horizon in spacings of the sheet [-].
+        length: Horizon [m].
+    """
+
+    ratio: float
+    length: float
+
+    @staticmethod
+    def of(sheet: Sheet, ratio: float) -> Horizon:
+        """Create the horizon from its length in spacings of a sheet."""
+        return Horizon(ratio, ratio * sheet.spacing)
+
+    def reach(self, step: float) -> int:
+        """Number of lattice steps of length `step` [m] within the horizon along an axis."""
+        return int(self.length / step + 1e-6)
+
+
+def checked_horizon(sheet: Sheet, horizon: float) -> Horizon:
+    """Check the horizon in spacings of a sheet and create it. Raises InputError if it is too small or too large."""
+    ratio = finite("horizon", horizon)
+    if ratio < 1.0:
+        raise InputError(f"horizon = {horizon!r}: expected at least 1 spacing, and 1.42 on a lattice")
+    across = float(sheet.extent.max()) / sheet.spacing * (1.0 + TOLERANCE)
+    if ratio > min(across, MAX_HORIZON):
+        raise InputError(
+            f"horizon = {horizon!r}: expected at most {min(across, MAX_HORIZON):.4g} spacings, "
+            + (
+                f"because the sheet is {across:.4g} spacings long"
+                if across < MAX_HORIZON
+                else "as families become too large beyond"
+            )
+        )
+    return Horizon.of(sheet, ratio)
+
+
+def require_diagonals(sheet: Sheet, horizon: float) -> None:
+    """Check that the families of a lattice determine deformation gradients."""
+    if sheet.lattice is None:
+        return
+    if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+        dx, dy = sheet.lattice.dx, sheet.lattice.dy
+        least = np.hypot(dx, dy) / sheet.spacing
+        uneven = f", or spacings more alike than {dx:.4g} and {dy:.4g} m" if least > 1.42 else ""
+        raise InputError(
+            f"horizon = {horizon!r}: expected at least {np.ceil(100.0 * least) / 100.0:g} on a lattice, "
+            f"so that families contain their diagonal neighbours{uneven}"
+        )

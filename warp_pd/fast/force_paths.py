@@ -25,9 +25,8 @@ from ..kernels.fast.stencil import Stencil
 from ..kernels.fast.undamaged_lattice import undamaged_lattice_force
 from ..kernels.numeric import FunctionFactory
 from ..kernels.tearing.damage_field import OtherFamilies
-from ..laws.family_struct import moments_of
-from ..laws.force_paths import Reference
-from ..laws.variational import BondAssociatedLaw
+from ..laws.force_paths import BondAssociatedLaw, Reference
+from ..laws.weight_tables import moments_of
 from ..materials import capabilities
 from .undamaged_lattice import undamaged_stencil
 

@@ -15,9 +15,8 @@ from ..device.checks import InputError, not_negative
 from ..laws.bond_associated import BondAssociated
 from ..materials import stability_notes
 from ..papers.analytic_response import prony_stress
-from ..visco.law import Visco
+from ..visco.law import Maxwell, Prony, Visco
 from ..visco.uniform import maxwell_stress
-from ..visco.viscous import Maxwell, Prony
 from .data import Curve, Table, require_stretches
 from .experiment import Model
 from .uniform import LOADINGS, UniformModel, UniformTests, nominal_stress

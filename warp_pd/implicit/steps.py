@@ -1,12 +1,13 @@
-"""Implicit time steps on a device."""
+"""Implicit time steps on a device, by generalised alpha."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from functools import partial
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -19,14 +20,11 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
-from ..statics.descent import Descent
+from ..statics.descent import Descent, Secants
 from ..statics.level import Level, total
-from ..statics.secants import Secants
 from ..statics.static_rounds import UNIT_ROUND_OFF
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
 from ..step import NOT_IN_EQUILIBRIUM, Phase
-from .internal import InternalVariables, internal_variables_of
-from .scheme import of_step
 from .solver import Implicit
 from .tears import MOST_ROUNDS, Tears
 
@@ -497,3 +495,57 @@ class BuiltImplicit(StaticSystem):
             self.tears.jumps = [tuple(jump) for jump in state["jumps"]]
         if self._last > 0.0:
             self._set_coefficients(self._last)
+
+
+class InternalVariables(Protocol):
+    """Internal variables of a law in implicit time steps; they belong to the displacement at the end of a step."""
+
+    def begin_step(self, dt: float, again: bool) -> None:
+        """At the displacement before a step of dt [s]: let the force respond as at its end.
+
+        `again`: the last step failed, and the arrays of a restart file are what they were before it.
+        """
+        ...
+
+    def end_step(self) -> None:
+        """At the displacement after the step: advance to it, at the latest when `settle` or the next step asks."""
+        ...
+
+    def settle(self) -> None:
+        """Let the arrays belong to the displacement, for frames."""
+        ...
+
+
+@functools.singledispatch
+def internal_variables_of(law: BuiltLaw) -> InternalVariables | None:
+    """Prepare a law for implicit steps; laws that have internal variables register how. Before its tangent is made.
+
+    Raises:
+        InputError: if the law has some that such steps cannot advance.
+    """
+    return None
+
+
+def of_step(dt: float, radius: float, inertia: bool, damping: float) -> dict[str, float]:
+    """Coefficients of a step, by the names of `COEFFICIENTS` in kernels/implicit/motion.py.
+
+    Args:
+        dt: The step [s].
+        radius: Spectral radius for the highest frequencies (Chung and Hulbert 1993, eqs. 17, 20, 25).
+        inertia: Whether there is inertia. Without it forces are those at the end of a step, and the velocity is a
+            difference of second order, which forgets an earlier one in two steps (a radius of 0).
+        damping: Mass damping [1/s].
+    """
+    if not inertia:
+        radius = 0.0
+    of_mass = (2.0 * radius - 1.0) / (radius + 1.0)
+    of_force = radius / (radius + 1.0)
+    beta, gamma = 0.25 * (1.0 - of_mass + of_force) ** 2, 0.5 - of_mass + of_force
+    A = 1.0 / (beta * dt**2)
+    share = float(inertia) / (1.0 - of_force)
+    return {
+        "dt": dt, "A": A, "B": gamma * dt * A, "from_velocity": -A * dt,
+        "from_acceleration": -A * dt**2 * (0.5 - beta), "of_acceleration": dt * (1.0 - gamma), "of_star": dt * gamma,
+        "at_end": share * (1.0 - of_mass), "at_begin": share * of_mass, "earlier": of_force / (1.0 - of_force),
+        "damping": damping, "error": dt**2 / 12.0,
+    }  # fmt: skip

@@ -19,9 +19,8 @@ from ..kernels.numeric import FunctionFactory
 from ..materials import Material, capabilities, check_material, largest_energy_density
 from ..step import Phase
 from .family_law import require_one_material
-from .force_paths import Reference, force_path, paths_on
+from .force_paths import BondAssociatedLaw, Reference, force_path, paths_on
 from .point_fields import ShownFields, factors
-from .variational import BondAssociatedLaw
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")

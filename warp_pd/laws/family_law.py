@@ -21,9 +21,8 @@ from ..kernels.effects import Kernel
 from ..kernels.family_sums import energy_of_families, gather_pairs, represented_volumes
 from ..materials import Material, capabilities, padded_constants
 from ..step import Phase
-from .family_struct import family_struct
 from .point_fields import GROUPS, ShownFields, factors, grouped, offered, refuse_other
-from .weight_tables import notes_on_areas, notes_on_balance
+from .weight_tables import family_struct, notes_on_areas, notes_on_balance
 
 DENSITY = "strain_energy_density"
 

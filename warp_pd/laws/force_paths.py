@@ -7,6 +7,7 @@ sums rows of small tables. Those of a GPU are in fast/force_paths.py.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,13 +16,13 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.effects import Kernel
-from ..kernels.families import WORD
+from ..kernels.families import WORD, Layout
 from ..kernels.family_rows import family_rows
 from ..kernels.family_sums import energy_of_families
-from ..kernels.numeric import FunctionFactory
-from ..materials import capabilities
+from ..kernels.numeric import FunctionFactory, PairFactory
+from ..materials import Material, capabilities
 from . import FORCE_PATHS
-from .variational import BondAssociatedLaw
+from .family_law import FamilyLaw
 
 # Largest family whose rows a CPU sums; larger ones compile slowly.
 ROWS_MEMBERS = 256
@@ -132,3 +133,51 @@ class RowSums(Reference):
             stage, self._kernel(True), displacement, unit=law.unit_volume, bond_force=None, energies=energies,
             **NOT_VISCOUS,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ResponseInStep:
+    """Stress and moduli at the end of a time step, of a law with internal variables.
+
+    Attributes:
+        response: Factory of (G, constants, i, j, members, terms, state) -> S, T.
+        terms: Constants of the terms in this step.
+        state: Internal variables.
+    """
+
+    response: FunctionFactory
+    terms: Array
+    state: Array
+
+
+# Layout, functions of the material, form.
+Key = tuple[Layout, PairFactory, str]
+
+
+class BondAssociatedLaw(FamilyLaw):
+    """The law on one sheet and device (base class).
+
+    Attributes:
+        weights: The weights in use, "published", "plain" or "corrected".
+        layout: Layout of its families.
+        key: What determines its kernels.
+        material: The material.
+        fast: Whether to use a faster path than the reference where one applies.
+        lattice_columns: Columns of the lattice, 0 on other sheets.
+        response_in_step: What its tangent takes instead of the material's response; None without internal variables.
+        steps_implicitly: Whether it is prepared for implicit steps.
+        own_point: How much of the area of a point counts in its own family, in the published form: 0 or 1.
+    """
+
+    layout: Layout
+    key: Key
+    material: Material
+    fast: bool
+    lattice_columns: int
+    response_in_step: ResponseInStep | None = None
+    steps_implicitly: bool = False
+    own_point: float = 0.0
+
+    def paths(self) -> Sequence[Any]:
+        """Types of the force paths that may be taken, in the order in which they are tried; the reference last."""
+        raise NotImplementedError

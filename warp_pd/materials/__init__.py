@@ -13,13 +13,21 @@ if TYPE_CHECKING:
         largest_energy_density,
         modulus_in_tension,
         shear_modulus,
+        stability_notes,
+        stable_to,
         stretch_of_density,
         tension_energy_density,
     )
     from .incompressible import ArrudaBoyce, Carroll, ExtendedTube, Incompressible, MooneyRivlin, Ogden, Yeoh
-    from .plane_stress import PlaneStress
-    from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
-    from .stability import stability_notes, stable_to
+    from .protocols import (
+        Capabilities,
+        Material,
+        PairwiseMaterial,
+        PlaneStress,
+        capabilities,
+        check_material,
+        padded_constants,
+    )
     from .tension_field import WRINKLES, TensionField, with_wrinkles
 else:
     __getattr__ = lazy(__name__)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from ..device.checks import InputError
 from .incompressible import MooneyRivlin, Ogden, Yeoh
-from .plane_stress import PlaneStress
+from .protocols import PlaneStress
 
 
 @dataclass(frozen=True)

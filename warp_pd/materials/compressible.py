@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import positive
-from .plane_stress import PlaneStress
+from .protocols import PlaneStress
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions

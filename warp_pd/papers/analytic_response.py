@@ -8,7 +8,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..materials import Yeoh
-from ..visco.viscous import Prony
+from ..visco.law import Prony
 
 
 def second_stress(c10: float, c20: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:

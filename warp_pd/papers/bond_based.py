@@ -24,8 +24,7 @@ from ..kernels.rupture import NEARLY, SCREENED
 from ..laws.family_law import whole_sheet
 from ..laws.point_fields import factors
 from ..materials import PairwiseMaterial, capabilities, check_material
-from ..statics.tangent import Tangent
-from ..statics.tangent_of import tangent_of
+from ..statics.tangent import Tangent, tangent_of
 from ..step import Phase
 from .bond_based_tangent import BondBasedTangent
 from .bond_law import BondForces

@@ -14,7 +14,7 @@ from ..families import unpack
 from ..kernels.papers.bond_based import bond_based_tangent
 from ..laws.family_law import FamilyLaw
 from ..materials import PairwiseMaterial, capabilities
-from ..statics.sparse import factorised
+from ..statics.krylov import factorised
 from ..statics.tangent import Prediction, Solve
 
 if TYPE_CHECKING:

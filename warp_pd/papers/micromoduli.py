@@ -25,8 +25,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..families.lattice import clipped_index
-from ..families.weights.balance import FLOOR
-from ..families.weights.dual import closest_balanced
+from ..families.weights import FLOOR, closest_balanced
 
 # Components of a symmetric tensor of third order.
 COMPONENTS = ((0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1))

@@ -18,8 +18,7 @@ from ..kernels.papers.visco_bonds import visco_bonds
 from ..laws.family_law import require_one_material, whole_sheet
 from ..materials import Yeoh
 from ..step import Phase
-from ..visco.prony import at_once, prony_array, store_terms
-from ..visco.viscous import Prony
+from ..visco.law import Prony, at_once, prony_array, store_terms
 from .bond_law import BondForces
 
 

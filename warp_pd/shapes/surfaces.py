@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.checks import InputError, corners, count, counts, one_of, positions, positive
-from ..gas.enclosure import volume_of
+from ..gas.enclosed import volume_of
 from ..geometry.sheet import Shape
 from ..geometry.triangulation import boundary_edges, cell_triangles, doubled_normals, local_spacings, require_one_side
 from .seams import require_distinct, seam_notes

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..device.fields import Array, assign
 from .level import Level
-from .smoother import FEW_ITERATIONS, FEW_SAFETY, SWEEPS, Smoother
+from .multigrid import FEW_ITERATIONS, FEW_SAFETY, SWEEPS, Smoother
 
 # Aggregates on the coarsest level at most, which is factorised.
 MAX_COARSEST = 300

@@ -15,9 +15,9 @@ from ..device.launches import Stage
 from ..families import Families
 from ..kernels.statics.bond_associated_tangent import ROW, bond_associated_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
-from ..laws.variational import BondAssociatedLaw
+from ..laws.force_paths import BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
-from .sparse import factorised
+from .krylov import factorised
 from .tangent import Prediction, Solve
 
 if TYPE_CHECKING:

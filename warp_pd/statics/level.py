@@ -16,7 +16,7 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad
 from ..interfaces.part import StaticContact
 from ..kernels.statics.equilibrium import equilibrium
-from .load_scale import LoadScale
+from .static_rounds import LoadScale
 from .tangent import Prediction, Tangent
 
 OWNER = "Newton"

@@ -16,9 +16,9 @@ from ..device.clock import Schedule, proportional
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
+from .descent import Secants
 from .level import OWNER
 from .newton_settings import StaticSolver
-from .secants import Secants
 from .static_rounds import FARTHEST, flies
 from .static_system import StaticSystem
 

@@ -15,11 +15,10 @@ from ..device.clock import Schedule
 from ..device.fields import assign
 from ..interfaces import BuiltLaw, BuiltSolver, Columns, FrameSink, History, System
 from ..interfaces.solver import FINISHED
-from .corrector import Origin, mean_product, norm
+from .corrector import Change, Origin, Point, changes, mean_product, norm
 from .newton_settings import PathSettings
 from .static_rounds import MAX_ROUNDS
 from .tear_steps import TearSteps
-from .turning_points import Change, Point, changes
 
 # Desired number of corrector steps, and desired error of the predicted load, divided by the largest increment.
 AIMED_STEPS, AIMED_MISS = 4.0, 0.25

@@ -22,8 +22,7 @@ from ..kernels.integrate import RIGID
 from ..solvers.stepping import Snapshot, StableStep, add_motion
 from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
 from .fictitious_mass import fictitious_mass
-from .load_scale import LoadScale
-from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, StaticRounds, flies
+from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, LoadScale, StaticRounds, flies
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -157,7 +156,7 @@ class BuiltRelaxation(BuiltSolver):
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
-            from ..kernels.statics.adaptive_damping import adaptive_damping
+            from ..kernels.statics.relaxation import adaptive_damping
 
             measure_motion, set_damping = adaptive_damping(context.bits, following)
             arrays = {

@@ -19,15 +19,13 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..solvers.stepping import Snapshot
 from ..step import NOT_IN_EQUILIBRIUM, Phase
 from .aggregates import MAX_COARSEST, Aggregates
-from .descent import COARSE_TOLERANCE, Descent, Sizes
+from .descent import COARSE_TOLERANCE, Descent, Secants, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
-from .secants import Secants
 from .static_rounds import StaticRounds
-from .tangent import Tangent
-from .tangent_of import tangent_of
+from .tangent import Tangent, tangent_of
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5

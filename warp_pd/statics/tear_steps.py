@@ -10,8 +10,8 @@ import numpy as np
 from ..device.fields import assign
 from ..interfaces import FrameSink, System
 from .corrector import Corrector, Origin, norm
+from .descent import Secants
 from .level import OWNER
-from .secants import Secants
 
 # Accuracy of the energy over its growth in a step, and largest number of trials, each way.
 CLOSE, MOST_TRIALS = 1e-3, 40

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
+    from .tearing_energy import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 else:
     __getattr__ = lazy(__name__)
 

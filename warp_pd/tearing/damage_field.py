@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +20,8 @@ from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
-from ..kernels.tearing.damage_field import OtherFamilies
-from ..kernels.tearing.damage_list import TOGETHER, field_tables
-from ..kernels.tearing.damage_step import RESIDENT, WAITING_BLOCK, damage_field
+from ..kernels.tearing.damage_field import OtherFamilies, field_tables
+from ..kernels.tearing.damage_step import RESIDENT, TOGETHER, WAITING_BLOCK, damage_field
 from ..kernels.threads import lanes_of
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
@@ -28,7 +29,6 @@ from .cut_profiles import CutEnds, damage_of_cuts, initial_damage
 from .damage_ghosts import LAYERS, DamageGhosts
 from .field_constants import relaxations
 from .field_screen import screen_of
-from .shared_device import refuse_shared_device
 
 if TYPE_CHECKING:
     from .tearing_energy import TearingEnergy
@@ -145,7 +145,7 @@ class DamageField(Damaged):
         alike = one_material and self.spared is None and context.partition is None
         if not alike or not context.initial_displacement.any():
             return
-        from .start_energy import density_at_start
+        from .field_screen import density_at_start
 
         density = density_at_start(context, law) * self._fastest / self.constants.units
         density[points_near(context.whole.points, self._at_start > 0.0, BESIDE * self.length)] = 0.0
@@ -499,7 +499,7 @@ class DamageField(Damaged):
             )
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved
-            from .weak_seams import narrow_seam
+            from .field_constants import narrow_seam
 
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         gained = history[-1]["mean_damage"] - self._at_start.mean()
@@ -509,3 +509,17 @@ class DamageField(Damaged):
                 f"{self.limit:.3g} J/m^3"
             )
         return said
+
+
+def refuse_shared_device(device: Any) -> None:
+    """Check that no other process can be on a GPU at the same moment.
+
+    Blocks that wait for each other must all be on the GPU. MPS lets kernels of several processes on it at once, so that
+    each can hold the room that the others wait for, for ever. Without MPS processes take turns.
+    """
+    pipe = Path(os.environ.get("CUDA_MPS_PIPE_DIRECTORY", "/tmp/nvidia-mps"), "control")
+    if device.is_cuda and pipe.exists():
+        raise InputError(
+            f"device = {device.alias!r}: NVIDIA's MPS shares it (there is {str(pipe)!r}); a damage field could wait "
+            "for ever: expected a GPU without MPS, on which processes take turns"
+        )

@@ -16,7 +16,7 @@ from ..context import Context
 from ..device.fields import Array, to_host
 from ..device.launches import Call, Stage
 from ..geometry.couplings import gradient_couplings
-from ..kernels.tearing.damage_list import ghost_kernel
+from ..kernels.tearing.damage_step import ghost_kernel
 
 # Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.
 LAYERS = 8

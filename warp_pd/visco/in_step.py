@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..device.fields import assign
-from ..implicit.internal import InternalVariables
+from ..implicit.steps import InternalVariables
 from ..kernels.visco.in_step import relaxed
 
 if TYPE_CHECKING:
-    from .law import BranchedForce, ViscoForce
-    from .viscous import Maxwell
+    from .law import BranchedForce, Maxwell, ViscoForce
 
 
 class MaxwellInStep(InternalVariables):

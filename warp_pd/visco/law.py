@@ -1,4 +1,4 @@
-"""Bond-associated visco-hyperelasticity: Prony terms on the stress of each intersection."""
+"""Bond-associated visco-hyperelasticity: Prony terms, and Maxwell elements, on the stress of each intersection."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, said
+from ..device.checks import InputError, not_negative, positive, said
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
-from ..implicit.internal import InternalVariables, internal_variables_of
+from ..implicit.steps import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
 from ..kernels.numeric import FunctionFactory
 from ..kernels.visco.in_step import maxwell_moduli, prony_moduli
@@ -21,13 +21,10 @@ from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched
 from ..kernels.visco.visco import prony_response, visco_energy
 from ..laws.bond_associated import BondAssociated, BondAssociatedForce
 from ..laws.family_law import FamilyLaw
-from ..laws.force_paths import Reference, RowSums
-from ..laws.variational import ResponseInStep
+from ..laws.force_paths import Reference, ResponseInStep, RowSums
 from ..materials import capabilities
 from ..step import Phase
 from .in_step import MaxwellInStep, PronyInStep
-from .prony import at_once, prony_array, store_terms
-from .viscous import Maxwell, Prony
 
 
 @dataclass(frozen=True)
@@ -266,3 +263,102 @@ def _(law: BranchedForce) -> InternalVariables:
         material = law.law.material
         raise InputError(f"material = {said(material)}: expected one with `response` for the solver Implicit")
     return law.take(MaxwellInStep(law, law.branches), maxwell_moduli(law.network))
+
+
+# Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
+AT_ONCE = 1e30
+
+
+def store_terms(law: Any, name: str, kind: type[Prony | Maxwell]) -> None:
+    """Store the sequence of Prony terms or Maxwell elements in the attribute `name` of a frozen law as a tuple.
+
+    Raises:
+        InputError: if the attribute is anything else.
+    """
+    terms = getattr(law, name)
+    if not isinstance(terms, Sequence) or not all(isinstance(term, kind) for term in terms):
+        raise InputError(f"{name} = {terms!r}: expected a sequence of {kind.__name__}")
+    object.__setattr__(law, name, tuple(terms))
+
+
+def prony_array(prony: Sequence[Prony | Maxwell], context: Context, name: str = "prony") -> Array:
+    """Copy the constants of the terms to the device."""
+    values = np.array([term.constants for term in prony])
+    return context.array(name, "Visco", context.types.parameters, values, per="table")
+
+
+def at_once(prony: Sequence[Prony], context: Context) -> tuple[Array, Array]:
+    """A time step of 1 s, and the Prony terms with relaxation times so long that nothing relaxes in that step."""
+    slow = tuple(replace(term, time=AT_ONCE, exponent=0.0) for term in prony)
+    one_second = context.array("one_second", "Visco", context.types.real, np.ones(1), per="table")
+    return one_second, prony_array(slow, context, "prony_at_once")
+
+
+@dataclass(frozen=True)
+class Prony:
+    """A term of a Prony series: a Yeoh stress that relaxes. Sources: VE eqs. 17 and 19.
+
+    The relaxation time is theta = time * |dC/dt|^-exponent, with the rate |dC/dt| of the three-dimensional strain [1/s]
+    (VE eqs. 31 to 33). In the paper each test has one fixed rate: give it as `rate`. Without it the local, current rate
+    is used; then nothing relaxes at rest unless the exponent is 0.
+
+    Attributes:
+        c10: First Yeoh constant [Pa].
+        c20: Second Yeoh constant [Pa], at least 0: the energy must be convex so that dissipation is not negative.
+        time: Relaxation time at the rate 1/s [s]; phi_ref in the paper.
+        exponent: eta in the paper [-]; 0 for a constant relaxation time.
+        rate: A fixed rate [1/s], or None.
+
+    Raises:
+        InputError: if a constant is outside these bounds.
+    """
+
+    c10: float
+    c20: float = 0.0
+    time: float = 1.0
+    exponent: float = 0.0
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("Prony.c10", self.c10)
+        not_negative("Prony.c20", self.c20)
+        positive("Prony.time", self.time)
+        not_negative("Prony.exponent", self.exponent)
+        if self.rate is not None:
+            positive("Prony.rate", self.rate)
+
+    @property
+    def constants(self) -> tuple[float, float, float, float]:
+        """(c10, c20, relaxation time at the fixed rate or at 1/s, exponent, 0 for a fixed rate)."""
+        if self.rate is None:
+            return (self.c10, self.c20, self.time, self.exponent)
+        return (self.c10, self.c20, self.time * self.rate**-self.exponent, 0.0)
+
+
+@dataclass(frozen=True)
+class Maxwell:
+    """A viscous branch: a neo-Hookean network whose chains let go and form again free of stress.
+
+    At a constant stretch its stress decays as exp(-t / time), at small strains it is the spring and dashpot in series
+    of a Prony series. No motion extracts energy from it. See kernels/visco/maxwell.py; sources: Green and Tobolsky
+    1946, Lubliner 1985.
+
+    Attributes:
+        modulus: Shear modulus of the branch [Pa], in addition to that of the material.
+        time: Relaxation time [s].
+
+    Raises:
+        InputError: if a constant is not positive.
+    """
+
+    modulus: float
+    time: float
+
+    def __post_init__(self) -> None:
+        positive("Maxwell.modulus", self.modulus)
+        positive("Maxwell.time", self.time)
+
+    @property
+    def constants(self) -> tuple[float, float, float, float]:
+        """(modulus, time, 0, 0)."""
+        return (self.modulus, self.time, 0.0, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .viscous import Maxwell
+from .law import Maxwell
 
 
 def maxwell_stress(branch: Maxwell, time: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

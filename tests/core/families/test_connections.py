@@ -163,6 +163,6 @@ def test_smooth_surfaces_have_no_folds():
 def test_dense_sums_of_uneven_sheets_are_the_sparse_ones(monkeypatch):
     sheet, found = fine_hole(0.002, graded=True), []
     for uneven in (1.0, np.inf):
-        monkeypatch.setattr("warp_pd.families.weights.balance.UNEVEN", uneven)
+        monkeypatch.setattr("warp_pd.families.weights.UNEVEN", uneven)
         found.append(weight_tables(sheet, 2.015, "inverse", "corrected")[2])
     np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-12)

@@ -10,7 +10,7 @@ from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
 from warp_pd.device.checks import InputError
 from warp_pd.families import pack
 from warp_pd.fast.force_paths import ALIGNED, TUNING, strips_of
-from warp_pd.laws import family_struct
+from warp_pd.laws import weight_tables
 from warp_pd.run.description import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
@@ -232,7 +232,7 @@ def test_sheets_of_few_strips_or_distant_bonds_are_whole():
 
 
 def test_tables_with_too_many_entries_are_refused(monkeypatch):
-    monkeypatch.setattr(family_struct, "MAX_ENTRIES", 1000)
+    monkeypatch.setattr(weight_tables, "MAX_ENTRIES", 1000)
     with pytest.raises(InputError, match=r"^169 families of up to \d+ members: expected fewer than 2\^32 entries"):
         build(jittered(13))
 

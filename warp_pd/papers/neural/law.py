@@ -22,8 +22,7 @@ from ...kernels.papers.neural import closed_form, closed_form_of_stress, neural
 from ...kernels.papers.nodal import nodal
 from ...laws.weight_tables import MAX_CORRECTED
 from ...materials import Material, capabilities, check_material
-from ...statics.tangent import Tangent
-from ...statics.tangent_of import tangent_of
+from ...statics.tangent import Tangent, tangent_of
 from ...step import Phase
 from ..nodal import PointLaw
 from . import networks

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from weight_cases import lattice, lattice_neighbours, out_of_balance, stencil
 
-from warp_pd.families.weights import rectangle_corrected
-from warp_pd.families.weights.balance import FLOOR
+from warp_pd.families.lattice import rectangle_corrected
+from warp_pd.families.weights import FLOOR
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
 # Smallest ratio of corrected to plain weights measured on wide lattices, rounded down.

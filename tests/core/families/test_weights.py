@@ -13,15 +13,15 @@ from weight_cases import (
     third_areas,
 )
 
+from warp_pd.families import weights
+from warp_pd.families.lattice import rectangle_corrected
 from warp_pd.families.weights import (
+    FLOOR,
     corrected_weights,
-    dual,
     edge_vectors,
     plain_weights,
     reached_points,
-    rectangle_corrected,
 )
-from warp_pd.families.weights.balance import FLOOR
 
 
 def test_the_lattice_solved_as_a_cloud_is_balanced_too():
@@ -46,7 +46,7 @@ def test_a_jittered_cloud_is_balanced(horizon, jitter):
 
 
 def test_too_large_an_irregular_cloud_is_refused(monkeypatch):
-    monkeypatch.setattr(dual, "MAX_BALANCES", 100)
+    monkeypatch.setattr(weights, "MAX_BALANCES", 100)
     points, triangles = jittered_lattice(0.1)
     areas = third_areas(points, triangles)
     with refused(match=r"weights = 'corrected': .* expected up to 100"):
