@@ -59,8 +59,10 @@ def test_neighbours_that_are_read_at_other_places_are_one_row():
     assert rows[1:] == [other, row("3", "1", "matches"), other]
     lost = ["5.1", "pieces at the end, 9 points", "2", "-", "half areas", "", "diverged: at t = 1 s (frame 2) NaN"]
     assert by_quantity([other, lost]) == [
-        ["5.1", "pieces at the end", "2", "**2** matches; 9 points, half areas: diverged: at t = 1 s"]
+        "- 5.1: pieces at the end: 2; here 2; 9 points, half areas: diverged: at t = 1 s"
     ]
+    few = [[*other[:3], n, f"reading {n}", "", "differs"] for n in ("2", "2.1", "2.2")]
+    assert by_quantity(few) == ["- 5.1: pieces at the end: 2; here 2 to 2.2 (3 readings)"]
 
 
 def test_the_pages_show_the_numbers_of_the_file(tmp_path):

@@ -87,12 +87,10 @@ def pages(found: dict[str, Any], folder: Path) -> None:
         made_on = sorted({found[row.example]["made"] for row, _ in run if row.example in found})
         words = (
             f"{len(paper.ROWS)} numbers and statements: {len(run) - len(other) - silent} match, {len(other)} do not "
-            f"(below), {silent} have nothing to compare with, {len(paper.ROWS) - len(run)} have no run yet "
-            f"([all](printed.csv); `python -m tools.papers --only {name}`; {'; '.join(made_on)})."
+            f"(below, as printed and here), {silent} have nothing to compare with, {len(paper.ROWS) - len(run)} have "
+            f"no run yet ([all](printed.csv); `python -m tools.papers --only {name}`; {'; '.join(made_on)})."
         )
-        renew(
-            folder / f"{name}.md", {HEADING: [words, "", *table([*HEAD[:3], "here, by reading"], by_quantity(other))]}
-        )
+        renew(folder / f"{name}.md", {HEADING: [words, "", *by_quantity(other)]})
 
 
 def main() -> None:

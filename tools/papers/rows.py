@@ -110,17 +110,27 @@ def _together(group: list[list[str]]) -> list[str]:
     ]  # fmt: skip
 
 
-def by_quantity(rows: Sequence[list[str]]) -> list[list[str]]:
-    """Lines of a page: where, quantity, printed, and ours by reading, with its difference or why there is none."""
-    found: dict[tuple[str, str, str], list[str]] = {}
+def by_quantity(rows: Sequence[list[str]]) -> list[str]:
+    """Lines of a page: where, quantity, printed, and ours by reading; the range of three or more that are alike."""
+    found: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     for where, named, printed, ours, read, difference, verdict in merged(rows):
         quantity, points = OF_POINTS.sub("", named), OF_POINTS.findall(named)
         reading = ", ".join([*points, *([] if read == "as published" else [read])])
-        why = difference or verdict.replace("differs", "").partition(" (")[0]
-        number = "" if ours == "-" else f"**{ours}**"
-        words = ": ".join(filter(None, (reading, why)))
-        found.setdefault((where, quantity, printed), []).append(" ".join(filter(None, (number, words))))
-    return [[*place, "; ".join(readings)] for place, readings in found.items()]
+        why = verdict.replace("differs", "").partition(" (")[0] if ours == "-" else ""
+        number = "" if ours == "-" else ", ".join(n if len(n) < 6 else f"{float(n):#.4g}" for n in ours.split(", "))
+        words = ": ".join(filter(None, (reading, why or difference)))
+        found.setdefault((where, quantity, printed), []).append((number, f" ({words})" if words else ""))
+    return [
+        f"- {where}: {quantity}: {printed}; here {_here(readings)}"
+        for (where, quantity, printed), readings in found.items()
+    ]
+
+
+def _here(readings: Sequence[tuple[str, str]]) -> str:
+    numbers = [float(number) for number, _ in readings if number and "," not in number]
+    if len(numbers) > 2 and len(numbers) == len(readings) and max(numbers) < 1.2 * min(numbers):
+        return f"{min(numbers):.4g} to {max(numbers):.4g} ({len(numbers)} readings)"
+    return "; ".join(number + words if number else words.strip(" ()") for number, words in readings)
 
 
 def run_scene(scene: str, device: str | None, **settings: Any) -> tuple[Values, Result | None]:

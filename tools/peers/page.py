@@ -56,45 +56,37 @@ def measured_by(problem: Problem, rows: Sequence[Row]) -> str:
 
 
 def by_code(rows: Sequence[Row]) -> list[str]:
-    """The table of a problem: a line for each code, its runs one after the other; two where devices disagree."""
+    """The table of a problem: the finest run of each code; two lines where devices disagree about it."""
     devices = list(dict.fromkeys(r["device"] for r in rows))
     lines = []
     for code in dict.fromkeys(r["code"] for r in rows):
-        runs = {d: {r["points"]: r for r in rows if (r["code"], r["device"]) == (code, d)} for d in devices}
-        lines += [[code, *line] for line in lines_of(runs)]
-    return table(["code", "points", "error [%]", *(f"{d} [s]" for d in devices)], lines)
-
-
-def lines_of(runs: Mapping[str, Mapping[int, Row]]) -> list[list[str]]:
-    """Cells of a code: points, errors, in brackets the finest one's to its own material, times on each device."""
-    points = sorted({n for found in runs.values() for n in found})
-    errors = {n: {error(found[n]) for found in runs.values() if n in found} for n in points}
-    if any(len(different) > 1 for different in errors.values()):
-        return [
-            line for device, found in runs.items() for line in lines_of({d: found if d == device else {} for d in runs})
-        ]
-    first = [next(found[n] for found in runs.values() if n in found) for n in points]
-    own = [percent(r["own_error"]) for r in first if r.get("own_error")]
-    errors_of = ", ".join(map(error, first)) + (f" ({own[-1]})" if own else "")
-    times = [", ".join(time_of(found.get(n)) for n in points) if found else "" for found in runs.values()]
-    return [[", ".join(map(str, points)), errors_of, *times]]
+        runs = [[r for r in rows if (r["code"], r["device"]) == (code, d)] for d in devices]
+        finest = [max(found, key=lambda r: r["points"], default=None) for found in runs]
+        for points, told in dict.fromkeys((r["points"], error(r)) for r in finest if r):
+            times = [time_of(r) if r and (r["points"], error(r)) == (points, told) else "" for r in finest]
+            lines.append([code, str(points), told, *times])
+    return table(["code, finest run", "points", "error [%]", *(f"{d} [s]" for d in devices)], lines)
 
 
 def error(row: Row) -> str:
-    """The error [%], of a tear with its sign, or why there is none."""
+    """The error [%], of a tear with its sign, in brackets that to its own material; or why there is none."""
     if row.get("failed"):
         return str(row["failed"])
-    return f"{100.0 * (row['release_ratio'] - 1.0):+.2g}" if row.get("release_ratio") else percent(row["error"])
+    if row.get("release_ratio"):
+        return f"{100.0 * (row['release_ratio'] - 1.0):+.2g}"
+    own = f" ({percent(row['own_error'])})" if row.get("own_error") else ""
+    return percent(row["error"]) + own
 
 
-def time_of(row: Row | None) -> str:
+def time_of(row: Row) -> str:
     """Seconds of a run that ended, else a dash."""
-    return "-" if row is None or row.get("failed") else f"{seconds(row):.3g}"
+    return "-" if row.get("failed") else f"{seconds(row):.3g}"
 
 
 def percent(share: float) -> str:
     """Two digits, in percent."""
-    return f"{100.0 * share:.2g}"
+    two_digits = f"{100.0 * share:.2g}"
+    return f"{float(two_digits):g}"
 
 
 def seconds(row: Row) -> float:

@@ -47,7 +47,8 @@ def cells(row: Comparison, runs: Runs) -> list[str]:
     ours, theirs = numbers(run["ours"][-1]), numbers(run["theirs"])
     deviation = percent(run["deviation"]) if row.counts else "(bound)"
     title = f"[{row.title}](#{row.name})"
-    return [title, row.kind, row.blind, ours, theirs, row.scatter, deviation, percent(run["change"])]
+    scatter = "" if row.scatter == "-" else f" ({row.scatter})"
+    return [title, row.kind, row.blind, ours, theirs + scatter, deviation, percent(run["change"])]
 
 
 def compared(found: dict[str, Runs]) -> dict[str, float]:
@@ -74,15 +75,25 @@ def summary(found: dict[str, Runs]) -> str:
     )
 
 
-def section(row: Comparison, runs: Runs) -> list[str]:
+def section(row: Comparison) -> list[str]:
     """The paragraph of a row."""
-    run = runs[-1]
     text = (
         f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
-        f"Constants: {row.constants}. *{row.verdict}* "
-        f"{run['made']}, {', '.join(map(str, run['points']))} points."
+        f"Constants: {row.constants}. *{row.verdict}*"
     )
     return [text, ""]
+
+
+def made(found: dict[str, Runs]) -> str:
+    """Points and device of the rows, by their names."""
+    runs: dict[str, dict[str, list[str]]] = {}
+    for name, (*_, run) in found.items():
+        runs.setdefault(run["made"], {}).setdefault(", ".join(map(str, run["points"])), []).append(name)
+    each = []
+    for device, by_points in runs.items():
+        rows = (f"{points} ({', '.join(names)})" for points, names in by_points.items())
+        each.append(f"{device}: {'; '.join(rows)}")
+    return f"Points of the rows. {'. '.join(each)}."
 
 
 def draw(path: Path, found: dict[str, Runs]) -> None:
@@ -117,12 +128,11 @@ def draw(path: Path, found: dict[str, Runs]) -> None:
 
 def sections(found: dict[str, Runs]) -> dict[str, list[str]]:
     """Lines of the page by heading."""
-    head = ["row", "theirs is a", "blind", "ours", "theirs", "their scatter", "median deviation"]
-    head.append("last change")
+    head = ["row", "theirs is a", "blind", "ours", "theirs (scatter)", "median deviation", "last change"]
     rows = table(head, [cells(ROWS[name], runs) for name, runs in found.items()])
-    each = [line for name, runs in found.items() for line in section(ROWS[name], runs)]
+    each = [line for name in found for line in section(ROWS[name])]
     return {
-        "## Numbers": [*rows, "", "![Ours beside theirs, redrawn](validation/rows.png)"],
+        "## Numbers": [*rows, "", made(found), "", "![Ours beside theirs, redrawn](validation/rows.png)"],
         "## Row by row": each,
         "### Fits": spread.section(load_rows(SPREAD)),
     }
