@@ -40,8 +40,7 @@ from warp_pd.device import launches
 from warp_pd.device.fields import to_host
 from warp_pd.device.launches import Call, Touched
 from warp_pd.distributed.divided import DividedSheet
-from warp_pd.run.built import compose
-from warp_pd.run.scene_context import partition_of
+from warp_pd.run.built import compose, partition_of
 
 MATERIAL, STIFFENING = MooneyRivlin(5e4, 0.0), Yeoh(5e4, 5e3)
 SIZE = {"thickness": 1e-3, "density": 1000.0}

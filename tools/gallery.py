@@ -31,8 +31,7 @@ from study import DOCS, ROOT, RUNS, run_tool, study_parser
 from warp_pd import InputError
 from warp_pd.__main__ import scene_names
 from warp_pd.output.vtkhdf import read_series
-from warp_pd.viewer.folder_page import page
-from warp_pd.viewer.view import Limits
+from warp_pd.viewer.view import Limits, page
 
 GALLERY = DOCS / "gallery"
 # Where its pages find scripts and styles; the site has a copy, see tools/site_hooks.py.

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from .tearing.cuts_in_time import CutsInTime, Punch, Seam, Slit
     from .tearing.family_criteria import CriticalEnergyDensity, CriticalStress
     from .tearing.tearing_energy import TearingEnergy
-    from .viewer.sheet_plot import draw_sheet
+    from .viewer.shape_plot import draw_sheet
     from .visco.law import Maxwell, Prony, Visco
 else:
     __getattr__ = lazy(__name__)

@@ -159,7 +159,7 @@ def list_scenes(as_json: bool) -> None:
 
 def _print_json(values: Any) -> None:
     """Print values as JSON; numbers that are not finite become null."""
-    from .output.finite import finite_values
+    from .output.info import finite_values
 
     click.echo(json.dumps(finite_values(values), indent=2, allow_nan=False))
 
@@ -216,7 +216,7 @@ def run(
     picture_formats(pictures)
     quiet = quiet or not is_first()
     settings = _scene_settings(scene, assignments, named, printed)
-    from .run.scene_context import communicator_here
+    from .run.built import communicator_here
 
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
@@ -333,13 +333,13 @@ def plan(
     settings = _scene_settings(scene, assignments, named, printed)
     simulation = build_scene(scene, settings)
     if as_json:
-        from .run.description import plan_values
+        from .run.result import plan_values
 
         _print_json(plan_values(simulation.build(device, precision)))
     else:
         click.echo(simulation.plan(device, precision))
         if timed:
-            from .run.trial import foretold
+            from .command.trial import foretold
 
             click.echo(foretold(simulation.build(device, precision)))
 
@@ -445,7 +445,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 @click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
 def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
     """Write the page of a run from its FOLDER: one HTML file for any browser, without server or network."""
-    from .viewer.folder_page import write_page
+    from .viewer.view import write_page
 
     path = write_page(folder, out, points, frames)
     click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")

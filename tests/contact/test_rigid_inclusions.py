@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.run.description import units_of
+from warp_pd.run.result import units_of
 
 
 def test_a_rigid_inclusion_moves_as_a_body():

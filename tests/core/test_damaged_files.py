@@ -95,7 +95,7 @@ import numpy as np
 sys.path[:0] = {path!r}
 from damage import damaged, require_one_line
 from warp_pd.output.vtkhdf import read_frames, read_outlines, read_series
-from warp_pd.viewer.folder_page import page
+from warp_pd.viewer.view import page
 rng = np.random.default_rng(int(sys.argv[2]))
 file = sys.argv[1] + "/frames.vtkhdf"
 whole = open(file, "rb").read()

@@ -30,7 +30,7 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.materials import energy_density
-from warp_pd.run.frame_points import FramePoints
+from warp_pd.run.recorder import FramePoints
 
 MATERIAL, MEMBRANE = MooneyRivlin(2e5, 1e4), LAWS["membrane"]
 F = rotation()[:, :2] @ np.diag([1.4, 1.1])

@@ -56,7 +56,7 @@ def test_an_interrupted_run_does_not_look_for_waves(monkeypatch):
     def look(*_):
         raise AssertionError
 
-    monkeypatch.setattr("warp_pd.run.shape_notes._waves", look)
+    monkeypatch.setattr("warp_pd.run.checks._waves", look)
 
     def stop(built, frame):
         if frame.index == 1:

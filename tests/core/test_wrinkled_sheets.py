@@ -28,8 +28,8 @@ from warp_pd import (
     Simulation,
     TensionField,
 )
-from warp_pd.run.frame_points import FramePoints
-from warp_pd.run.shape_notes import ShapeWatch
+from warp_pd.run.checks import ShapeWatch
+from warp_pd.run.recorder import FramePoints
 from warp_pd.statics.tangent import tangent_of
 
 CUT = ((0.02, 0.031), (0.071, 0.08))

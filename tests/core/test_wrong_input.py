@@ -104,7 +104,7 @@ def test_much_damping_shortens_the_step():
 
 
 def test_a_balance_that_is_off_is_a_note():
-    from warp_pd.run.summary import _energy_notes
+    from warp_pd.run.result import _energy_notes
 
     row = {"kinetic": 1.0, "strain": 1.0, "rupture": 0.0, "balance_error": 0.0}
     history = [row, {**row, "rupture": 0.5, "balance_error": -0.03}, {**row, "rupture": 0.4}]

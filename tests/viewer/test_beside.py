@@ -21,7 +21,7 @@ from warp_pd.viewer.beside import (
     processes_beside,
     wait_for_pictures,
 )
-from warp_pd.viewer.picture_files import Drawing, drawing
+from warp_pd.viewer.pictures import Drawing, drawing
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are divided on Linux only")
 

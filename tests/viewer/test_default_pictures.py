@@ -13,9 +13,9 @@ from warp_pd.interfaces import FrameReport
 from warp_pd.output.progress import Progress
 from warp_pd.run.folder import run_summary
 from warp_pd.viewer import default_pictures as default_pictures_module
-from warp_pd.viewer import picture_files, plots
+from warp_pd.viewer import pictures, plots
 from warp_pd.viewer.default_pictures import _counts, _draw_numbers, _moves, _round_off, telling_frames
-from warp_pd.viewer.picture_frames import frames_at
+from warp_pd.viewer.pictures import frames_at
 
 SCENE = """
 from warp_pd import *
@@ -95,7 +95,7 @@ def test_every_number_has_a_panel_and_a_constant_one_is_named(tmp_path):
     history = [{"time": 0.1 * k, "still": 1.0, **{f"number_{n}": float(n * k) for n in range(1, 12)}} for k in range(3)]
     units = {name: "m" for name in history[0] if name != "time"}
     columns = {name: history for name in units if name != "still"}
-    with picture_files.drawing(picture_files.Drawing("mine", ("svg",))):
+    with pictures.drawing(pictures.Drawing("mine", ("svg",))):
         _draw_numbers(tmp_path, columns, units, ["still"])
     drawn = (tmp_path / "measures.svg").read_text()
     assert all(f"<!-- number {n} (m) -->" in drawn for n in range(1, 12))

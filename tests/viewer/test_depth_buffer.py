@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from warp_pd.viewer import depth_buffer
-from warp_pd.viewer.depth_buffer import DepthBuffer
+from warp_pd.viewer import painter
+from warp_pd.viewer.painter import DepthBuffer
 
 RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
 
@@ -20,7 +20,7 @@ def empty(columns=64, rows=40):
 
 
 def test_squares_that_cross_hide_each_other_by_half(monkeypatch):
-    monkeypatch.setattr(depth_buffer, "FRAGMENTS", 300)
+    monkeypatch.setattr(painter, "FRAGMENTS", 300)
     buffer = empty()
     buffer.draw(np.concatenate([square(0.0, 1.0), square(1.0, 0.0)]), np.array([RED, RED, BLUE, BLUE]))
     assert (buffer.image[:, 32:, 0] == 255).all() and (buffer.image[:, :32, 2] == 255).all()

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from warp_pd.viewer.packing import Arrays
+from warp_pd.viewer.view import Arrays
 
 
 def unpacked(arrays, entry):

@@ -14,8 +14,7 @@ from torn_frames import FRAMES, make_frame, write_all
 from warp_pd.output.quantities import choices, column_unit, curves, known_units
 from warp_pd.output.vtkhdf import VtkHdfSeries
 from warp_pd.viewer import after_run
-from warp_pd.viewer.folder_page import page, write_page
-from warp_pd.viewer.view import Limits, files
+from warp_pd.viewer.view import Limits, files, page, write_page
 
 
 def content_of(text):

@@ -13,7 +13,7 @@ from torn_frames import FRAMES, make_frame_with_fields, make_surface
 
 from warp_pd.interfaces.frame import Body
 from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame
-from warp_pd.viewer.folder_page import write_page
+from warp_pd.viewer.view import write_page
 
 TITLE = "tear<b>&</b>"
 BOX = Body(

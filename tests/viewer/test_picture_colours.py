@@ -14,10 +14,9 @@ from matplotlib.text import Text
 from warp_pd import Sheet, Sphere
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.folder import picture_formats, pictures_in
-from warp_pd.viewer import picture_files, plots
-from warp_pd.viewer.colour_scale import scale_of
-from warp_pd.viewer.picture_frames import Shown
-from warp_pd.viewer.projection import View, material_lines, places_of, strokes
+from warp_pd.viewer import pictures, plots
+from warp_pd.viewer.painter import View, material_lines, places_of, scale_of, strokes
+from warp_pd.viewer.pictures import Shown
 
 
 def sheet_shown(points=21, lift=0.0, width=1.0, height=1.0, **fields):
@@ -192,7 +191,7 @@ def test_a_plane_below_a_sheet_does_not_widen_the_picture_and_a_far_ball_little(
 
 @pytest.mark.parametrize("suffixes", ["png", "svg,pdf"])
 def test_formats_of_pictures(suffixes, tmp_path):
-    with picture_files.drawing(picture_files.Drawing("mine", picture_formats(suffixes))):
+    with pictures.drawing(pictures.Drawing("mine", picture_formats(suffixes))):
         plots.surfaces(tmp_path / "a.png", [sheet_shown(9)], "damage")
     names = {f"a.{suffix}" for suffix in suffixes.split(",")}
     assert {path.name for path in tmp_path.iterdir()} == names

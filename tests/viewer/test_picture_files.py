@@ -3,7 +3,7 @@
 import pytest
 
 from warp_pd.device.checks import OutputError
-from warp_pd.viewer.picture_files import new_figure, save
+from warp_pd.viewer.pictures import new_figure, save
 
 
 def test_a_picture_that_cannot_be_written_is_one_line(tmp_path):

@@ -13,7 +13,7 @@ from warp._src.context import user_modules
 from warp_pd import ByRegion, Gent, InputError, Sheet, draw_sheet
 from warp_pd.shapes.curves import Circle
 from warp_pd.viewer import plots, shape_plot
-from warp_pd.viewer.picture_frames import Shown
+from warp_pd.viewer.pictures import Shown
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]

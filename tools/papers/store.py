@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from warp_pd.output.finite import finite_values
+from warp_pd.output.info import finite_values
 from warp_pd.run.folder import write_atomically
 
 

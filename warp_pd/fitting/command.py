@@ -12,7 +12,7 @@ from ..device.checks import InputError, one_of
 from ..run.arguments import converted
 from ..run.folder import claimed_folder, pictures_in, remove_if_empty, results_in, sole_use, writable_folder
 from ..run.scene_files import load_scene, require_settings, written_parameters
-from ..viewer.picture_files import Drawing, drawing
+from ..viewer.pictures import Drawing, drawing
 from .data import LOSSES, read_table
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from ..device.fields import assign
 from ..interfaces import FrameSink
 from ..interfaces.frame import Frame
 from ..run.built import Built
-from ..run.frame_points import FramePoints
+from ..run.recorder import FramePoints
 from ..run.simulation import Simulation
 from ..statics.newton import BuiltNewton
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from ..device.checks import InputError, one_of, said
 from ..interfaces.frame import format_time
-from .point_fields import FrameFields
-from .vtkhdf import read_frame, read_series
+from .vtkhdf import FrameFields, read_frame, read_series
 
 FILE = "frames.vtkhdf"
 

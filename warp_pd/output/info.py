@@ -1,14 +1,25 @@
-"""Short descriptions of result files."""
+"""Short descriptions of result files; their contents for JSON, which knows neither NaN nor infinity."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError
 from ..interfaces.frame import format_time
+
+
+def finite_values(value: Any) -> Any:
+    """Convert a value for JSON: NaN and infinity become None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite_values(item) for key, item in value.items()}
+    return [finite_values(item) for item in value] if isinstance(value, list | tuple) else value
+
 
 NUMBER = int | float
 # Types of the entries of a summary.json that the package reads: those of every run, those that may be missing, also in

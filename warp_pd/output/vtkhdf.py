@@ -28,10 +28,52 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import user_code
+from ..device.checks import InputError, user_code
 from ..interfaces.frame import Body, Frame, Surface
 from .background import require_room
-from .point_fields import plain_value, point_fields, same_arrays
+
+TAKEN = ("displacement", "velocity", "damage", "reference_position")
+
+
+class FrameFields(dict[str, NDArray[Any]]):
+    """Fields by name, with a one-line error for a missing name."""
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        """Raise the error for a field that the frames do not have."""
+        raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of these")
+
+
+def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+    """Point data of a frame by name, in the types of the file; `chosen` besides the displacement, None for all."""
+    fields = {"displacement": frame.displacement, "velocity": frame.velocity}
+    if frame.damage is not None:
+        fields["damage"] = frame.damage
+    for name, values in frame.point_data.items():
+        if name in TAKEN or not name or "/" in name or name == ".":
+            raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
+        if np.shape(values)[1:] not in ((), (3,)):
+            raise ValueError(f"point_data['{name}'] has shape {np.shape(values)}; expected (N,) or (N, 3)")
+        fields[name] = values
+    kept = fields if chosen is None else {name: fields[name] for name in fields if name in {"displacement", *chosen}}
+    return {name: stored(np.asarray(values)) for name, values in kept.items()}
+
+
+def stored(values: NDArray[Any]) -> NDArray[Any]:
+    """Convert real numbers to single precision, and booleans, which VTK lacks, to 0 and 1."""
+    if values.dtype == np.bool_:
+        return values.astype(np.uint8)
+    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32, copy=False)
+
+
+def same_arrays(a: NDArray[Any] | None, b: NDArray[Any] | None) -> bool:
+    """Whether two arrays, or None, are equal."""
+    return a is b or (a is not None and b is not None and np.array_equal(a, b))
+
+
+def plain_value(value: Any) -> Any:
+    """Convert a NumPy number to a Python number."""
+    return value.item() if isinstance(value, np.generic) else value
+
 
 VERSION = (2, 2)
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
@@ -187,6 +229,36 @@ class VtkHdfSeries:
             _cut(root, first)
             begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
             self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
+
+
+def write_derived(frames: Path, bodies: Path | None, animation: Path | None, seconds_per_frame: float | None) -> None:
+    """Write what is made from a file of frames, each unless it is None."""
+    if bodies is not None:
+        write_bodies(bodies, frames)
+    if animation is not None:
+        from .usd import write_animation
+
+        write_animation(animation, frames, seconds_per_frame)
+
+
+def write_bodies(path: Path, frames: Path) -> None:
+    """Write the outlines of the bodies in a file of frames, frame by frame, as `VtkHdfSeries` writes the sheet.
+
+    The point field `body` is the index of the body, in the order of the scene. Without bodies there is no file.
+    """
+    info, outlines = read_series(frames), read_outlines(frames)
+    if not outlines:
+        return
+    first = np.cumsum([0, *(len(body.vertices) for body, _ in outlines)])
+    points = np.concatenate([body.vertices for body, _ in outlines])
+    field = {"body": np.repeat(np.arange(len(outlines)), np.diff(first))}
+    title, names = info.metadata.pop("title"), ", ".join(body.name for body, _ in outlines)
+    faces = np.concatenate([body.triangles + n for (body, _), n in zip(outlines, first, strict=False)])
+    surface = Surface(points, faces, f"bodies of {title}", {**info.metadata, "bodies": names})
+    series = VtkHdfSeries(path, surface, fields=("body",))
+    for index, time in enumerate(info.times):
+        moved = np.concatenate([body.placed(poses[index]) for body, poses in outlines]) - points
+        series.write(Frame(index, float(time), moved, np.zeros_like(moved), point_data=field))
 
 
 def read_series(path: str | os.PathLike[str]) -> SeriesInfo:

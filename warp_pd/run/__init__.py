@@ -6,7 +6,7 @@ Subjects add to the lists below when they are imported, which the package does.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..communicator import Communicator
@@ -17,3 +17,5 @@ if TYPE_CHECKING:
 PARTS: list[Callable[[Scene], Sequence[Part]]] = []
 # The communicator of this process and its device, if it is one of several; None otherwise.
 COMMUNICATORS: list[Callable[[str | None], tuple[Communicator, str | None] | None]] = []
+# What draws and shows runs and sheets, `PagesAndPictures` of viewer/__init__.py; of several the last one.
+VIEWERS: list[Any] = []

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError, one_of, said
 from ..output.background import as_output_error
-from ..output.file_writers import ANIMATION, BODIES, FRAMES
 from ..output.info import read_summary
 
 if TYPE_CHECKING:
     from ..interfaces import History
 
-PAGE = "view.html"
+FRAMES, BODIES, ANIMATION, PAGE = "frames.vtkhdf", "bodies.vtkhdf", "animation.usd", "view.html"
 FINE = "fine_history.csv"
 RESTART = "restart.npz"
 FIT = "fit.json"

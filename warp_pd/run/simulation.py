@@ -23,14 +23,14 @@ class Simulation(Scene):
     def __repr__(self) -> str:
         """One line per part instead of the default text with all arrays."""
         from ..output.notebook import text_table
-        from .description import scene_rows
+        from .result import scene_rows
 
         return text_table(f"Simulation {self.scene!r}", scene_rows(self))
 
     def _repr_html_(self) -> str:
         """HTML for a notebook, one line per part."""
         from ..output.notebook import html_table
-        from .description import scene_rows
+        from .result import scene_rows
 
         return html_table(f"Simulation {self.scene!r}", scene_rows(self))
 
@@ -50,15 +50,15 @@ class Simulation(Scene):
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
         """Table of the arrays and launches of this simulation."""
-        from .description import plan
+        from .result import plan
 
         return plan(self.build(device, precision))
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the undeformed sheet without building the simulation; see `warp_pd.draw_sheet`."""
-        from .views import viewer
+        from . import VIEWERS
 
-        return viewer().draw_sheet(self.sheet, path, self.scene, capabilities(self.force.material).regions)
+        return VIEWERS[-1].draw_sheet(self.sheet, path, self.scene, capabilities(self.force.material).regions)
 
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""

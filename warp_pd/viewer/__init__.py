@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..run.views import VIEWERS
+from ..run import VIEWERS
 
 
 class PagesAndPictures:
-    """The `Viewer` of this package; see run/views.py for the arguments."""
+    """What runs, results and sheets ask of the viewer."""
 
     def after_run(self, *arguments: Any) -> None:
         """Write the summary, pictures and page of a run."""
@@ -24,13 +24,13 @@ class PagesAndPictures:
 
     def page(self, folder: Any) -> str:
         """The page of the run in a folder."""
-        from .folder_page import page
+        from .view import page
 
         return page(folder)
 
     def draw_sheet(self, sheet: Any, path: Any, title: str, regions: Any) -> Any:
         """Draw an undeformed sheet."""
-        from .sheet_plot import draw_sheet
+        from .shape_plot import draw_sheet
 
         return draw_sheet(sheet, path, title=title, regions=regions)
 

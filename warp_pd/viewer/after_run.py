@@ -13,16 +13,14 @@ import numpy as np
 from ..device.checks import InputError, kind_and_text, point_indices, user_code
 from ..interfaces import HELD, History
 from ..materials import capabilities
-from ..output.file_writers import FRAMES
-from ..run.files import Files
-from ..run.folder import FINE, pictures_in, read_history, write_atomically
+from ..run.built import held_by_loads
+from ..run.folder import FINE, FRAMES, pictures_in, read_history, write_atomically
 from ..run.result import Result
-from ..run.runner import write_summary
+from ..run.runner import Files, write_summary
 from ..run.scene import Scene
-from ..run.scene_context import held_by_loads
 from .beside import begun, wait_for_pictures
-from .folder_page import LARGE, write_page
-from .picture_files import Drawing, drawing, unnumbered
+from .pictures import Drawing, drawing, unnumbered
+from .view import LARGE, write_page
 
 
 def show(result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None]) -> None:

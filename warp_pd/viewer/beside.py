@@ -28,7 +28,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from ..device.checks import InputError
 from ..device.cores import available_cores
-from .picture_files import current, drawing
+from .pictures import current, drawing
 
 # Points of a sheet whose pictures are worth processes, and most processes.
 MANY_POINTS, MOST_PROCESSES = 5000, 4

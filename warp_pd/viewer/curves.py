@@ -9,7 +9,7 @@ from typing import Any
 
 from ..device.checks import one_of
 from ..output.quantities import column_label, with_unit
-from .picture_files import new_figure, new_panels, save, target
+from .pictures import new_figure, new_panels, save, target
 from .plots import FEW, STYLES, part_ticks
 
 # Columns of panels of the picture; letters along a side of a panel, and width of a letter of the legend [inches].

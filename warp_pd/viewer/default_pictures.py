@@ -14,8 +14,7 @@ from ..output.quantities import ENERGIES, column_label, column_unit, known_units
 from ..output.vtkhdf import read_series
 from . import plots
 from .beside import drawn_beside
-from .picture_files import new_panels, save
-from .picture_frames import Shown, frames_at
+from .pictures import Shown, frames_at, new_panels, save
 
 # Panels of the sheet; of a sheet with more points than that only the last frame is drawn.
 PANELS, LARGE = 4, 300_000

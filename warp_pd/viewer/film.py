@@ -15,10 +15,9 @@ import numpy as np
 
 from ..device.checks import InputError, OutputError, one_of, positive, said
 from ..output.vtkhdf import read_series
-from .colour_scale import ColourScale, scale_of
 from .default_pictures import telling_field
-from .picture_files import Drawing, drawing
-from .picture_frames import Shown, frames_at
+from .painter import ColourScale, scale_of
+from .pictures import Drawing, Shown, drawing, frames_at
 from .plots import VIEW, from_above_figure, surfaces_figure
 
 # Suffixes of films that Pillow writes, and of those that ffmpeg does, where it is installed.

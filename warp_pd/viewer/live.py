@@ -21,7 +21,7 @@ import numpy as np
 
 from ..interfaces import FrameReport
 from ..interfaces.frame import Frame, Surface
-from ..output.finite import finite_values
+from ..output.info import finite_values
 from ..output.progress import Progress
 from .coarsen import clusters, contracted
 

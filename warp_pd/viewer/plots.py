@@ -13,20 +13,19 @@ from ..geometry.triangulation import boundary_sides, directed_edges
 from ..output.quantities import ENERGIES, column_label, field_label, with_unit
 from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
-from .colour_scale import ONE_SIGN, ColourScale, scale_of
-from .depth_buffer import DepthBuffer
-from .picture_files import (
+from .painter import ONE_SIGN, ColourScale, DepthBuffer, View, material_lines, places_of, scale_of, strokes
+from .pictures import (
     MOST_VECTORS,
     RESOLUTION_IN_VECTORS,
+    Shown,
     current,
     enlarged,
     enlargement,
+    frames_at,
     new_figure,
     new_panels,
     save,
 )
-from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, places_of, strokes
 
 # Triangles of a sheet above which larger ones are drawn, about half as many.
 MOST_TRIANGLES = 400_000

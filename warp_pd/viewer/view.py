@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -13,13 +15,70 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import count, one_of
+from ..device.checks import InputError, count, one_of
 from ..interfaces.frame import format_time
-from ..output.finite import finite_values
+from ..output.info import finite_values
 from ..output.quantities import choices, column_unit, curves, known_units
 from ..output.vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
+from ..run.folder import FRAMES, PAGE, read_history, run_summary, write_atomically
 from .coarsen import Drawn, clusters, contracted, drawn
-from .packing import Arrays
+
+LEVEL_OF_COMPRESSION = 4
+
+
+@dataclass
+class Arrays:
+    """Arrays of a page, each a separate text that the page unpacks on demand.
+
+    Attributes:
+        bits: Precision of a series, at most 16: its numbers become 1 to 2^bits - 1, and 0 stands for "no value".
+        texts: Compressed bytes of each array, as base64.
+    """
+
+    bits: int = 16
+    texts: list[str] = field(default_factory=list)
+
+    def add(self, values: NDArray[Any]) -> dict[str, Any]:
+        """Add an array, with 32 bits a number or one bit a boolean; return how to unpack it."""
+        if values.dtype == np.bool_:
+            return self._entry(np.packbits(values, axis=-1, bitorder="little"), "bits", values.shape)
+        kind = "float32" if np.issubdtype(values.dtype, np.floating) else "uint32"
+        return self._entry(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")), kind, values.shape)
+
+    def add_triangles(self, corners: NDArray[np.integer]) -> dict[str, Any]:
+        """Add triangles in order of their first corners, shape (T, 3).
+
+        Differences of first corners between triangles, and of other corners from the first, are stored.
+        """
+        apart = corners.astype(np.int64)
+        apart[:, 1:] -= apart[:, :1]
+        apart[1:, 0] -= corners[:-1, 0]
+        return self._entry(apart.astype("<u4"), "triangles", corners.shape)
+
+    def add_series(self, values: NDArray[np.floating]) -> dict[str, Any]:
+        """Add point values at each frame, shape (frames, points), quantised between their extremes.
+
+        Differences between frames and between consecutive points are stored, with the sign in the lowest bit and low
+        and high bytes separated, which compresses well.
+        """
+        finite = np.isfinite(values)
+        low = float(values.min(where=finite, initial=np.inf)) if finite.any() else 0.0
+        high = float(values.max(where=finite, initial=-np.inf)) if finite.any() else 0.0
+        step = (high - low if high > low else 1.0) / (2**self.bits - 2)
+        above = np.where(finite, (values.astype(np.float64) - low) / step, 0.0)
+        levels = np.where(finite, np.round(1.0 + above), 0.0).astype(np.uint16)
+        levels[1:] -= levels[:-1].copy()
+        levels[:, 1:] -= levels[:, :-1].copy()
+        signed = levels.view(np.int16)
+        folded = ((signed << 1) ^ (signed >> 15)).view(np.uint16)
+        apart = np.stack([folded & 0xFF, folded >> 8]).astype(np.uint8)
+        return {**self._entry(apart, "series", values.shape), "low": low, "high": high, "step": step}
+
+    def _entry(self, values: NDArray[Any], kind: str, shape: tuple[int, ...]) -> dict[str, Any]:
+        packed = zlib.compress(values.tobytes(), LEVEL_OF_COMPRESSION)
+        self.texts.append(base64.b64encode(packed).decode("ascii"))
+        return {"text": len(self.texts) - 1, "kind": kind, "shape": list(shape)}
+
 
 # What a page loads, in this order; vendor.* are the libraries.
 STYLES = ("vendor.css", "page.css")
@@ -82,7 +141,7 @@ def page_frames(path: Path, limits: Limits | None = None) -> PageFrames:
     return PageFrames(_sheet(path, read_series(path), limits, arrays), arrays)
 
 
-def page(
+def _page_of(
     path: Path,
     summary: Mapping[str, Any],
     history: Sequence[Mapping[str, float]],
@@ -235,3 +294,55 @@ def _beside(folder: str) -> tuple[str, str]:
     """Elements that link to the files of the styles and scripts."""
     styles = "\n".join(f'<link rel="stylesheet" href="{folder}/{name}">' for name in STYLES)
     return styles, "\n".join(f'<script src="{folder}/{name}"></script>' for name in SCRIPTS)
+
+
+# A run writes its page itself for sheets of at most so many points.
+LARGE = 200_000
+
+
+def page(
+    folder: str | Path,
+    limits: Limits | None = None,
+    shared: str | None = None,
+    frames: Callable[[], PageFrames] | None = None,
+) -> str:
+    """The page of a run as one self-contained HTML text; arguments as for `Limits` and `_page_of`.
+
+    `frames` returns what the page holds of the frames, if that was begun earlier. A killed run has neither summary nor
+    history; the page then shows only its frames. Raises InputError if the folder has no frames, the frames are damaged,
+    or they lack a field.
+    """
+    folder = Path(folder)
+    if not folder.exists():
+        raise InputError(f"folder = {str(folder)!r}: the folder does not exist; expected the folder of a run")
+    if not folder.is_dir():
+        raise InputError(f"folder = {str(folder)!r}: it is a file; expected the folder of a run")
+    path = folder / FRAMES
+    if not path.is_file():
+        raise InputError(f"folder = {str(folder)!r}: it has no {path.name}; expected the folder of a run with frames")
+    history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
+    summary: dict[str, Any] = run_summary(folder) or {}
+    return _page_of(path, summary, history, page_frames(path, limits) if frames is None else frames(), shared)
+
+
+def write_page(
+    folder: str | Path,
+    out: str | Path | None = None,
+    points: int | None = None,
+    frames: int | None = None,
+    read: Callable[[], PageFrames] | None = None,
+) -> Path:
+    """Write the page of a run atomically, by default as view.html in its folder, and return the file.
+
+    `points` and `frames` are the largest numbers shown; by default 40 000 points and as many frames as keep the page
+    small. `read` returns what the page holds of the frames, if that was begun earlier. Raises InputError as `page`, or
+    if the file cannot be written.
+    """
+    path = Path(folder) / PAGE if out is None else Path(out)
+    text = page(folder, Limits(POINTS if points is None else points, frames), frames=read)
+    if path.is_dir():
+        raise InputError(f"out = {str(path)!r}: it is a folder; expected a file")
+    if path.parent.exists() and not path.parent.is_dir():
+        raise InputError(f"out = {str(path)!r}: expected a file in a folder")
+    write_atomically(path, text)
+    return path

@@ -11,7 +11,7 @@ from warp_pd.device.checks import InputError
 from warp_pd.families import pack
 from warp_pd.fast.force_paths import ALIGNED, TUNING, strips_of
 from warp_pd.laws import weight_tables
-from warp_pd.run.description import plan
+from warp_pd.run.result import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 # An energy is of second order in a strain that float32 knows to 1e-6 of one.

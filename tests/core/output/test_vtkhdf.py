@@ -20,9 +20,7 @@ pytest.importorskip("h5py")
 
 import h5py
 
-from warp_pd.output.file_writers import write_bodies
-from warp_pd.output.point_fields import point_fields
-from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame, read_series
+from warp_pd.output.vtkhdf import VtkHdfSeries, point_fields, read_frame, read_series, write_bodies
 
 write_all = functools.partial(torn_frames.write_all, VtkHdfSeries, frame=make_frame)
 

@@ -29,7 +29,7 @@ from warp_pd.distributed.partition import partition_sheet
 from warp_pd.interfaces import DivergedError, UnbalancedError
 from warp_pd.kernels.block_sums import BLOCK
 from warp_pd.parts.frame_checks import FrameChecks
-from warp_pd.run.divergence import Soundness
+from warp_pd.run.checks import Soundness
 from warp_pd.run.recorder import Recorder
 
 

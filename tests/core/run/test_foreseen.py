@@ -29,7 +29,7 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.output.progress import Progress, duration_text
-from warp_pd.run.foreseen import count_text, foreseen, step_note
+from warp_pd.run.checks import count_text, foreseen, step_note
 
 
 def notes(sheet=None, solver=None, **parts):

@@ -7,8 +7,9 @@ from helpers import NEO, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Implicit, Newton, Pressure, RigidBall, Simulation
+from warp_pd.command import trial
 from warp_pd.output.progress import Progress
-from warp_pd.run import recorder, trial
+from warp_pd.run import recorder
 
 
 def column(table, name):

@@ -26,7 +26,7 @@ from warp_pd import (
 )
 from warp_pd.output import info
 from warp_pd.output.progress import Progress
-from warp_pd.run.divergence import free_motions
+from warp_pd.run.checks import free_motions
 from warp_pd.viewer import plots
 
 SCENE = """

@@ -8,8 +8,8 @@ from helpers import StopAt, refused
 from shared_scenes import scene
 
 from warp_pd import Frames
-from warp_pd.run.files import require_gatherable
-from warp_pd.run.frame_points import FramePoints
+from warp_pd.run.recorder import FramePoints
+from warp_pd.run.runner import require_gatherable
 
 
 @pytest.fixture(scope="module")

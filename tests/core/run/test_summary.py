@@ -20,7 +20,7 @@ from warp_pd import (
 )
 from warp_pd.measures import largest
 from warp_pd.run.folder import read_history
-from warp_pd.run.version import commit_of
+from warp_pd.run.recorder import commit_of
 
 
 def one_frame(tmp_path, usd=False, **parts):

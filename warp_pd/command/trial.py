@@ -5,11 +5,8 @@ from __future__ import annotations
 from time import perf_counter
 
 from ..interfaces import DivergedError, FrameSink
-from .built import Built
-from .foreseen import adapts_steps, count_text, step_note
-
-# Seconds of steps that are timed, after the first ones.
-TIMED = 1.0
+from ..run.built import Built
+from ..run.checks import TIMED, step_note, steps_text
 
 
 class _EnoughError(Exception):
@@ -68,18 +65,3 @@ def foretold(built: Built) -> str:
     rate = trial.counted / trial.seconds if trial.counted and trial.seconds > 0.0 else None
     note = step_note(built, dt)
     return steps_text(built, dt, rate) + (f"\n{note}" if note else "")
-
-
-def steps_text(built: Built, dt: float, rate: float | None = None) -> str:
-    """Step [s], number of steps, time at a rate [steps/s] and memory, in a line."""
-    from ..output.progress import duration_text
-
-    solver, text = built.simulation.solver, f"step {dt:.3g} s"
-    if not adapts_steps(solver):
-        steps = solver.duration / dt
-        text += f", about {count_text(steps)} steps for {solver.duration:g} s"
-        text += "" if rate is None else f", about {duration_text(max(1.0, steps / rate))} on this machine"
-    else:
-        text += " at first, then as the tolerance allows"
-        text += "" if rate is None else f", {rate:.3g} steps/s on this machine"
-    return f"{text}, {built.context.fields.nbytes / 1e6:.3g} MB"
