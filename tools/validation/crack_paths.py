@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -76,8 +77,13 @@ def torn(
     return result.frame.damage, result.frame.intact_faces
 
 
-def kink(points: int, angle: float, device: str | None, turn: float = 0.0, horizon: float = 1.5) -> float:
-    """Angle between an inclined crack and its growth, the mean of both tips [degrees].
+@functools.cache
+def grown(
+    points: int, angle: float, device: str | None, turn: float = 0.0, horizon: float = 1.5
+) -> tuple[float, float]:
+    """Angles between an inclined crack and its growth [degrees], means of both tips: seen from the tip; its own line.
+
+    The damage of a cut ends before its tip, and so does what grows from it: its line need not meet the tip.
 
     Args:
         points: Along each edge of the square sheet.
@@ -96,28 +102,31 @@ def kink(points: int, angle: float, device: str | None, turn: float = 0.0, horiz
     found = []
     for sign, tip in tips.items():
         place = sign * (sheet.points[:, :2] - tip)
-        grown = (distance[sign] > NEAR) & (distance[sign] < FAR) & (place @ along > 0.0) & (damage > CRACKED)
-        x, y = place[grown].sum(axis=0)
-        found.append(angle - np.rad2deg(np.arctan2(y, x)))
-    return float(np.mean(found))
+        new = place[(distance[sign] > NEAR) & (distance[sign] < FAR) & (place @ along > 0.0) & (damage > CRACKED)]
+        middle = new.mean(axis=0)
+        line = np.linalg.svd(new - middle)[2][0]
+        found.append([angle - np.rad2deg(np.arctan2(y, x)) for x, y in (middle, line * np.sign(line @ middle))])
+    from_tip, own = np.mean(found, axis=0)
+    return float(from_tip), float(own)
 
 
 def kinks(points: int, device: str | None) -> Sequence[float]:
     """Kinks at ANGLES."""
-    return [kink(points, angle, device) for angle in ANGLES]
+    return [grown(points, angle, device)[0] for angle in ANGLES]
 
 
 def what_moves_kinks(points: int, device: str | None) -> Mapping[str, float]:
     """The crack of 30 degrees, which grows across a turned grid; the formula a length of the field from the tip."""
     # No weights balance a turned grid at a horizon of 1.5 spacings.
     turned = {
-        f"at 30 degrees, horizon 2.015, grid turned by {turn:g} degrees": kink(points, 30.0, device, turn, 2.015)
+        f"at 30 degrees, horizon 2.015, grid turned by {turn:g} degrees": grown(points, 30.0, device, turn, 2.015)[0]
         for turn in (0.0, 20.0)
     }
+    own = {f"its own line at {angle:g} degrees": grown(points, angle, device)[1] for angle in ANGLES}
     away = {
         f"formula {1e3 * FIELD:g} mm from the tip at {angle:g} degrees": away_from_tip(angle, FIELD) for angle in ANGLES
     }
-    return {**turned, **away}
+    return {**turned, **own, **away}
 
 
 def largest_tangential_stress(angle: float) -> float:
