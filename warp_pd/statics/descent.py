@@ -97,6 +97,8 @@ class Descent:
         self.tension = 0.0
         # Whether the next step takes the tangent of the last one; whether there are aggregates of an earlier one.
         self._kept = self._aggregated = slowest is not None
+        # Whether there is a tangent of this descent.
+        self._usable = False
         self._slowest, self._farthest, self._secants = slowest, farthest, secants
         if secants is not None:
             secants.begin()
@@ -150,9 +152,10 @@ class Descent:
         level, sizes = self.level, self.sizes
         while True:
             least = level.tangent.min_tension(relative)
-            usable = self._kept or self._renew(max(self.tension, least))
+            again = self._kept or (self._usable and self.tension == 0.0 and self._suffices())
+            usable = self._usable = again or self._renew(max(self.tension, least))
             self._aggregated = usable
-            earlier, self._kept = self._kept, usable and self.tension == 0.0 and self._keeps(relative)
+            self._kept = usable and self.tension == 0.0 and self._keeps(relative)
             if not sizes.modulus:
                 sizes.modulus = level.tangent.modulus()
                 if sizes.modulus == 0.0 or not math.isfinite(sizes.modulus):
@@ -171,8 +174,8 @@ class Descent:
                         return found
             if self.constant:
                 return None
-            self._kept = self._aggregated = False
-            if earlier:
+            self._kept = self._aggregated = self._usable = False
+            if again:
                 continue
             self.tension = max(10.0 * self.tension, FIRST_TENSION * sizes.modulus)
             if self.tension > MAX_TENSION * sizes.modulus:
@@ -189,6 +192,15 @@ class Descent:
         return self.solver.kind != "multigrid" or (
             len(self.residuals) > 1 and self.residuals[-1] < FALLS * self.residuals[-2]
         )
+
+    def _suffices(self) -> bool:
+        """Whether the last tangent, at full length, leads to the goal.
+
+        Newton's residuals fall as r2 = c r1^2, those of a step with the tangent of r1 as 2 c r1 r2, with a margin here.
+        """
+        earlier, last = ([math.inf] * 2 + self.residuals)[-2:]
+        whole = not self.lifting and bool(self.step_lengths) and self.step_lengths[-1] == 1.0
+        return whole and not self.level.predicts and 10.0 * last**2 <= self.tolerance * earlier
 
     def _keeps(self, relative: float) -> bool:
         """Whether the next step takes this tangent: the last one reduced the residual enough."""
