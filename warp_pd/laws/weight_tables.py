@@ -10,6 +10,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
+from ..device.kept import Kept
 from ..families import (
     Families,
     InfluenceFunction,
@@ -45,6 +46,8 @@ TRIED, MOST_TRIED = (1.8, 2.015, 2.5, 3.15), 3000
 
 
 Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
+# A sweep, a fit, and the coarser lattices of a path ask for the same tables many times.
+TABLES = Kept()
 
 
 def law_tables(context: Context, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
@@ -74,6 +77,18 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
     Raises:
         InputError: if weights cannot be corrected for this horizon or so large a cloud, or leave much unbalanced.
     """
+    return _copy_of_report(TABLES.result(_balanced_weight_tables, sheet, horizon, influence, weights))
+
+
+def _copy_of_report(tables: Tables) -> Tables:
+    """Tables that are kept, with a report that a run may write to."""
+    report = tables[3]
+    return *tables[:3], None if report is None else dict(report)
+
+
+def _balanced_weight_tables(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str
+) -> Tables:  # fmt: skip
     found = _weight_tables(sheet, horizon, influence, weights)
     _require_balanced(sheet, horizon, found[3], "plain", lambda tried: _weight_tables(sheet, tried, influence, weights))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import weakref
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -271,8 +272,18 @@ class TangentMatrix:
         return factorised(matrix, self.free, added)
 
 
+# Patterns of families that are kept, see TABLES of laws/weight_tables.py.
+_PATTERNS: weakref.WeakKeyDictionary[Families, tuple[np.ndarray, np.ndarray]] = weakref.WeakKeyDictionary()
+
+
 def pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:
     """Points that share a family, as starts of rows, shape (N + 1,), and columns in ascending order."""
+    if families not in _PATTERNS:
+        _PATTERNS[families] = _pattern(families)
+    return _PATTERNS[families]
+
+
+def _pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:
     from scipy import sparse
 
     n, every = families.points, np.arange(families.points)
