@@ -98,9 +98,9 @@ def test_memory_is_bounded_and_the_last_ones_stay():
 
 def test_content_tells_values_apart():
     values = [
-        None, True, 1, 1.0, "1", (1,), [1], (1, 2), ((1,), 2), (1, (2,)), "", (), -0.0, 0.0, {"a": 1}, {"a": (1,)}, np.nan,
-        np.zeros(2), np.zeros((2, 1)), np.zeros(2, np.float32), np.zeros(4, np.float32), np.zeros(0), np.float64(1.0),
-        LATTICE, CLOUD,
+        None, True, 1, 1.0, "1", (1,), [1], (1, 2), ((1,), 2), (1, (2,)), "", (), -0.0, 0.0, {"a": 1}, {"a": (1,)},
+        np.nan, np.zeros(2), np.zeros((2, 1)), np.zeros(2, np.float32), np.zeros(4, np.float32), np.zeros(0),
+        np.float64(1.0), LATTICE, CLOUD,
     ]  # fmt: skip
     keys = [content(value) for value in values]
     assert None not in keys and len(set(keys)) == len(values)
