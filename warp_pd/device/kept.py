@@ -72,7 +72,7 @@ def _parts(value: Any) -> Iterator[bytes]:
         if value.dtype.hasobject:
             raise TypeError("an array of objects")
         yield f"array {value.dtype.str} {value.shape}".encode()
-        yield np.ascontiguousarray(value).data if value.size else b""
+        yield value.tobytes()
     elif value is None or isinstance(value, (bool, int, float, str, np.generic)):
         yield f"{type(value).__name__} {value!r};".encode()
     elif isinstance(value, (tuple, list)):
