@@ -420,13 +420,13 @@ def gent_response(bits: int) -> wp.Function:
 
 @functools.cache
 def continued_gent_equations(bits: int) -> Equations:
-    """The equations of the material continued beyond x_s."""
+    """The equations of the Gent material whose logarithm goes on as its tangent from I1b - 3 = x_s on."""
     return locking_equations(bits, True)
 
 
 @functools.cache
 def continued_gent_response(bits: int) -> wp.Function:
-    """Stress and moduli of the material continued beyond x_s."""
+    """Stress and moduli of the Gent material whose logarithm goes on as its tangent from I1b - 3 = x_s on."""
     return locking_response(bits, True)
 
 

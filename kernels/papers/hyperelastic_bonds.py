@@ -42,7 +42,7 @@ def hyperelastic_bonds(layout: Layout) -> tuple[BondLaw, Any]:
 
     @wp.func
     def tension(e: real, p: parameters):
-        """t(1 + e) [Pa]; p = (t(1), b, c, d), and a = t(1) + b + c + d."""
+        """Traction t [Pa] at the stretch 1 + e, from p = (t(1), b, c, d), without the a that these determine."""
         r = real(1.0) / (real(1.0) + e)
         r2 = r * r
         second = (real(2.0) + e) * r2
@@ -54,7 +54,7 @@ def hyperelastic_bonds(layout: Layout) -> tuple[BondLaw, Any]:
 
     @wp.func
     def slope(e: real, p: parameters):
-        """dt/ds [Pa]."""
+        """The derivative dt/ds [Pa] at the stretch 1 + e."""
         r = real(1.0) / (real(1.0) + e)
         r3 = r * r * r
         return (

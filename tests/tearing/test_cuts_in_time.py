@@ -231,8 +231,8 @@ def test_wrong_cuts_are_refused(make, message):
     [
         (square(9), Slit([(1.0, 1.0), (2.0, 1.0)], at=0.0), "cuts no bond"),
         (square(9), Punch((1.0, 1.0), 0.01, at=0.0), "cuts no bond"),
-        (square(9), [Slit(PATH, at=0.0), Slit(PATH, at=1.0)], "at=1.0.*: other cuts open all its bonds no later"),
-        (square(9), [Slit(PATH, at=2.0), Slit(PATH, at=1.0)], "at=2.0.*: other cuts open all its bonds no later"),
+        (square(9), [Slit(PATH, at=0.0), Slit(PATH, at=1.0)], "at=1.0.*: by then other cuts have opened all its bonds"),
+        (square(9), [Slit(PATH, at=2.0), Slit(PATH, at=1.0)], "at=2.0.*: by then other cuts have opened all its bonds"),
         (square(9).cut(*PATH), Slit(PATH, at=1.0), "and is not cut before the run"),
         (square(9).inclusion((0.05, 0.05), 0.02), Slit(PATH, at=1.0), "passes through a rigid inclusion at"),
         (square(9), Seam([0, 1], [1, 2], at=0.0), "share points"),

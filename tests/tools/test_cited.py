@@ -147,6 +147,35 @@ def test_cited_commands_have_these_arguments(page):
     assert not wrong
 
 
+def named_in_code(text):
+    """Files of the checkout, and modules and what they hold, that docstrings and comments name."""
+    yield from re.findall(rf"(?<![\w/.])((?:{FOLDERS})/[\w/.-]+\.(?:py|md|json|csv))", text)
+    for dotted in re.findall(r"`(?:warp_pd\.)?((?:kernels|warp_pd)(?:\.\w+)+)(?:\([^`]*\))?`", text):
+        yield from [dotted.replace(".", "/")]
+
+
+def is_there(name):
+    """Whether a file is there, or a folder or module that holds the rest of a dotted name."""
+    path, rest = ROOT / name, ""
+    while not (path.exists() or path.with_suffix(".py").is_file()):
+        path, rest = path.parent, path.name
+    source = (
+        path
+        if path.is_file()
+        else path.with_suffix(".py")
+        if path.with_suffix(".py").is_file()
+        else path / "__init__.py"
+    )
+    return not rest or (path != ROOT and source.is_file() and rest in source.read_text())
+
+
+def test_code_names_what_is_there():
+    files = [path for folder in ("warp_pd", "kernels", "scenes", "tools") for path in (ROOT / folder).rglob("*.py")]
+    named = {(path.name, name) for path in files for name in named_in_code(path.read_text())}
+    assert len(named) > 100
+    assert not [(path, name) for path, name in sorted(named) if not is_there(name)]
+
+
 def test_every_picture_and_table_is_on_a_page():
     """Of those beside the pages; tools and tests read some tables."""
     text = "".join(p.read_text() for p in [*PAGES, *(ROOT / "tools").rglob("*.py"), *(ROOT / "tests").rglob("*.py")])

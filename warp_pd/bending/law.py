@@ -360,7 +360,7 @@ class BendingTangent(Tangent):
         return False
 
     def modulus(self) -> float:
-        """Modulus of the sheet without bending [Pa]."""
+        """Size of the moduli in the plane [Pa], without bending."""
         return self.law.modulus()
 
     def mean_tension(self) -> float:

@@ -10,7 +10,7 @@ from ..run.checks import TIMED, step_note, steps_text
 
 
 class _EnoughError(Exception):
-    """Ends a trial."""
+    """Ends the short run that tells how long a whole one takes."""
 
 
 class _Trial(FrameSink):

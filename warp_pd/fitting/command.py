@@ -54,7 +54,9 @@ def fit_scene(
         tests += found
         yield from notes
     if not (tests or measure is None or any(measure in table.columns for table in tables)):
-        raise InputError(f"measure = {measure!r}: expected a column of the files, or none")
+        raise InputError(
+            f"measure = {measure!r}: expected a column of the files; leave --measure out if they name theirs"
+        )
     experiments: list[Experiment] = []
     if ramps:
         experiments.append(law_tests(build, ramps, settings))

@@ -99,7 +99,7 @@ class BondBasedTangent:
         return bool(blocks[..., 5].max() < SLACK * blocks[..., [0, 3]].max())
 
     def modulus(self) -> float:
-        """Modulus of stretched bonds [Pa]."""
+        """Modulus of bonds in tension, E+ [Pa]."""
         return float(self.material.constants[0])
 
     def sparse(self) -> BondBasedMatrix:

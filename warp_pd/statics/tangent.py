@@ -113,7 +113,7 @@ class Tangent(Protocol):
         ...
 
     def modulus(self) -> float:
-        """Modulus of the sheet [Pa] at the last linearisation."""
+        """Size of the moduli of the sheet [Pa] at the last linearisation, to scale what is small beside them."""
         ...
 
     def mean_tension(self) -> float:

@@ -89,7 +89,7 @@ class ContinuedInvariant(Incompressible):
 
     @property
     def energy(self) -> FunctionFactory:
-        """See `kernels.continuation.continued_energy`."""
+        """See `kernels.tearing.continuation.continued_energy`."""
         from ..kernels.tearing.continuation import continued_energy
 
         return continued_energy(self.material.energy)
@@ -168,7 +168,7 @@ class ContinuedEnergy(PlaneStress):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """See `kernels.continuation.continued_functions`."""
+        """See `kernels.tearing.continuation.continued_functions`."""
         from ..kernels.tearing.continuation import continued_functions
 
         known = self._known

@@ -317,7 +317,7 @@ class OpeningCuts(BuiltRupture):
             found[tail, member] = np.minimum(found[tail, member], times)
         if len(idle := np.setdiff1d(np.arange(len(self.rupture.each)), maker)):
             raise InputError(
-                f"{self.rupture.each[idle[0]]!r}: other cuts open all its bonds no later: expected each cut once"
+                f"{self.rupture.each[idle[0]]!r}: by then other cuts have opened all its bonds: expected each cut once"
             )
         points = np.flatnonzero(np.isfinite(found).any(axis=1))
         return points, found[points]

@@ -86,7 +86,7 @@ class NeuralTangent(Tangent):
         return self.near.is_slack()
 
     def modulus(self) -> float:
-        """Modulus of the sheet [Pa]."""
+        """Size of the moduli [Pa], that of the bond-associated tangent beside it."""
         return self.near.modulus()
 
     def mean_tension(self) -> float:
