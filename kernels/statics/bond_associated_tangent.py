@@ -539,7 +539,8 @@ def bond_associated_tangent(
                 m = f.neighbour(family, i, k)
                 if m > i:
                     entry = entry_of(columns, entry, own, m)
-                    matrix[entry] = wp.transpose(of_centre[i, k])
+                    # At an interface of materials m may be a member twice.
+                    matrix[entry] = matrix[entry] + wp.transpose(of_centre[i, k])
         # Those of its neighbours.
         for s in range(family.members):
             if f.is_intact(family, i, s):

@@ -9,7 +9,7 @@ from helpers import GENT, NEO, jittered, rough, sever, soften, square
 from material_kernels import evaluate, respond
 from small_runs import simulate
 
-from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, TearingEnergy
+from warp_pd import ByRegion, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, TearingEnergy
 from warp_pd.device.fields import assign
 from warp_pd.statics import bond_associated_tangent
 from warp_pd.statics.level import Level
@@ -59,6 +59,11 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     return level
 
 
+CLOUD = square(11).as_cloud()
+HALVES = ByRegion(NEO, [(CLOUD.where(lambda x, y: x < 0.0501), GENT)])
+GRADED = Sheet.outline(
+    [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], spacing=lambda x, y: 0.008 + 0.08 * x, thickness=1e-3, density=1e3
+)
 CRACK = ((0.02, 0.048), (0.07, 0.062))
 CASES = {
     "lattice": (square(11), {"horizon": 3.15}),
@@ -69,6 +74,8 @@ CASES = {
     "broken lattice": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "sphere": (small_sphere(), {"weights": "corrected"}),
     "broken tube": (small_tube(16, 1.5), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
+    "two materials": (CLOUD, {"assembled": True, "material": HALVES, "weights": "corrected"}),
+    "graded": (GRADED, {"assembled": True, "weights": "corrected"}),
     "softened and broken cloud": (jittered(11), {"crack": CRACK, "damage": TearingEnergy(10.0)}),
 }  # fmt: skip
 
