@@ -157,7 +157,7 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 
 @functools.cache
 def bond_associated_tangent(
-    layout: Layout, response: FunctionFactory, held: bool, remembers: bool = False
+    layout: Layout, response: FunctionFactory, held: bool, remembers: bool = False, words: int = 0
 ) -> TangentKernels:
     """Kernels of the tangent.
 
@@ -166,6 +166,7 @@ def bond_associated_tangent(
         response: Factory of stress and moduli of the material.
         held: Whether any component is held.
         remembers: Whether `response` also takes (i, j, members, terms, state), the internal variables of a step.
+        words: Words of a family's masks on a CPU, whose threads have tables of their family; 0 for none.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
@@ -185,6 +186,7 @@ def bond_associated_tangent(
     left = stiffness_left(bits)
     Row = wp.types.vector(length=ROW, dtype=real)
     Part = wp.types.vector(length=8, dtype=real)
+    Moments = wp.types.matrix(shape=(WORD * max(words, 1), 8), dtype=real)
 
     @wp.func
     def first_zero(constant: real, linear: real, square: real):
@@ -215,6 +217,11 @@ def bond_associated_tangent(
         else:
             return response_of(G, here)
 
+    @wp.func
+    def moment(family: Family, i: int, k: int):
+        """Return c_k xi_k."""
+        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
+
     @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
@@ -231,10 +238,52 @@ def bond_associated_tangent(
     ):
         i = wp.tid() + first
         undamaged = f.is_undamaged(family, i)
+        if wp.static(words > 0):
+            # On a CPU as in kernels/family_rows.py: what a member adds to each intersection is computed once.
+            rows = Moments()
+            if undamaged:
+                for k in range(family.members):
+                    if f.is_intact(family, i, k):
+                        m = f.neighbour(family, i, k)
+                        arm = moment(family, i, k)
+                        u = displacement[m] - displacement[i]
+                        row = Part()
+                        for c in range(3):
+                            row[c] = arm[0] * u[c]
+                            row[3 + c] = arm[1] * u[c]
+                        rows[k] = row
         for j in range(family.members):
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
-            there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
+            if wp.static(words > 0):
+                there = bool(False)
+                H1 = vec3(real(0.0), real(0.0), real(0.0))
+                H2 = vec3(real(0.0), real(0.0), real(0.0))
+                weight = real(0.0)
+                tilt = vec2(real(0.0), real(0.0))
+                if undamaged:
+                    if f.is_intact(family, i, j):
+                        sums = Part()
+                        for word in range(wp.static(words)):
+                            members = f.common(family, i, j, word) & f.intact_members(family, i, word)
+                            while members != wp.uint32(0):
+                                sums += rows[word * word_size + lowest_bit(members)]
+                                members = without_lowest_bit(members)
+                        zero = vec3(real(0.0), real(0.0), real(0.0))
+                        G1, G2, _shape, tilt_here = law.gradient_over(
+                            family, i, j, undamaged, vec3(sums[0], sums[1], sums[2]), vec3(sums[3], sums[4], sums[5]),
+                            zero, tilt,
+                        )  # fmt: skip
+                        tilt = tilt_here
+                        if _shape[0] > real(0.0):
+                            there = True
+                            H1 = family.inverse_horizon * G1
+                            H2 = family.inverse_horizon * G2
+                            weight = f.weight(family, i, j)
+                else:
+                    there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
+            else:
+                there, H1, H2, _inverse, weight, tilt = visit(family, displacement, i, j, undamaged)
             if there:
                 S, T = responded(family, i, j, motion.green(H1, H2, tilt), constants, terms, state)
                 A1, A2 = motion.gradient(H1, H2, tilt)
@@ -441,11 +490,6 @@ def bond_associated_tangent(
         if inertia:
             block += inertia[i] * wp.identity(n=3, dtype=real)
         out[i] = inverse_of(block, mask)
-
-    @wp.func
-    def moment(family: Family, i: int, k: int):
-        """Return c_k xi_k."""
-        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
 
     @kernel(gathers=("displacement",))
     def stiffen(

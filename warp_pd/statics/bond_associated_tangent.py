@@ -16,7 +16,7 @@ from ..device.launches import Stage
 from ..families import Families
 from ..kernels.statics.bond_associated_tangent import ROW, bond_associated_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
-from ..laws.force_paths import BondAssociatedLaw
+from ..laws.force_paths import ROWS_MEMBERS, BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
 from .krylov import factorised
 from .tangent import Prediction, Solve
@@ -62,7 +62,10 @@ class BondAssociatedTangent:
                 f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
                 f"or use the solver Relaxation"
             )
-        self.kernels = bond_associated_tangent(force.layout, response, context.options.held, remembered is not None)
+        tables = stored_on(context.device) and force.families.members <= ROWS_MEMBERS
+        self.kernels = bond_associated_tangent(
+            force.layout, response, context.options.held, remembered is not None, force.families.words * tables
+        )
         self._remembered: dict[str, Any] = {"terms": None, "state": None}
         if remembered is not None:
             self._remembered = {"terms": remembered.terms, "state": remembered.state}
