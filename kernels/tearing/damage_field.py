@@ -53,8 +53,8 @@ NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 
 
 @functools.cache
-def field_tables(bits: int) -> Any:
-    """Struct of what a damage field does not change.
+def field_struct(bits: int) -> Any:
+    """Struct of a damage field: first what it does not change.
 
     spared_mask: Points that are excluded from damage, if there are any.
     members: Members whose bonds may be stretched so far that their points are damaged.
@@ -62,17 +62,24 @@ def field_tables(bits: int) -> Any:
     shifts, x, y, least, most: On a lattice, of up to four members: difference of indices, components [m], and range of
         the squared length [m^2], here with some margin for round-off.
     scale: Factor that turns the energy of a family into y.
-    fastest: m of the g in use, see kernels/tearing/damage_field.py.
+    fastest: m of the g in use, see above.
     ahead: Points beyond the end of a cut.
     neighbours, couplings: Neighbours of a point and c_ik, [neighbours, points].
     relaxations: Factors of the sweeps.
     squared_reach: Squared distance from a severed point at which bonds break, in units of horizon^2.
+    damage, other: Damage after even and odd sweeps; between steps both are the damage.
+    before, driving: Damage before the sweeps, and y, of listed points; -1 where damage cannot change.
+    severed_at: Damage at which a point is severed.
+    softening: 1 - sqrt(g), where that is not the damage.
+    awake, near_damage: Points to look at in every step, and those with damage in their family.
+    listed, count, found: The list of points, its length, and those of the lists of all CPU threads.
+    arrived: Counter of barriers.
     """
     types = numeric(bits)
     real, four = types.real, types.parameters
 
     @wp.struct
-    class FieldTables:
+    class Field:
         spared_mask: wp.array(dtype=wp.uint8)
         members: wp.array(dtype=wp.int32)
         shortest: real
@@ -89,8 +96,20 @@ def field_tables(bits: int) -> Any:
         couplings: wp.array2d(dtype=real)
         relaxations: wp.array(dtype=real)
         squared_reach: wp.array(dtype=real)
+        damage: wp.array(dtype=real)
+        other: wp.array(dtype=real)
+        before: wp.array(dtype=real)
+        driving: wp.array(dtype=real)
+        severed_at: wp.array(dtype=real)
+        softening: wp.array(dtype=real)
+        awake: wp.array(dtype=wp.uint8)
+        near_damage: wp.array(dtype=wp.uint8)
+        listed: wp.array(dtype=wp.int32)
+        count: wp.array(dtype=wp.int32)
+        found: wp.array(dtype=wp.int32)
+        arrived: wp.array(dtype=wp.int32)
 
-    return FieldTables
+    return Field
 
 
 @wp.struct
@@ -116,11 +135,18 @@ class OtherFamilies:
 
 @functools.cache
 def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Function | None, lanes: int) -> wp.Function:
-    """Function `drive_points` of a thread: what `drive` does; arguments as for `damage_field`."""
+    """Function of a thread that fills `driving` and `before` at listed points; it severs those that a tear has passed.
+
+    Args:
+        layout: Layout of the families.
+        driving_energy: Warp function of the part of a family's energy that drives damage, at an earlier time.
+        partial_energy: Warp function of what a thread adds to it, if several threads share a family.
+        lanes: Number of these threads, or 1.
+    """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(driving_energy)
     f = family_functions(layout)
-    Family, Tables = f.struct, field_tables(layout.bits)
+    Family, Field = f.struct, field_struct(layout.bits)
     sum_lanes = sum_of_lanes(layout.bits)
 
     @wp.func
@@ -139,21 +165,15 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
         family: Family,
         displacement: wp.array(dtype=vec3),
         constants: Constants,
-        tables: Tables,
-        awake: wp.array(dtype=wp.uint8),
-        damage: wp.array(dtype=real),
-        listed: wp.array(dtype=wp.int32),
+        a: Field,
         thread: int,
         end: int,
         stride: int,
-        severed_at: wp.array(dtype=real),
-        driving: wp.array(dtype=real),
-        before: wp.array(dtype=real),
     ):
         """`stride`: number of families that threads work on at once."""
         lane = thread % wp.static(lanes)
         for n in range(thread // wp.static(lanes), end, stride):
-            i = listed[n]
+            i = a.listed[n]
             stored = real(0.0)
             if wp.static(lanes > 1):
                 part = partial_energy(family, displacement, constants, i, lane, wp.static(lanes))
@@ -161,31 +181,34 @@ def driving(layout: Layout, driving_energy: wp.Function, partial_energy: wp.Func
             else:
                 stored = driving_energy(family, displacement, displacement, real(0.0), constants, i)
             if lane == 0:
-                y = tables.scale[i] * stored
-                driving[i] = wp.where(y * tables.fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
-                before[i] = damage[i]
-                if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
-                    enough = wp.where(tables.ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
+                y = a.scale[i] * stored
+                a.driving[i] = wp.where(y * a.fastest > real(1.0) or a.awake[i] != wp.uint8(0), y, real(-1.0))
+                a.before[i] = a.damage[i]
+                if a.damage[i] < a.severed_at[i] and a.damage[i] > real(NEARLY) * a.severed_at[i]:
+                    enough = wp.where(a.ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
                     if fraction_broken(family, i) >= enough:
-                        severed_at[i] = damage[i]
+                        a.severed_at[i] = a.damage[i]
 
     return drive_points
 
 
 @functools.cache
 def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
-    """Function `sweep_points` of a thread: what `sweep` does; arguments as for `damage_field`."""
-    real, Tables = layout.types.real, field_tables(layout.bits)
+    """Function of a thread that sweeps over listed points, with so many neighbours (`near`) in the tables of couplings.
+
+    `weak`: the strength is less than 3 Gc / (16 l).
+    """
+    real, Field = layout.types.real, field_struct(layout.bits)
     _, fall, curvature = degradation(layout.bits, weak)
     Indices = wp.types.vector(length=near, dtype=wp.int32)
     Couplings = wp.types.vector(length=near, dtype=real)
 
     @wp.func
-    def couplings_of(tables: Tables, i: int):
+    def couplings_of(a: Field, i: int):
         m, c = Indices(), Couplings()
         for k in range(wp.static(near)):
-            m[k] = tables.neighbours[k, i]
-            c[k] = tables.couplings[k, i]
+            m[k] = a.neighbours[k, i]
+            c[k] = a.couplings[k, i]
         return m, c
 
     @wp.func
@@ -212,79 +235,46 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
         return wp.clamp(relaxation * (d + above / below) + (real(1.0) - relaxation) * earlier, least, real(1.0))
 
     @wp.func
-    def sweep_once(
-        tables: Tables,
-        driving: wp.array(dtype=real),
-        before: wp.array(dtype=real),
+    def sweep_rest(
+        a: Field,
         relaxation: real,
-        listed: wp.array(dtype=wp.int32),
         thread: int,
         end: int,
         stride: int,
         source: wp.array(dtype=real),
         target: wp.array(dtype=real),
-        i: int,
-        m: Indices,
-        c: Couplings,
-        y: real,
-        now: real,
-        earlier: real,
-        least: real,
     ):
-        """Sweep over the points of a thread; on entry `target` holds the damage of the last sweep but one.
-
-        What belongs to its first point, i, is given. The result is the damage there.
-        """
-        new = swept(source, m, c, y, now, earlier, least, tables.fastest, relaxation)
-        if thread < end:
-            target[i] = new
+        """Sweep over all but the first point of a thread; on entry `target` has the last damage but one."""
         for n in range(thread + stride, end, stride):
-            j = listed[n]
-            near_j, couplings_j = couplings_of(tables, j)
-            target[j] = swept(
-                source, near_j, couplings_j, driving[j], source[j], target[j], before[j], tables.fastest, relaxation
-            )
-        return new
+            j = a.listed[n]
+            m, c = couplings_of(a, j)
+            target[j] = swept(source, m, c, a.driving[j], source[j], target[j], a.before[j], a.fastest, relaxation)
 
     @wp.func
-    def sweep_points(
-        tables: Tables,
-        driving: wp.array(dtype=real),
-        before: wp.array(dtype=real),
-        sweep_begin: int,
-        sweep_end: int,
-        listed: wp.array(dtype=wp.int32),
-        thread: int,
-        end: int,
-        stride: int,
-        blocks: int,
-        damage: wp.array(dtype=real),
-        other: wp.array(dtype=real),
-        arrived: wp.array(dtype=wp.int32),
-    ):
+    def sweep_points(a: Field, sweep_begin: int, sweep_end: int, thread: int, end: int, stride: int, blocks: int):
         """All threads of the first `blocks` blocks call it, which wait for each other between sweeps."""
         # What a thread needs of its first point stays in its registers.
-        i = listed[wp.min(thread, end - 1)]
-        m, c = couplings_of(tables, i)
-        y, least = driving[i], before[i]
+        i = a.listed[wp.min(thread, end - 1)]
+        m, c = couplings_of(a, i)
+        y, least = a.driving[i], a.before[i]
         even = sweep_begin % 2 == 0
-        now = wp.where(even, damage[i], other[i])
-        earlier = wp.where(even, other[i], damage[i])
+        now = wp.where(even, a.damage[i], a.other[i])
+        earlier = wp.where(even, a.other[i], a.damage[i])
         for number in range(sweep_begin, sweep_end):
             if number > sweep_begin:
-                wait_for_blocks(arrived, blocks)
-            relaxation = tables.relaxations[number]
+                wait_for_blocks(a.arrived, blocks)
+            relaxation = a.relaxations[number]
             new = now
             if number % 2 == 0:
-                new = sweep_once(
-                    tables, driving, before, relaxation, listed, thread, end, stride,
-                    damage, other, i, m, c, y, now, earlier, least,
-                )  # fmt: skip
+                new = swept(a.damage, m, c, y, now, earlier, least, a.fastest, relaxation)
+                if thread < end:
+                    a.other[i] = new
+                sweep_rest(a, relaxation, thread, end, stride, a.damage, a.other)
             else:
-                new = sweep_once(
-                    tables, driving, before, relaxation, listed, thread, end, stride,
-                    other, damage, i, m, c, y, now, earlier, least,
-                )  # fmt: skip
+                new = swept(a.other, m, c, y, now, earlier, least, a.fastest, relaxation)
+                if thread < end:
+                    a.damage[i] = new
+                sweep_rest(a, relaxation, thread, end, stride, a.other, a.damage)
             earlier = now
             now = new
 
@@ -293,11 +283,19 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
 
 @functools.cache
 def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_energy: wp.Function) -> wp.Function:
-    """Function `finish_points` of a thread: what `finish` does; arguments as for `damage_field`."""
+    """Function of a thread that breaks bonds of listed points and wakes the neighbours of new damage.
+
+    Args:
+        layout: Layout of the families.
+        spared: Whether some points are excluded from damage.
+        tracked: Whether to sum the released energy.
+        weak: Whether the strength is less than 3 Gc / (16 l).
+        earlier_energy: Warp function of the force law's energy of a family at an earlier time.
+    """
     types = layout.types
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
-    Family, Tables, word_size = f.struct, field_tables(layout.bits), WORD
+    Family, Field, word_size = f.struct, field_struct(layout.bits), WORD
     left = degradation(layout.bits, weak)[0]
     energy_of_step = energy_over_step(layout, earlier_energy)
 
@@ -364,37 +362,30 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
         step: wp.array(dtype=real),
         constants: Constants,
         unit_volume: real,
-        tables: Tables,
-        severed_at: wp.array(dtype=real),
-        damage: wp.array(dtype=real),
-        before: wp.array(dtype=real),
-        listed: wp.array(dtype=wp.int32),
+        a: Field,
         thread: int,
         end: int,
         stride: int,
         others: OtherFamilies,
-        awake: wp.array(dtype=wp.uint8),
-        near_damage: wp.array(dtype=wp.uint8),
-        softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
     ):
         for n in range(thread, end, stride):
-            i = listed[n]
-            if damage[i] > real(0.0) and before[i] == real(0.0):
-                awake[i] = wp.uint8(1)
-                for k in range(tables.neighbours.shape[0]):
-                    awake[tables.neighbours[k, i]] = wp.uint8(1)
-                near_damage[i] = wp.uint8(1)
+            i = a.listed[n]
+            if a.damage[i] > real(0.0) and a.before[i] == real(0.0):
+                a.awake[i] = wp.uint8(1)
+                for k in range(a.neighbours.shape[0]):
+                    a.awake[a.neighbours[k, i]] = wp.uint8(1)
+                a.near_damage[i] = wp.uint8(1)
                 for k in range(family.members):
                     if bit_of(f.initial(family, i, k // word_size), k % word_size):
-                        near_damage[f.neighbour(family, i, k)] = wp.uint8(1)
+                        a.near_damage[f.neighbour(family, i, k)] = wp.uint8(1)
             if wp.static(weak):
-                softening[i] = real(1.0) - wp.sqrt(left(damage[i], tables.fastest))
-            grows = damage[i] > before[i]
+                a.softening[i] = real(1.0) - wp.sqrt(left(a.damage[i], a.fastest))
+            grows = a.damage[i] > a.before[i]
             breaks = bool(False)
-            if near_severed(family, damage, severed_at, i):
+            if near_severed(family, a.damage, a.severed_at, i):
                 for word in range(family.words):
-                    kept = bonds_left(family, damage, severed_at, tables.spared_mask, tables.squared_reach, i, word)
+                    kept = bonds_left(family, a.damage, a.severed_at, a.spared_mask, a.squared_reach, i, word)
                     breaks = breaks or kept != family.intact[word, i]
             # One loop before and after bonds break, as the compiler spells out what stands twice.
             lost = real(0.0)
@@ -406,18 +397,18 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
                             others.points[wp.atomic_add(others.count, 0, 1)] = i
                     for word in range(family.words):
                         family.intact[word, i] = bonds_left(
-                            family, damage, severed_at, tables.spared_mask, tables.squared_reach, i, word
+                            family, a.damage, a.severed_at, a.spared_mask, a.squared_reach, i, word
                         )
                 if wp.static(tracked):
                     if breaks or grows:
                         stored = energy_of_step(family, displacement, velocity, step[0], constants, i)
-                        now = left(damage[i], tables.fastest)
+                        now = left(a.damage[i], a.fastest)
                         if after == 1:
                             lost -= now * stored
                         elif breaks:
-                            lost = left(before[i], tables.fastest) * stored
+                            lost = left(a.before[i], a.fastest) * stored
                         else:
-                            lost = (left(before[i], tables.fastest) - now) * stored
+                            lost = (left(a.before[i], a.fastest) - now) * stored
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 

@@ -20,8 +20,22 @@ from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
-from ..kernels.tearing.damage_field import OtherFamilies, field_tables
-from ..kernels.tearing.damage_step import RESIDENT, TOGETHER, WAITING_BLOCK, damage_field
+from ..kernels.tearing.damage_field import OtherFamilies, field_struct
+from ..kernels.tearing.damage_step import (
+    RESIDENT,
+    TOGETHER,
+    WAITING_BLOCK,
+    FieldOptions,
+    drive_kernel,
+    empty,
+    find_kernel,
+    finish_kernel,
+    of_frames,
+    pack,
+    rouse_kernel,
+    sweep_kernel,
+    wake_kernel,
+)
 from ..kernels.threads import lanes_of
 from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
@@ -118,23 +132,26 @@ class DamageField(Damaged):
         self.sweeps *= SWEEPS_AT_REST if context.at_rest else 1
         factors = self.sweeps * [1.0] if weak else relaxations(self.sweeps)
         screen, few = screen_of(law, context, self.owner, self.limit)
-        self._tables = with_values(field_tables(context.bits)(), {
-            **screen, "spared_mask": self.spared, "scale": self._scale, "fastest": self._fastest, "ahead": self._ahead,
-            "neighbours": self._neighbours, "couplings": self._couplings, "squared_reach": self._reach,
-            "relaxations": context.array("relaxations", self.owner, real, factors, per="table"),
-        })  # fmt: skip
         shared = context.device.is_cuda and law.partial_energy is not None
         self._lanes = lanes_of(law.families.members) if shared else 1
-        self.kernels = damage_field(
-            context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
-            few, self.released is not None, weak, law.earlier_energy,
-            law.driving_energy or law.earlier_energy,
-            law.partial_energy, self._lanes, len(self._neighbours), self._looks, self._ghosts is not None,
+        assert law.earlier_energy is not None
+        self._of = FieldOptions(
+            context.layout, self.spared is not None, rupture.screened, few, self.released is not None, weak,
+            law.earlier_energy, law.driving_energy or law.earlier_energy, law.partial_energy if shared else None,
+            self._lanes, len(self._neighbours),
         )  # fmt: skip
         self._softening = self.field
         if weak:
             softened = self.constants.softened(self._least)
             self._softening = context.array("softening", self.owner, real, softened, restart=True, own_exchange=True)
+        self._arrays = with_values(field_struct(context.bits)(), {
+            **screen, "spared_mask": self.spared, "scale": self._scale, "fastest": self._fastest, "ahead": self._ahead,
+            "neighbours": self._neighbours, "couplings": self._couplings, "squared_reach": self._reach,
+            "relaxations": context.array("relaxations", self.owner, real, factors, per="table"), "damage": self.field,
+            "other": self._other, "before": self._before, "driving": self._driving, "severed_at": self._severed_at,
+            "softening": self._softening, "awake": self._awake, "near_damage": self._near, "listed": self._listed,
+            "count": self._count, "found": self._found, "arrived": self._arrived,
+        })  # fmt: skip
         law.soften(self._softening, self._near)
         self._refuse_early(law)
 
@@ -272,7 +289,7 @@ class DamageField(Damaged):
 
     def _add_energy(self, stage: Stage) -> None:
         stage.launch(
-            self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
+            self.owner, of_frames(self.context.bits)[0], self.context.sheet.size, neighbours=self._neighbours,
             couplings=self._couplings, limit=self._limits, damage=self.field, out=self.fracture,
         )  # fmt: skip
 
@@ -361,8 +378,8 @@ class DamageField(Damaged):
     def _add_rousing(self, stage: Stage) -> None:
         """Add the launch that marks awake points."""
         stage.launch(
-            self.owner, self.kernels.rouse, self.context.sheet.size, family=self.law.struct,
-            neighbours=self._neighbours, damage=self.field, awake=self._awake, near_damage=self._near,
+            self.owner, rouse_kernel(self.context.layout), self.context.sheet.size, family=self.law.struct,
+            a=self._arrays,
         )  # fmt: skip
 
     def _add_finding(self, stage: Stage, sweeps: int) -> None:
@@ -375,10 +392,8 @@ class DamageField(Damaged):
             n, together, threads = self.context.sheet.size, RESIDENT[self.context.bits], WAITING_BLOCK
             blocks = min(device.sm_count, -(-n // LOOKED_AT)) if self._looks else device.sm_count * together
         stage.launch(
-            self.owner, self.kernels.find, blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks, sweeps=sweeps,
-            listed=self._listed, count=self._count, arrived=self._arrived, severed_at=self._severed_at,
-            driving=self._driving, before=self._before, damage=self.field, other=self._other, awake=self._awake,
-            near_damage=self._near, softening=self._softening, tables=self._tables, **self.arguments(),
+            self.owner, find_kernel(self._of, self._looks), blocks * threads, block_dim=WAITING_BLOCK, blocks=blocks,
+            sweeps=sweeps, a=self._arrays, **self.arguments(),
         )  # fmt: skip
 
     def _add_sweeps(self, stage: Stage) -> None:
@@ -396,61 +411,57 @@ class DamageField(Damaged):
             if self._ghosts is not None and begin and begin % LAYERS == 0:
                 self._ghosts.add_exchange(stage, self.field, self._other)
             stage.launch(
-                self.owner, self.kernels.sweep, self._sweepers, tables=self._tables, driving=self._driving,
-                before=self._before, sweep_begin=begin, sweep_end=min(begin + together, sweeps), damage=self.field,
-                other=self._other, arrived=self._arrived, block_dim=WAITING_BLOCK, side_stream=self._beside,
-                **{**self._shared(), "stride": self._sweepers},
+                self.owner, sweep_kernel(self._of), self._sweepers, sweep_begin=begin,
+                sweep_end=min(begin + together, sweeps), block_dim=WAITING_BLOCK, side_stream=self._beside,
+                **self._shared(self._sweepers),
             )  # fmt: skip
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""
         stage.launch(
-            self.owner, self.kernels.finish, self._threads, severed_at=self._severed_at, damage=self.field,
-            before=self._before, awake=self._awake, near_damage=self._near, softening=self._softening,
-            others=OtherFamilies(), completing={"others": self.law.other_families} if self._beside else None,
-            tables=self._tables, **self.arguments(), **self._shared(),
+            self.owner, finish_kernel(self._of), self._threads, others=OtherFamilies(),
+            completing={"others": self.law.other_families} if self._beside else None,
+            **self.arguments(), **self._shared(self._threads),
         )  # fmt: skip
 
-    def _shared(self) -> dict[str, Any]:
-        """Arguments common to all launches on listed points."""
-        return {"listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count}
+    def _shared(self, stride: int) -> dict[str, Any]:
+        """Arguments common to all launches on listed points, `stride` of them at once."""
+        return {"a": self._arrays, "stride": stride, "only_if": self._count}
 
     def _add_empty(self, stage: Stage) -> None:
         """Add the launch that empties the list; on a CPU `pack` begins a new list instead."""
         if self._found is None:
             # It need not hold up what follows.
-            stage.launch(self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, side_stream=True)
+            stage.launch(self.owner, empty, 1, count=self._count, only_if=self._count, side_stream=True)
 
     def _add_looking(self, stage: Stage) -> None:
         """Add the launches that list points."""
-        k, own = self.kernels, self._own
-        listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
+        own, shared = self._own, self._ghosts is not None
         # Points of a GPU may be divided, so that those far from other processes do not wait for their displacements.
         span = Span(stage.block_dim, GPU_LOOKS) if self._found is None else None
         blocks = 1 if span is None else span.blocks(own.stop - own.start)
         threads = blocks * stage.block_dim if self._found is None else len(self._found)
         stage.launch(
-            self.owner, k.wake, threads, family=self.law.struct, displacement=self.context.state.displacement,
-            tables=self._tables, start=own.start, stop=own.stop, blocks=blocks, awake=self._awake, found=self._found,
-            driving=None if self._ghosts is None else self._driving, span=span, side_stream=self._beside, **listing,
+            self.owner, wake_kernel(self._of, self._found is None, shared), threads, family=self.law.struct,
+            displacement=self.context.state.displacement, a=self._arrays, start=own.start, stop=own.stop,
+            blocks=blocks, span=span, side_stream=self._beside,
         )  # fmt: skip
         if self._found is not None:
-            stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
+            stage.launch(self.owner, pack, 1, found=self._found, listed=self._listed, count=self._count)
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points and compute their driving energy."""
         self._add_looking(stage)
         families = min(self._threads, GPU_FAMILIES) if self._lanes > 1 else self._threads
         stage.launch(
-            self.owner, self.kernels.drive, families * self._lanes, family=self.law.struct,
-            displacement=self.context.state.displacement, constants=self.law.energy_constants, tables=self._tables,
-            awake=self._awake, damage=self.field, severed_at=self._severed_at, driving=self._driving,
-            before=self._before, side_stream=self._beside, **{**self._shared(), "stride": families},
+            self.owner, drive_kernel(self._of), families * self._lanes, family=self.law.struct,
+            displacement=self.context.state.displacement, constants=self.law.energy_constants,
+            side_stream=self._beside, **self._shared(families),
         )  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
         stage.launch(
-            self.owner, self.kernels.shown, self.context.sheet.size, damage=self.field, out=self.damage
+            self.owner, of_frames(self.context.bits)[1], self.context.sheet.size, damage=self.field, out=self.damage
         )  # fmt: skip
         self.add_faces(stage)
 
