@@ -38,6 +38,18 @@ def init_warp() -> None:
     except OSError as error:
         _use_temporary(error)
     _keep_headers()
+    _compile_once()
+
+
+def _compile_once() -> None:
+    """Have Warp write a kernel for a CPU once.
+
+    It writes one on vectors alone twice, for strides that are known and for any. The runs of this package take as long
+    with the latter, and a module takes a tenth less to compile. A version of Warp without this name is left as it is.
+    """
+    from warp._src import codegen
+
+    codegen.cpu_linear_contiguous_specialization_candidate = lambda adj, block_dim: False
 
 
 def _keep_headers() -> None:

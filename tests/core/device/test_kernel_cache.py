@@ -57,6 +57,13 @@ def filled(tmp_path_factory):
     return folder / "cache"
 
 
+def test_a_kernel_is_written_once(filled):
+    """By itself Warp writes this one for known strides too, and compiles both."""
+    (source,) = filled.rglob("*.cpp")
+    assert "_cpu_forward_tasks<false>(" in source.read_text()
+    assert "_cpu_forward_tasks<true>(" not in source.read_text()
+
+
 @pytest.mark.parametrize("left", [b"", b"\\0" * 300, None])
 def test_a_damaged_module_is_compiled_once_more(filled, tmp_path, left):
     """Cut, overwritten, and without its description."""
