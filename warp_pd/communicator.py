@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from .device.launches import Call, Stage, complete_later
 from .families.partition import Partition
 from .geometry.sheet import Sheet
 from .geometry.triangulation import CoarseLattice
+from .kernels.effects import Kernel
 
 T = TypeVar("T")
 
@@ -96,7 +97,8 @@ class Communicator:
     def add_exchanges(self, stages: Sequence[Stage], fields: FieldRegister) -> None:
         """Let the stages of a simulation exchange what they need, once all are composed."""
         for stage in stages:
-            stage.items = complete_later(stage.items)
+            if any(launch.completing for launch in stage.launches()):
+                stage.items = complete_later(stage.items)
 
     def register_fields(self, fields: list[Stored]) -> None:
         """Register the fields that the root may request."""
@@ -119,8 +121,11 @@ class Communicator:
         """Return a function that fills the ghost points of the fields with the values of their owners."""
         raise NotImplementedError("a single process has no ghost points")
 
-    def gather_to_blocks(self, pairs: Sequence[tuple[Array, Array]], partition: Partition) -> Call:
-        """Return a function that fills the second array of each pair (points of own blocks) from the points' owners."""
+    def launch_on_scattered_blocks(
+        self, context: Any, stage: Stage, launch: tuple[str, Kernel, int], arrays: Mapping[str, Array | None],
+        sums: Mapping[str, Array], outputs: Sequence[str], others: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        """`Context.launch_on_blocks` where the points of a block are in several processes."""
         raise NotImplementedError("a single process already has all blocks")
 
     def gather_blocks(self, mine: Array, everything: Array, partition: Partition) -> Call:

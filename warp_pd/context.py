@@ -241,28 +241,12 @@ class Context:
             others: Other arguments.
         """
         partition = self.partition
-        given: dict[str, Any] = {**sums, **others}
-        own: dict[str, Any] = {name: None if array is None else self.own(array) for name, array in arrays.items()}
         if partition is None or partition.owners is None:
-            stage.launch(owner, kernel, lanes * self.own_blocks, **own, **given)
+            own = {name: None if array is None else self.own(array) for name, array in arrays.items()}
+            given: dict[str, Any] = {**own, **sums, **others}
+            stage.launch(owner, kernel, lanes * self.own_blocks, **given)
             return
-        # If the points of a block are scattered over processes, they are gathered first.
-        there = {name: array for name, array in arrays.items() if array is not None}
-        brought = {
-            name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=partition.block_points, per="table")
-            for name, array in there.items()
-        }
-        stage.call(
-            self.communicator.gather_to_blocks([(array, brought[name]) for name, array in there.items()], partition)
-        )
-        if outputs:
-            blocks = -(-(partition.owned.stop - partition.owned.start) // block_sums.BLOCK)
-            unused = {
-                name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
-                for name, made in sums.items()
-            }
-            stage.launch(owner, kernel, lanes * blocks, **own, **{**given, **unused})
-        stage.launch(owner, kernel, lanes * self.own_blocks, **{**own, **brought}, **given)
+        self.communicator.launch_on_scattered_blocks(self, stage, (owner, kernel, lanes), arrays, sums, outputs, others)
 
     def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
         """Block sums [rows, blocks] gathered from all processes in a stage; the array itself for a single process."""

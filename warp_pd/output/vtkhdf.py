@@ -231,34 +231,29 @@ class VtkHdfSeries:
             self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
 
 
-def write_derived(frames: Path, bodies: Path | None, animation: Path | None, seconds_per_frame: float | None) -> None:
-    """Write what is made from a file of frames, each unless it is None."""
-    if bodies is not None:
-        write_bodies(bodies, frames)
-    if animation is not None:
-        from .usd import write_animation
+class BodySeries(VtkHdfSeries):
+    """Writes the outlines of the bodies of frames, moved, as `VtkHdfSeries` writes the sheet.
 
-        write_animation(animation, frames, seconds_per_frame)
-
-
-def write_bodies(path: Path, frames: Path) -> None:
-    """Write the outlines of the bodies in a file of frames, frame by frame, as `VtkHdfSeries` writes the sheet.
-
-    The point field `body` is the index of the body, in the order of the scene. Without bodies there is no file.
+    The point field `body` is the index of the body, in the order of the scene. Arguments as for `VtkHdfSeries`; the
+    surface is that of the sheet.
     """
-    info, outlines = read_series(frames), read_outlines(frames)
-    if not outlines:
-        return
-    first = np.cumsum([0, *(len(body.vertices) for body, _ in outlines)])
-    points = np.concatenate([body.vertices for body, _ in outlines])
-    field = {"body": np.repeat(np.arange(len(outlines)), np.diff(first))}
-    title, names = info.metadata.pop("title"), ", ".join(body.name for body, _ in outlines)
-    faces = np.concatenate([body.triangles + n for (body, _), n in zip(outlines, first, strict=False)])
-    surface = Surface(points, faces, f"bodies of {title}", {**info.metadata, "bodies": names})
-    series = VtkHdfSeries(path, surface, fields=("body",))
-    for index, time in enumerate(info.times):
-        moved = np.concatenate([body.placed(poses[index]) for body, poses in outlines]) - points
-        series.write(Frame(index, float(time), moved, np.zeros_like(moved), point_data=field))
+
+    def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
+        first = np.cumsum([0, *(len(body.vertices) for body in surface.bodies)])
+        self._field = {"body": np.repeat(np.arange(len(surface.bodies)), np.diff(first))}
+        points = np.concatenate([body.vertices for body in surface.bodies])
+        faces = np.concatenate([body.triangles + n for body, n in zip(surface.bodies, first, strict=False)])
+        named = {**surface.metadata, "bodies": ", ".join(body.name for body in surface.bodies)}
+        self._bodies = surface.bodies
+        outlines = Surface(points, faces, f"bodies of {surface.title}", named)
+        super().__init__(path, outlines, append_from=append_from, fields=("body",))
+
+    def write(self, frame: Frame) -> None:
+        """Add the bodies of the next frame."""
+        assert frame.bodies is not None
+        placed = [body.placed(pose) for body, pose in zip(self._bodies, frame.bodies, strict=True)]
+        moved = np.concatenate(placed) - self.surface.points
+        super().write(Frame(frame.index, frame.time, moved, np.zeros_like(moved), point_data=self._field))
 
 
 def read_series(path: str | os.PathLike[str]) -> SeriesInfo:

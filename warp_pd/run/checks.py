@@ -49,6 +49,10 @@ def step_note(built: Built, dt: float) -> str:
     finest = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
     wave = finest * math.sqrt(float(np.mean(sheet.density)) / (4.0 * shear_modulus(material)))
     if not 0.0 < dt < TINY_STEP * wave:
+        scene = built.simulation
+        fast = scene.damage is not None or scene.contacts or scene.sheet.inclusions
+        if scene.solver.steps_explicitly and fast:
+            return ""
         return _other_solver(built, dt, wave / finest * float(np.ptp(sheet.points, axis=0).max()), wave)
     cause = built.solver.cause_of_step(dt)
     light = float(np.min(sheet.density)) / float(np.mean(sheet.density))
@@ -58,26 +62,19 @@ def step_note(built: Built, dt: float) -> str:
 
 
 def _other_solver(built: Built, dt: float, passage: float, wave: float) -> str:
-    """A note on a solver that is faster by far, or "".
-
-    Args:
-        built: The simulation.
-        dt: Its step [s].
-        passage: Time in which a wave passes the sheet [s].
-        wave: Time in which it passes a spacing [s].
-    """
+    """A note on a solver that is faster by far, or "": by the times [s] in which a wave passes sheet and spacing."""
     scene = built.simulation
-    duration, explicit = scene.solver.duration, scene.solver.steps_explicitly
-    if explicit and duration > MANY_PASSAGES * passage and duration > MANY_STEPS * dt:
-        if scene.damage is None and not scene.contacts and not scene.sheet.inclusions:
-            return (
-                f"step: {count_text(duration / dt)} steps of {dt:.3g} s follow waves, which pass the sheet in "
-                f"{passage:.2g} s; the run takes {duration:g} s: Implicit({duration:g}, tolerance=1e-4) follows what "
-                "is slow"
-            )
-    if not explicit and dt < wave and not adapts_steps(scene.solver):
+    duration = scene.solver.duration
+    if not scene.solver.steps_explicitly:
+        if dt >= wave or adapts_steps(scene.solver):
+            return ""
         return f"step: {dt:.3g} s is shorter than a wave takes from point to point, {wave:.2g} s: Explicit is faster"
-    return ""
+    if duration <= MANY_PASSAGES * passage or duration <= MANY_STEPS * dt:
+        return ""
+    return (
+        f"step: {count_text(duration / dt)} steps of {dt:.3g} s follow waves, which pass the sheet in {passage:.2g} s; "
+        f"the run takes {duration:g} s: Implicit({duration:g}, tolerance=1e-4) follows what is slow"
+    )
 
 
 def adapts_steps(solver: Any) -> bool:

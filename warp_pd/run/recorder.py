@@ -236,6 +236,46 @@ class FineHistory:
         self.rows = [row for row in rows if row["time"] <= now * (1.0 + 1e-12)]
 
 
+class TimeLeft:
+    """Reports the progress between frames, and once how long the run takes, unless its steps adapt."""
+
+    def __init__(self, built: Built, reporter: Progress) -> None:
+        self._built, self._reporter, solver = built, reporter, built.simulation.solver
+        # Time in the run [s] and clock from which on steps are timed; whether their result has been told.
+        self._timed: tuple[float, float] | None = None
+        self._told = adapts_steps(solver) or not solver.dynamic
+        self._shown_at = perf_counter()
+
+    def show(self, now: float, dt: float, steps: int, since: float) -> None:
+        """Show the progress after `steps` steps of a frame, begun at the clock `since` [s]; not too often."""
+        clock = perf_counter()
+        if clock < self._shown_at + SECONDS_SHOWN or steps < STEPS_TIMED:
+            return
+        self._shown_at = clock
+        rate = steps / max(clock - since, 1e-9)
+        duration = self._built.simulation.solver.duration
+        self._reporter.between(now / duration, format_time(now, None), rate, (duration - now) / dt / rate)
+
+    def foretell(self, now: float) -> None:
+        """Once some steps have been timed, tell how long the run takes."""
+        clock = perf_counter()
+        if self._told or (self._timed is not None and (now <= self._timed[0] or clock < self._timed[1] + TIMED)):
+            return
+        # A GPU runs behind its launches.
+        wp.synchronize_device(self._built.context.device)
+        clock = perf_counter()
+        if self._timed is None:
+            # The first steps take longer.
+            self._timed = now, clock
+            return
+        from ..output.progress import duration_text
+
+        begun, at = self._timed
+        self._told = True
+        seconds = (self._built.simulation.solver.duration - now) * (clock - at) / (now - begun)
+        self._reporter.say(f"about {duration_text(max(1.0, seconds))} to go on this machine")
+
+
 @dataclass(eq=False)
 class Recorder:
     """Records the frames of a run, checks them, and passes them to the writers; see `interfaces.FrameSink`.
@@ -290,15 +330,12 @@ class Recorder:
         self.soundness = Soundness(self.built)
         self.points = FramePoints(self.built)
         self._watch = ShapeWatch(self.built)
-        self._noise = self._round_off()
+        self._noise = 0.0 if self.built.simulation.initial_displacement is None else self._round_off()
         if self.built.simulation.has_fine_history:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
         self._saved_at = -math.inf
-        # Time in the run [s] and clock from which on steps are timed; whether their result has been told.
-        self._timed: tuple[float, float] | None = None
-        self._told = adapts_steps(self.built.simulation.solver)
-        self._shown_at = perf_counter()
+        self._left = None if self.reporter is None else TimeLeft(self.built, self.reporter)
         self.note_code()
 
     def note_code(self) -> None:
@@ -346,37 +383,9 @@ class Recorder:
 
     def stepped(self, now: float, dt: float, steps: int) -> None:
         """Show the progress and the time left between frames, from time to time."""
-        self._foretell(now)
-        clock = perf_counter()
-        if self.reporter is None or clock < self._shown_at + SECONDS_SHOWN or steps < STEPS_TIMED:
-            return
-        self._shown_at = clock
-        rate = steps / max(clock - self._clock, 1e-9)
-        duration = self.built.simulation.solver.duration
-        left = (duration - now) / dt / rate
-        self.reporter.between(now / duration, format_time(now, None), rate, left)
-
-    def _foretell(self, now: float) -> None:
-        """Once some steps have been timed, tell how long the run takes, unless its steps adapt."""
-        solver = self.built.simulation.solver
-        if self._told or self.reporter is None or not solver.dynamic:
-            return
-        clock = perf_counter()
-        if self._timed is not None and (now <= self._timed[0] or clock < self._timed[1] + TIMED):
-            return
-        # A GPU runs behind its launches.
-        wp.synchronize_device(self.built.context.device)
-        clock = perf_counter()
-        if self._timed is None:
-            # The first steps take longer.
-            self._timed = now, clock
-            return
-        from ..output.progress import duration_text
-
-        begun, at = self._timed
-        self._told = True
-        seconds = (solver.duration - now) * (clock - at) / (now - begun)
-        self.reporter.say(f"about {duration_text(max(1.0, seconds))} to go on this machine")
+        if self._left is not None:
+            self._left.foretell(now)
+            self._left.show(now, dt, steps, self._clock)
 
     def keep_going(self) -> None:
         """Abort a long frame after the user asked to stop; a resumed run repeats its computation."""
@@ -417,8 +426,8 @@ class Recorder:
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
         if self.fine is not None and not communicator.is_root:
             self.fine.forget()
-        if index > 0:
-            self._foretell(now)
+        if index > 0 and self._left is not None:
+            self._left.foretell(now)
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
 
@@ -506,10 +515,7 @@ class Recorder:
 
         No frequency exceeds 2 / dt. This is all the energy of a sheet that was placed and waits.
         """
-        given = self.built.simulation.initial_displacement
-        if given is None:
-            return 0.0
-        sheet = self.built.context.whole
+        sheet, given = self.built.context.whole, self.built.simulation.initial("initial_displacement")
         mass = float((sheet.areas * sheet.thickness * sheet.density).sum())
         apart = float(np.abs(given).max() * np.finfo(f"f{self.built.context.bits // 8}").eps)
         return 2.0 * mass * apart**2

@@ -211,18 +211,13 @@ def notes_of(recorder: Recorder, interrupted: bool = False) -> list[str]:
     if recorder.repeated:
         times = "once" if recorder.repeated == 1 else f"{recorder.repeated} times"
         notes.append(f"steps: a frame or load step was computed again {times}, each time with half the step")
-    return notes + recorder.shape_notes(interrupted) + _energy_notes(recorder) + _jump_notes(built, recorder.history)
+    return notes + recorder.shape_notes(interrupted) + _energy_notes(recorder)
 
 
-def _worst_balance(history: History) -> float:
-    """Largest error of the energy balance, over the largest energy."""
-    return max((row["balance_error"] for row in history if "balance_error" in row), key=abs, default=0.0)
-
-
-def _jump_notes(built: Built, history: History) -> list[str]:
-    """A note on a jump of the velocity of supports, where the energy balance is off."""
+def _jump_notes(built: Built) -> list[str]:
+    """A note on a jump of the velocity of supports."""
     solver = built.simulation.solver
-    if abs(_worst_balance(history)) <= WORST_BALANCE or not solver.dynamic or not built.solver.has_inertia:
+    if not solver.dynamic or not built.solver.has_inertia:
         return []
     moved = [(c.motion, "m/s") for c in built.constraints if c.motion is not None]
     moved += [(c.turn.angle, "rad/s") for c in built.constraints if c.turn is not None]
@@ -239,9 +234,10 @@ def _jump_notes(built: Built, history: History) -> list[str]:
 def _energy_notes(recorder: Recorder) -> list[str]:
     """Notes on a poor energy balance."""
     history, notes = recorder.history, []
-    worst = _worst_balance(history)
+    worst = max((row["balance_error"] for row in history if "balance_error" in row), key=abs, default=0.0)
     if abs(worst) > WORST_BALANCE:
         notes.append(f"energy: the balance is off by {100.0 * worst:+.2g} %; try smaller steps")
+        notes += _jump_notes(recorder.built)
     lost = [row["rupture"] for row in history if "rupture" in row]
     gained = max((before - after for before, after in itertools.pairwise(lost)), default=0.0)
     scale = max((abs(row["kinetic"] + row.get("strain", 0.0)) for row in history), default=0.0)
@@ -276,7 +272,8 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
     for outcome in scene.outcomes:
         value = None
         try:
-            value = number_of(outcome, _rows_for(outcome, recorder, notes)) if found else None
+            rows = _fine_rows(outcome, recorder, notes) if outcome.fine else recorder.history
+            value = number_of(outcome, rows) if found else None
         except InputError as error:
             # The run is over: the other numbers must not go with this one.
             notes.append(f"Outcome {outcome.name!r}: {error}")
@@ -284,10 +281,8 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
     return reported
 
 
-def _rows_for(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History:
-    """The history rows for an outcome; adds a note if it needs rows between frames and there are none."""
-    if not outcome.fine:
-        return recorder.history
+def _fine_rows(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History:
+    """The rows between frames, or, with a note, those of the frames if there are none."""
     if recorder.fine is not None:
         return recorder.fine.rows
     if recorder.built.simulation.solver.dynamic:

@@ -35,6 +35,7 @@ from .folder import (
     read_history,
     remove_if_empty,
     require_free,
+    results_in,
     sole_use,
     writable_folder,
     write_atomically,
@@ -47,6 +48,7 @@ from .stopping import stopping_at_frames
 
 if TYPE_CHECKING:
     from ..output.progress import Progress
+    from ..output.vtkhdf import VtkHdfSeries
 
 # Points of a sheet, or of its frames, that the first process can hold: 200 bytes each.
 MOST_POINTS = 2**27
@@ -136,17 +138,25 @@ def add_files(
         return
     room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
-    _require_same_stride(recorder.points, folder / FRAMES, append_from)
+    if append_from is not None and (folder / FRAMES).is_file():
+        _require_same_stride(recorder.points, folder / FRAMES)
     surface = recorder.points.surface
+    series: list[VtkHdfSeries] = []
     if chosen.vtkhdf:
-        if append_from is not None and not (folder / FRAMES).is_file():
-            raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {FRAMES}")
-        from ..output.vtkhdf import VtkHdfSeries
+        from ..output.vtkhdf import BodySeries, VtkHdfSeries
 
-        write = VtkHdfSeries(folder / FRAMES, surface, append_from=append_from, fields=fields).write
-        files = Background(write, room)
-    else:
-        files = Background(lambda frame: None, room)
+        for name in (FRAMES, BODIES) if surface.bodies else (FRAMES,):
+            if append_from is not None and not (folder / name).is_file():
+                raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {name}")
+        series = [VtkHdfSeries(folder / FRAMES, surface, append_from=append_from, fields=fields)]
+        if surface.bodies:
+            series.append(BodySeries(folder / BODIES, surface, append_from=append_from))
+
+    def write(frame: Frame) -> None:
+        for file in series:
+            file.write(frame)
+
+    files = Background(write, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
     _add_history(recorder, folder, append_from)
@@ -159,16 +169,15 @@ def add_files(
     recorder.saved = save if chosen.restarts else None
 
 
-def _require_same_stride(points: FramePoints, path: Path, append_from: int | None) -> None:
+def _require_same_stride(points: FramePoints, path: Path) -> None:
     """Check that a resumed run stores the same points in its frames."""
-    if append_from is not None and path.is_file():
-        from ..output.vtkhdf import read_series
+    from ..output.vtkhdf import read_series
 
-        begun, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
-        if begun != given:
-            raise InputError(
-                f"stride = {given}: expected {begun}, the stride with which the run in {str(path.parent)!r} began"
-            )
+    begun, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
+    if begun != given:
+        raise InputError(
+            f"stride = {given}: expected {begun}, the stride with which the run in {str(path.parent)!r} began"
+        )
 
 
 def _add_history(recorder: Recorder, folder: Path, append_from: int | None) -> None:
@@ -377,9 +386,9 @@ def _saved(
     if saved is not None:
         files.require_same(folder)
         # They describe a finished run, and this one goes on.
-        for name in ("summary.json", PAGE, ANIMATION, BODIES):
+        for name in ("summary.json", PAGE, ANIMATION):
             (folder / name).unlink(missing_ok=True)
-    else:
+    elif results_in(folder):
         clear(folder)
     clear_unfinished(folder)
     return saved
@@ -444,30 +453,30 @@ def _say_what_comes(recorder: Recorder) -> None:
 
 
 def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:
-    """Write the summary, draw the pictures beside those of others, write the page, the animation and the bodies.
+    """Write the summary, draw the pictures beside those of others, write the page and the animation.
 
     Of an interrupted run only the summary, so that it ends at once.
     """
     if result.status == STOPPED:
         write_summary(result, folder)
         return
-    derived = _derived(result, folder, files)
+    animation = _animation(result, folder) if files.usd else None
     if files.pictures or files.view:
-        VIEWERS[-1].after_run(result, folder, files, others, derived)
+        VIEWERS[-1].after_run(result, folder, files, others, animation)
         return
     result.summary["pictures"] = []
     write_summary(result, folder)
-    derived()
+    if animation is not None:
+        animation()
 
 
-def _derived(result: Result, folder: Path, files: Files) -> Callable[[], None]:
-    """Writes what is made from the frames: the file of the bodies, if there are some, and the animation."""
-    from ..output.vtkhdf import write_derived
+def _animation(result: Result, folder: Path) -> Callable[[], None]:
+    """Writes the animation of the frames."""
+    from ..output.usd import write_animation
 
     solver = result.built.simulation.solver
     equal = solver.duration / solver.frame_count if solver.equal_frames else None
-    bodies = folder / BODIES if files.vtkhdf and result.built.contacts else None
-    return partial(write_derived, folder / FRAMES, bodies, folder / ANIMATION if files.usd else None, equal)
+    return partial(write_animation, folder / ANIMATION, folder / FRAMES, equal)
 
 
 def write_summary(result: Result, folder: Path) -> None:

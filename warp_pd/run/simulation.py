@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -62,13 +63,14 @@ class Simulation(Scene):
 
     def run(self, **options: Any) -> Result:
         """Run the simulation; options as for `warp_pd.run.runner.run`. Notebooks show the progress by default."""
-        from ..output.notebook import in_notebook
         from .runner import run
 
-        if "reporter" not in options and in_notebook():
+        if "reporter" not in options and "IPython" in sys.modules:
+            from ..output.notebook import in_notebook
             from ..output.progress import Progress
 
-            options["reporter"] = Progress()
+            if in_notebook():
+                options["reporter"] = Progress()
         return run(self, **options)
 
 

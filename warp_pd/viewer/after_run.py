@@ -23,10 +23,13 @@ from .pictures import Drawing, drawing, unnumbered
 from .view import LARGE, write_page
 
 
-def show(result: Result, folder: Path, files: Files, others: Sequence[str], derived: Callable[[], None]) -> None:
-    """Write the summary, the pictures beside those of others, the page, and meanwhile the files derived from frames."""
+def show(
+    result: Result, folder: Path, files: Files, others: Sequence[str], animation: Callable[[], None] | None
+) -> None:
+    """Write the summary, the pictures beside those of others, the page, and meanwhile the animation."""
     with contextlib.ExitStack() as after:
-        after.callback(begun(derived))
+        if animation is not None:
+            after.callback(begun(animation))
         _show(result, folder, files, others)
 
 

@@ -20,7 +20,7 @@ pytest.importorskip("h5py")
 
 import h5py
 
-from warp_pd.output.vtkhdf import VtkHdfSeries, point_fields, read_frame, read_series, write_bodies
+from warp_pd.output.vtkhdf import BodySeries, VtkHdfSeries, point_fields, read_frame, read_series
 
 write_all = functools.partial(torn_frames.write_all, VtkHdfSeries, frame=make_frame)
 
@@ -95,10 +95,9 @@ def with_bodies(surface: Surface, at: int) -> Frame:
 
 def test_vtk_reads_the_bodies_where_they_are_in_every_frame(tmp_path: Path) -> None:
     path, surface = tmp_path / "bodies.vtkhdf", make_surface(bodies=(BALL, BOX))
-    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", surface)
+    series = BodySeries(path, surface)
     for index in range(FRAMES):
         series.write(with_bodies(surface, index))
-    write_bodies(path, tmp_path / "frames.vtkhdf")
     reader = Reader(path)
     assert reader.steps == FRAMES
     for index in (0, 5, FRAMES - 1):
