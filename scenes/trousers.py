@@ -66,8 +66,8 @@ def build(
     columns, energy = even_rows(points), positive("tearing_energy", tearing_energy)
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     sheet = Sheet.filled(
-        LENGTH, WIDTH, thickness=THICKNESS, density=DENSITY, points=(3 * columns, columns), turn=turn, jitter=jitter,
-        seed=seed,
+        LENGTH, WIDTH, thickness=THICKNESS, density=DENSITY, points=(3 * columns - 2, columns),
+        turn=turn, jitter=jitter, seed=seed,
     ).cut((-WIDTH, LEG), (CUT, LEG))  # fmt: skip
     x, y = sheet.points.T
     reach = positive("horizon", horizon) * sheet.spacing

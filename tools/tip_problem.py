@@ -2,6 +2,7 @@
 
     python tools/tip_problem.py                                     the table of docs/tearing.md, 10 minutes on one core
     python tools/tip_problem.py --horizons 2.015 --lengths 4        one of its rows
+    python tools/tip_problem.py --horizons 2.015 --lengths 4 --along 0.8    of Mooney-Rivlin rubber with c01 = c10 / 4
 
 The problem that the correction `bias` of warp_pd/tearing/field_constants.py answers, with nothing fitted: a long strip
 on a lattice of spacing 1, held along both long edges, with a crack along its middle. Families, intersections, weights,
@@ -86,10 +87,17 @@ class Strip:
     """
 
     def __init__(
-        self, horizon: float, length: float, rows: int, tip: float | None, recess: float, columns: int
+        self,
+        horizon: float,
+        length: float,
+        rows: int,
+        tip: float | None,
+        recess: float,
+        columns: int,
+        along: float = 1.0,
     ) -> None:
         """A strip of twice so many rows, with a crack to `tip` and damage to `recess` before it, or without ends."""
-        self.family, self.length = Family.of(horizon), length
+        self.family, self.length, self.along = Family.of(horizon), length, along
         bonds = self.family.bonds
         column, row = np.meshgrid(np.arange(columns), np.arange(rows))
         self.x, self.y, self.size = column.ravel().astype(float), row.ravel() + 0.5, columns * rows
@@ -150,6 +158,7 @@ class Strip:
         gradient = np.zeros((len(points), 2, len(x), len(x) + 1))
         gradient[:, 0, :, 1:] = factor[:, :, None] * shared * (x * second[..., None] - y * mixed[..., None])
         gradient[:, 1, :, 1:] = factor[:, :, None] * shared * (y * first[..., None] - x * mixed[..., None])
+        gradient[:, 0] *= np.sqrt(self.along)
         gradient[..., 0] = -gradient[..., 1:].sum(axis=3)
         gradient[..., 1:] *= self.sign[points][:, None, None, :]
         gradient = gradient.reshape(len(points), -1, len(x) + 1)
@@ -233,13 +242,15 @@ def solved(matrix: csr_matrix, right: np.ndarray) -> np.ndarray:
     return np.asarray(factors.solve(right))
 
 
-def grown(horizon: float, length: float, height: float, recess: float, growth: int = GROWTH) -> np.ndarray:
+def grown(
+    horizon: float, length: float, height: float, recess: float, growth: int = GROWTH, along: float = 1.0
+) -> np.ndarray:
     """A tear that grows: growth in columns, G at which bonds broke, energy of the field, and energy lost; (n, 4)."""
     half = round(0.5 * height * length)
     begin = int(2.0 * TIP * half) + 0.5
-    uniform = Strip(horizon, length, half, None, 0.0, 1)
+    uniform = Strip(horizon, length, half, None, 0.0, 1, along)
     per_column = 2.0 * uniform.balance().sum()
-    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth)
+    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth, along)
     rate, rows, advance = 0.9, [], 0.0
     while advance < growth:
         rate *= 1.0 + STEP
@@ -263,12 +274,12 @@ def grown(horizon: float, length: float, height: float, recess: float, growth: i
     return np.array(rows)
 
 
-def row(horizon: float, length: float, height: float) -> dict[str, float]:
+def row(horizon: float, length: float, height: float, along: float) -> dict[str, float]:
     """Numbers of a horizon and a length of the field, in spacings, in a strip of a height in lengths."""
-    rows = grown(horizon, length, height, length * _cap(length, True))
+    rows = grown(horizon, length, height, length * _cap(length, True), along=along)
     steady = rows[rows[:, 0] >= STEADY]
     return {
-        "first": float(rows[0, 1]), "with cap": float(grown(horizon, length, height, 0.0, 1)[0, 1]),
+        "first": float(rows[0, 1]), "with cap": float(grown(horizon, length, height, 0.0, 1, along)[0, 1]),
         "taken": float(np.polyfit(steady[:, 0], steady[:, 2] + steady[:, 3], 1)[0]),
         "needed": float(steady[:, 1].mean()), "bias": bias(horizon / length),
     }  # fmt: skip
@@ -280,10 +291,11 @@ def main() -> None:
     parser.add_argument("--horizons", type=float, nargs="+", default=[1.5, 2.015, 3.15], help="in spacings")
     parser.add_argument("--lengths", type=float, nargs="+", default=[4.0, 6.0], help="of the field, in spacings")
     parser.add_argument("--height", type=float, default=10.0, help="of the strip, in lengths")
+    parser.add_argument("--along", type=float, default=1.0, help="stiffness along the tear over that across it")
     options = parser.parse_args()
-    cases = [(m, length, options.height) for length in options.lengths for m in options.horizons]
+    cases = [(m, length, options.height, options.along) for length in options.lengths for m in options.horizons]
     print("\n".join(table(["horizon", "length", "first", "with cap", "taken", "needed", "bias"], [])))
-    for (m, length, _), found in in_processes(row, cases, options.jobs):
+    for (m, length, *_), found in in_processes(row, cases, options.jobs):
         print(table_row([f"{m:g}", f"{length:g}", *(f"{value:.3f}" for value in found.values())]), flush=True)
 
 

@@ -545,3 +545,11 @@ def test_the_field_passes_points_whose_bonds_determine_no_deformation():
     rupture = built.rupture
     for values in (rupture.fracture, built.context.fields["field_couplings"], built.context.fields["driving_scale"]):
         assert np.isfinite(values.numpy()).all()
+
+
+def test_lopsided_families_of_a_sheet_that_tears_are_noted():
+    sheet = Sheet.rectangle(0.06, 0.02, thickness=1e-3, density=1000.0, points=(30, 10))
+    for horizon, said in ((2.015, 1), (1.5, 0)):
+        rupture = build(sheet, horizon=horizon, damage=TearingEnergy(4.0)).rupture
+        notes = rupture.notes([{"mean_damage": 0.0}], None)
+        assert sum("reach further along one axis" in note for note in notes) == said

@@ -17,6 +17,7 @@ import numpy as np
 from ..device.checks import InputError, finite, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
 from ..geometry.sheet import Sheet
+from ..geometry.triangulation import Lattice
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE
 
@@ -319,6 +320,10 @@ def unpack(words: np.ndarray, members: int) -> np.ndarray:
 
 # Largest horizon in spacings: beyond it the masks of a family's intersections take gigabytes.
 MAX_HORIZON = 16.0
+# Spacings along x and y that differ by a smaller fraction are meant to be equal.
+ALIKE = 0.1
+# Members that a family lacks along one axis, as a fraction of all, from which a note says so.
+LOPSIDED = 0.1
 
 
 @dataclass(frozen=True)
@@ -373,3 +378,32 @@ def require_diagonals(sheet: Sheet, horizon: float) -> None:
             f"horizon = {horizon!r}: expected at least {np.ceil(100.0 * least) / 100.0:g} on a lattice, "
             f"so that families contain their diagonal neighbours{uneven}"
         )
+
+
+def notes_on_reach(sheet: Sheet, length: float) -> list[str]:
+    """A note if families of a horizon [m] reach further along one axis of a nearly square lattice than along the other.
+
+    They are exact in uniform strain, but cracks along x and y, and waves, are then not alike.
+    """
+    lattice = sheet.lattice
+    if lattice is None or lattice.rows == 1 or abs(lattice.dx / lattice.dy - 1.0) > ALIKE:
+        return []
+    members, longest = _lopsided(lattice, length)
+    if len(longest) < LOPSIDED * members:
+        return []
+    enough = np.ceil(100.0 * longest.max() / sheet.spacing) / 100.0
+    cured = not len(_lopsided(lattice, enough * sheet.spacing)[1])
+    return [
+        f"the spacings along x and y are {lattice.dx:.4g} and {lattice.dy:.4g} m: families of {members} members reach "
+        f"further along one axis than along the other; expected numbers of points with equal spacings"
+        + (f", or a horizon of {enough:g}" if cured else "")
+    ]
+
+
+def _lopsided(lattice: Lattice, length: float) -> tuple[int, np.ndarray]:
+    """Number of members of a family, and lengths [m] of the steps that it lacks and has with x and y exchanged."""
+    reach = int(length / min(lattice.dx, lattice.dy)) + 1
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    lengths = np.hypot(x * lattice.dx, y * lattice.dy)
+    inside = lengths <= length * (1.0 + TOLERANCE)
+    return int(inside.sum()) - 1, lengths[inside.T & ~inside]

@@ -16,6 +16,7 @@ from ..context import Context
 from ..device.checks import InputError, by_point, point_indices
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
+from ..families import notes_on_reach
 from ..geometry.couplings import gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
@@ -503,7 +504,7 @@ class DamageField(Damaged):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
-        said = self.constants.notes()
+        said = self.constants.notes() + notes_on_reach(self.context.whole, self.law.families.horizon)
         if self._cuts is not None:
             said += self._cuts.notes(
                 self.length, self.constants.bias, self.context.whole.spacing, self._at_start, self.context.whole.points
