@@ -164,7 +164,7 @@ class Fields:
         count = self.elements.shape[1]
         whole_field = distance(self.here[:, :count], self.elements, self.areas)
         return [
-            self.case.figure, f"`{self.case.scene}`", f"u{self.case.component + 1}", str(len(self.points)),
+            self.case.figure, f"`{self.case.scene}`", f"u{self.case.component + 1}",
             f"{100 * whole_field:.2g} %", f"{100 * np.nanmax(np.abs(self.difference)):.2g} %",
         ]  # fmt: skip
 
@@ -242,7 +242,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"{options.points or 51} points along a side. Differences: the L2 norm of all components over that of the "
         "displacement, and the largest one of the component that is shown, over its largest value.",
         "", "![Fields beside finite elements](fields.png)", "",
-        *table(["where", "scene", "shown", "points", "whole field", "largest"], [shown.row() for shown in found]),
+        *table(["where", "scene", "shown", "whole field", "largest"], [shown.row() for shown in found]),
     ]  # fmt: skip
     renew(options.out, {HEADING: lines})
 

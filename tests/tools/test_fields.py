@@ -13,7 +13,7 @@ import fields
 def test_both_fields_of_a_case_agree_and_are_drawn(tmp_path):
     found = fields.fields_of(fields.CASES["tension"], 21, "cpu")
     assert np.abs(found.difference).max() < 0.03
-    assert found.row()[:4] == ["BA 6.1", "`tension`", "u2", "441"]
+    assert found.row()[:3] == ["BA 6.1", "`tension`", "u2"] and len(found.points) == 441
     fields.draw([found], tmp_path / "fields.png")
     assert (tmp_path / "fields.png").stat().st_size > 4_000
 

@@ -103,7 +103,8 @@ def section(rows: list[Row]) -> list[str]:
 
 def _cell(off: dict[str, list[float]], known: str) -> str:
     fitted = max(float(np.median(np.abs(off[loading]))) for loading in known.split("-"))
-    return f"{100.0 * np.median(off['equibiaxial']):+.0f} % ({100.0 * fitted:.0f} %)"
+    missed = f" ({100.0 * fitted:.0f} %)" if fitted > 0.05 else ""
+    return f"{100.0 * np.median(off['equibiaxial']):+.0f} %{missed}"
 
 
 def draw(path: Path, rows: list[Row]) -> None:
