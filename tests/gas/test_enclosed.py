@@ -17,7 +17,9 @@ from warp_pd import (
     Explicit,
     Fixed,
     Motion,
+    Pressure,
     Relaxation,
+    Sheet,
     Simulation,
 )
 from warp_pd.gas.enclosed import edge_rings, other_diagonals, volume_of
@@ -64,6 +66,23 @@ def test_a_closed_surface_feels_no_net_force_and_no_torque(bits, bound):
     size = np.abs(force).sum()
     assert np.abs(force.sum(axis=0)).max() < bound * size
     assert np.abs(np.cross(points + u, force).sum(axis=0)).max() < bound * size
+
+
+def test_pressure_and_gas_on_a_sphere():
+    """Triangles lie inside the sphere, so a gas presses too little, to second order; a pressure does not."""
+    off = {}
+    for points in (10, 20):
+        sphere = Sheet.sphere(0.05, thickness=1e-3, density=1e3, points=points)
+        for load in (Pressure(100.0), EnclosedGas(gauge=100.0)):
+            built = build(sphere, weights="corrected", loads=[load])
+            built.context.run("setup")
+            force = built.to_numpy(built.state.external)
+            assert np.abs(force.sum(axis=0)).max() < 1e-13
+            outward = (force * sphere.points).sum() / 0.05 / (100.0 * 4.0 * np.pi * 0.05**2)
+            off.setdefault(type(load), []).append(1.0 - outward)
+    assert np.abs(off[Pressure]).max() < 1e-5
+    assert off[EnclosedGas][0] == pytest.approx(0.011, abs=5e-4)
+    assert 3.8 < off[EnclosedGas][0] / off[EnclosedGas][1] < 4.2
 
 
 def test_single_precision_is_as_right_as_double():

@@ -35,7 +35,8 @@ class Pressure(Load):
         value: Pressure [Pa].
         follower: Whether it acts along the current normal on the current area (F e1 x F e2); otherwise along the
             normal and on the area of the sheet as given by the scene, of a prestretched sheet as clamped (dead load). A
-            damage field reduces a follower pressure by (1 - d)^2: nothing presses on the opening of a tear.
+            damage field reduces a follower pressure by (1 - d)^2: nothing presses on the opening of a tear. A follower
+            pressure sums to pressure times area to second order in the spacing; that of an EnclosedGas does exactly.
         ramp: Pairs (time [s], factor), or None for a constant pressure.
     """
 

@@ -218,6 +218,12 @@ LIMIT_POINT = (
     "follow the jump with Explicit and damping; "
     "otherwise try more load_steps"
 )
+# The same if supports alone move the sheet, and if the first load step fails.
+MOVED = (
+    "supports alone move the sheet, which may buckle, fold or tear there: try more load_steps, or follow it with "
+    "Explicit and damping"
+)
+AT_ONCE = "the first load step fails: try a smaller load or motion, or more load_steps"
 
 STOPPED_MESSAGE = "interrupted: continue with --resume"
 
@@ -520,4 +526,6 @@ def _not_converged(recorder: Recorder) -> str:
             f"{text}; likely cause: the supports leave {free} of 6 rigid-body motions free; expected supports "
             "(Fixed, Motion) that prevent them"
         )
-    return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 and not recorder.solve.get("lost") else text
+    if recorder.solve.get("lost") or reached >= 1.0:
+        return text
+    return f"{text}; {AT_ONCE if reached == 0.0 else LIMIT_POINT if recorder.built.context.options.loaded else MOVED}"

@@ -13,6 +13,7 @@ from warp_pd import (
     BondAssociated,
     EnclosedVolume,
     Fixed,
+    Gent,
     Measure,
     Motion,
     NeoHookean,
@@ -122,6 +123,23 @@ def test_supports_that_jump_are_no_jump_of_the_sheet():
     motion = Motion(sheet.edges("right"), times=[0.0, 0.75, 1.0], x=[0.0, 1e-4, 0.02], y=0.0, z=0.0)
     result = run(sheet, Newton(load_steps=4), loads=[Fixed(sheet.edges("left")), motion])
     assert result.status == "finished" and not result.summary["notes"]
+
+
+@pytest.mark.parametrize(
+    ("load_steps", "pressure", "said"),
+    [
+        (1, 0.0, "the first load step fails: try a smaller load or motion"),
+        (3, 0.0, "supports alone move the sheet"),
+        (3, 1.0, "the load has its maximum there (a limit point)"),
+    ],
+)
+def test_a_search_that_fails_says_what_to_try(load_steps, pressure, said):
+    """A maximum of the load is no advice where no load acts; a Gent sheet locks at a stretch of 2."""
+    sheet = square(7)
+    motion = Motion(sheet.edges("right"), times=[0.0, 1.0], x=[0.0, 0.2], y=0.0, z=0.0)
+    loads = [Fixed(sheet.edges("left")), motion, *([Pressure(pressure)] if pressure else [])]
+    result = run(sheet, Newton(load_steps=load_steps, most_cuts=0), material=Gent(1e3, 1e7, 2.0), loads=loads)
+    assert result.status == "not converged" and said in result.summary["message"]
 
 
 @pytest.mark.parametrize(
