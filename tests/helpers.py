@@ -14,7 +14,7 @@ from warp_pd.families import pack
 from warp_pd.fast import force_paths as fast_paths
 from warp_pd.geometry.triangulation import crosses
 from warp_pd.laws import force_paths
-from warp_pd.statics import bond_associated_tangent
+from warp_pd.statics import tangent
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)
@@ -229,6 +229,6 @@ def play_gpu(patch):
     patch.setattr(graph, "load_kernel", lambda kernel, device: None)
     patch.setattr(context, "compile_launches", lambda launches, device: None)
     patch.setattr(force_paths, "has_shared_memory", lambda device: True)
-    patch.setattr(bond_associated_tangent, "stored_on", lambda device: False)
+    patch.setattr(tangent, "stored_on", lambda device: False)
     patch.setattr(graph, "SPLIT_FROM", float("inf"))
     patch.setattr(wp.config, "enable_cpu_blocks", True)

@@ -1,6 +1,6 @@
 """Stress and moduli of viscous laws at the end of an implicit step, with internal variables relaxed before.
 
-Both laws are then elastic within the step: their trial terms and states (warp_pd/visco/in_step.py) hold what has
+Both laws are then elastic within the step: their trial terms and states (warp_pd/visco/law.py) hold what has
 relaxed by its end, and only the stress of what is strained in it depends on C.
 """
 

@@ -11,7 +11,7 @@ from small_runs import simulate
 
 from warp_pd import ByRegion, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, TearingEnergy
 from warp_pd.device.fields import assign
-from warp_pd.statics import bond_associated_tangent
+from warp_pd.statics import tangent
 from warp_pd.statics.level import Level
 from warp_pd.statics.tangent import tangent_of as newton_tangent
 
@@ -45,7 +45,7 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if built.context.layout.softened:
         soften(built)
     context, state = built.context, built.state
-    with patch.object(bond_associated_tangent, "stored_on", lambda device: assembled):
+    with patch.object(tangent, "stored_on", lambda device: assembled):
         level = Level(context, built.law, newton_tangent(built.law, context, True), built.external.following)
     names = {launch.name for launch in context.stages["linearise"]}
     assert ("assemble" in names) == assembled

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple, Protocol
+import weakref
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
+import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families import Families
 from ..interfaces import BuiltLaw
+from ..kernels.statics.bond_associated_tangent import ROW, bond_associated_tangent
+from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.bond_associated import BondAssociatedForce
+from ..laws.force_paths import ROWS_MEMBERS, BondAssociatedLaw
+from ..materials import capabilities, modulus_in_tension
+from .krylov import factorised
+
+if TYPE_CHECKING:
+    from scipy.sparse import bsr_matrix, csc_matrix
 
 
 class Solve(Protocol):
@@ -147,8 +158,6 @@ def tangent_of(law: BuiltLaw, context: Context, geometric: bool) -> Tangent:
 @tangent_of.register
 def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
     """Refuses weights without an energy, a material without `response`, or `geometric` = False."""
-    from .bond_associated_tangent import BondAssociatedTangent
-
     if not (law.law.has_tangent or law.steps_implicitly):
         raise _refusal(law)
     if law.weights == "published":
@@ -167,3 +176,277 @@ def _refusal(law: BuiltLaw) -> InputError:
         f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated, BondBased or Neural, which "
         f"have a tangent; or use the solver {others}"
     )
+
+
+OWNER = "Newton"
+# Largest stress divided by the modulus of a sheet that counts as slack.
+SLACK_STRESS = 1e-6
+# Stiffness over modulus times thickness that a factorisation adds to every component where bonds can break: points
+# without bonds stay where they are. The force has no part in it.
+LOOSE = 1e-9
+
+
+class BondAssociatedTangent:
+    """The tangent of the bond-associated law, matrix-free or stored.
+
+    Attributes:
+        gradient: F of every intersection [-], (members, N).
+        stress: Weighted stress of every intersection [Pa], (members, N).
+        moduli: Weighted moduli of every intersection [Pa], (members, N).
+        inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
+    """
+
+    direct_points = 0
+    symmetric = True
+    can_predict, predicts = True, False
+
+    def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
+        """Allocate the tangent. Raises InputError for a material without `response`."""
+        self.force, self.context, self.held = force, context, context.held
+        t, shape, n = context.types, (force.families.members, force.points), force.points
+        self.gradient = context.array("gradient", OWNER, t.mat32, shape=shape, per="bond")
+        self.stress = context.array("stress", OWNER, t.vec3, shape=shape, per="bond")
+        self.moduli = context.array("moduli", OWNER, t.vec6, shape=shape, per="bond")
+        self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=n)
+        self.inertia: Array | None = None
+        material, remembered = force.material, force.response_in_step
+        response = capabilities(material).response if remembered is None else remembered.response
+        if response is None:
+            raise InputError(
+                f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
+                f"or use the solver Relaxation"
+            )
+        tables = stored_on(context.device) and force.families.members <= ROWS_MEMBERS
+        self.kernels = bond_associated_tangent(
+            force.layout, response, context.options.held, remembered is not None, force.families.words * tables
+        )
+        self._remembered: dict[str, Any] = {"terms": None, "state": None}
+        if remembered is not None:
+            self._remembered = {"terms": remembered.terms, "state": remembered.state}
+        self.matrix: TangentMatrix | None = None
+        self._assembly: tuple[Stage, Array] | None = None
+
+    def add_linearise(
+        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
+        predicted: Prediction | None = None,
+    ) -> None:  # fmt: skip
+        """Add the launches that compute the tangent at a displacement; see `Tangent`."""
+        force, n, self.inertia = self.force, self.force.points, inertia
+        state: dict[str, Any] = {"gradient": self.gradient, "stress": self.stress, "moduli": self.moduli}
+        held_mask = self.context.state.held_mask
+        stage.launch(
+            OWNER, self.kernels.linearise, n,
+            family=force.struct, displacement=displacement, constants=force.constants, tension=tension,
+            damage=force.damage, **self._remembered, **state,
+        )  # fmt: skip
+        if predicted is not None:
+            stage.launch(
+                OWNER, self.kernels.predict, n,
+                family=force.struct, **predicted._asdict(), constants=force.constants, tension=tension,
+                damage=force.damage, **self._remembered, stress=self.stress,
+            )  # fmt: skip
+        self._assembly = (stage, displacement)
+        if stored_on(self.context.device):
+            self.matrix = TangentMatrix(self, stage, displacement)
+            self.matrix.add_inverse_diagonal(stage, self.inverse_blocks)
+            return
+        stage.launch(
+            OWNER, self.kernels.inverse_blocks, n,
+            family=force.struct, displacement=displacement, **state, held_mask=held_mask, inertia=inertia,
+            unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
+        )  # fmt: skip
+
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
+        force, n = self.force, self.force.points
+        if stored_on(self.context.device):
+            assert self.matrix is not None
+            self.matrix.add_product(stage, direction, change)
+            return
+        stage.launch(
+            OWNER, self.kernels.product, n,
+            family=force.struct, direction=direction, gradient=self.gradient, stress=self.stress,
+            moduli=self.moduli, unit_force=force.unit_force,
+            bond_force=force.pairs,
+        )  # fmt: skip
+        force.add_gather(stage, force.pairs, change, softens=False)
+        if self.inertia is not None:
+            kernel = tangent_matrix(self.context.bits, self.context.options.held).resist
+            stage.launch(OWNER, kernel, n, inertia=self.inertia, direction=direction, change=change)
+
+    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
+        """Add the launch that finds the step along a direction [m] that turns the family of a point inside out, (N,).
+
+        A material that goes slack may fold, and nothing is added.
+        """
+        force = self.force
+        if force.goes_slack:
+            return None
+        longest = self.context.array("longest_step", OWNER, self.context.types.real, shape=force.points)
+        stage.launch(
+            OWNER, self.kernels.turning, force.points,
+            family=force.struct, direction=direction, gradient=self.gradient,
+            longest=longest,
+        )  # fmt: skip
+        return longest
+
+    def is_slack(self) -> bool:
+        """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""
+        return bool(np.abs(self.stress.numpy()).max() < SLACK_STRESS * self.modulus())
+
+    def modulus(self) -> float:
+        """Mean of dS11/dC11 over the sheet [Pa], at the last linearisation; of a slack sheet what it has when taut."""
+        return float(self.moduli.numpy()[..., 0].sum() / self.force.points) or self._taut_modulus
+
+    @functools.cached_property
+    def _taut_modulus(self) -> float:
+        return modulus_in_tension(self.force.material, self.context.device)
+
+    def mean_tension(self) -> float:
+        """Mean of (S11 + S22) / 2 over the sheet [Pa], at the last linearisation."""
+        return float(0.5 * self.stress.numpy()[..., :2].sum() / self.force.points)
+
+    def min_tension(self, relative: float) -> float:
+        """Zero, because the tangent needs no added tension."""
+        return 0.0
+
+    def sparse(self) -> TangentMatrix:
+        """The tangent as a sparse matrix, from the next linearisation on."""
+        if self.matrix is None:
+            assert self._assembly is not None
+            self.matrix = TangentMatrix(self, *self._assembly)
+        return self.matrix
+
+
+def stored_on(device: Any) -> bool:
+    """Whether tangents are stored on a device, which makes products four times faster on a CPU."""
+    return bool(device.is_cpu)
+
+
+class TangentMatrix:
+    """The tangent as a sparse matrix of 3x3 blocks, assembled on the device.
+
+    Follower pressure is not included, so the matrix is symmetric.
+
+    Attributes:
+        free: Mask of free components, shape (3 N,).
+        blocks: The blocks, row by row [N/m], (entries,) mat33.
+        starts: First entry of each row, (N + 1,).
+        columns: Columns of the entries, ascending in each row, (entries,).
+    """
+
+    def __init__(self, tangent: BondAssociatedTangent, stage: Stage, displacement: Array) -> None:
+        """Allocate the matrix, and add the launch that fills it after those of the linearisation."""
+        force, context = tangent.force, tangent.context
+        self.tangent = tangent
+        self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
+        self._kernels = tangent_matrix(context.bits, context.options.held)
+        self._held_mask = context.state.held_mask
+        starts, columns = pattern(force.families)
+        self.starts = context.array("matrix_starts", OWNER, wp.int32, starts, per="table")
+        self.columns = context.array("matrix_columns", OWNER, wp.int32, columns, per="table")
+        self.blocks = context.array("matrix", OWNER, context.types.mat33, shape=len(columns), per="once")
+        members, t = force.families.members, context.types
+        row = wp.types.vector(length=ROW, dtype=t.real)
+        stiffness = context.array("stiffness", OWNER, row, shape=(force.points, members), intermediate=True)
+        of_centre = context.array(
+            "stiffness_of_centre", OWNER, t.mat33, shape=(force.points, members + 1), intermediate=True
+        )
+        stage.launch(
+            OWNER, tangent.kernels.stiffen, force.points,
+            family=force.struct, displacement=displacement, gradient=tangent.gradient, stress=tangent.stress,
+            moduli=tangent.moduli, unit_stiffness=force.unit_stiffness, stiffness=stiffness, of_centre=of_centre,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, tangent.kernels.assemble, force.points,
+            family=force.struct, stiffness=stiffness, of_centre=of_centre, starts=self.starts, columns=self.columns,
+            matrix=self.blocks,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, self._kernels.mirror, force.points, starts=self.starts, columns=self.columns, matrix=self.blocks
+        )
+        if tangent.inertia is not None:
+            stage.launch(
+                OWNER, self._kernels.add_inertia, force.points,
+                inertia=tangent.inertia, starts=self.starts, columns=self.columns, matrix=self.blocks,
+            )  # fmt: skip
+
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launch that fills `change` [N] with the derivative of the force along a direction [m]."""
+        stage.launch(
+            OWNER, self._kernels.product, self.tangent.force.points,
+            matrix=self.blocks, starts=self.starts, columns=self.columns, direction=direction, change=change,
+        )  # fmt: skip
+
+    def add_inverse_diagonal(self, stage: Stage, inverse_blocks: Array) -> None:
+        """Add the launch that inverts the diagonal blocks."""
+        stage.launch(
+            OWNER, self._kernels.inverse_diagonal, self.tangent.force.points,
+            matrix=self.blocks, starts=self.starts, columns=self.columns, held_mask=self._held_mask,
+            out=inverse_blocks,
+        )  # fmt: skip
+
+    def whole(self) -> bsr_matrix:
+        """K of all components [N/m], shape (3 N, 3 N); a held one is coupled to no other, with its own stiffness."""
+        from scipy import sparse
+
+        starts, columns = self.starts.numpy(), self.columns.numpy()
+        blocks, free = self.blocks.numpy().astype(np.float64), self.free.reshape(-1, 3)
+        rows = np.repeat(np.arange(len(free)), np.diff(starts))
+        own = np.flatnonzero(rows == columns)
+        bound = ~free.all(axis=1)
+        coupled = np.flatnonzero(bound[rows] | bound[columns])
+        stiffness = np.abs(blocks[own][:, np.arange(3), np.arange(3)])
+        blocks[coupled] *= free[rows[coupled], :, None] & free[columns[coupled], None, :]
+        blocks[own[:, None], np.arange(3), np.arange(3)] += np.where(free, 0.0, stiffness)
+        return sparse.bsr_matrix((blocks, columns, starts), shape=(free.size, free.size))
+
+    @functools.cached_property
+    def _free_entries(self) -> csc_matrix:
+        """Matrix of the free components whose values are the places of its entries in `blocks`, counted from 1."""
+        from scipy import sparse
+
+        n, starts, columns = self.free.size, self.starts.numpy(), self.columns.numpy()
+        places = np.arange(1, 9 * len(columns) + 1).reshape(-1, 3, 3)
+        whole = sparse.bsr_matrix((places, columns, starts), shape=(n, n)).tocsc()
+        return whole[:, self.free].tocsr()[self.free].tocsc()
+
+    def matrix(self) -> csc_matrix:
+        """K of the free components [N/m], shape (free, free)."""
+        found = self._free_entries.astype(np.float64)
+        found.data = self.blocks.numpy().ravel()[self._free_entries.data - 1].astype(np.float64)
+        found.eliminate_zeros()
+        return found
+
+    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
+        from scipy import sparse
+
+        matrix, t = self.matrix(), self.tangent
+        if t.force.intact is not None:
+            least = LOOSE * t.modulus() * t.force.thickness
+            matrix += least * sparse.identity(matrix.shape[0], format="csc")
+        return factorised(matrix, self.free, added)
+
+
+# Patterns of families that are kept, see TABLES of laws/weight_tables.py.
+_PATTERNS: weakref.WeakKeyDictionary[Families, tuple[np.ndarray, np.ndarray]] = weakref.WeakKeyDictionary()
+
+
+def pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:
+    """Points that share a family, as starts of rows, shape (N + 1,), and columns in ascending order."""
+    if families not in _PATTERNS:
+        _PATTERNS[families] = _pattern(families)
+    return _PATTERNS[families]
+
+
+def _pattern(families: Families) -> tuple[np.ndarray, np.ndarray]:
+    from scipy import sparse
+
+    n, every = families.points, np.arange(families.points)
+    point, member = np.nonzero(families.rows_of_points(families.exists))
+    ends = np.concatenate([point, every]), np.concatenate([families.heads(point, member), every])
+    together = sparse.csr_matrix((np.ones(len(ends[0]), np.int32), ends), shape=(n, n))
+    found = (together.T @ together).tocsr()
+    found.sort_indices()
+    return found.indptr, found.indices

@@ -9,8 +9,7 @@ from ...device.launches import Stage
 from ...kernels.papers.differences import differences
 from ...laws.bond_associated import BondAssociated, BondAssociatedForce
 from ...laws.family_law import FamilyLaw
-from ...statics.bond_associated_tangent import BondAssociatedTangent
-from ...statics.tangent import Prediction, SparseTangent, Tangent
+from ...statics.tangent import BondAssociatedTangent, Prediction, SparseTangent, Tangent
 
 OWNER = "Newton"
 # Distance by which a difference moves a point, in spacings, by precision: truncation and round-off are alike.
