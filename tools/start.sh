@@ -13,9 +13,11 @@ if [ "${1:-}" = docs ]; then extras="[docs]"; fi
 stamp=".venv/installed${extras}-$(cksum < pyproject.toml | cut -d' ' -f1)"
 if [ ! -e "$stamp" ]; then
   if [ ! -x .venv/bin/python ]; then "${PYTHON:-python3}" -m venv .venv; fi
+  # Without byte code, which takes half a minute for all packages; Python makes that of the files that it imports.
+  install=(.venv/bin/python -m pip install --quiet --no-compile)
   # By its version, first: where a file for CPUs is at hand it is taken, and gigabytes of CUDA packages are not.
-  if [ "${1:-}" = test ]; then .venv/bin/python -m pip install --quiet torch==2.13.0; fi
-  .venv/bin/python -m pip install --quiet --editable ".$extras"
+  if [ "${1:-}" = test ]; then "${install[@]}" torch==2.13.0; fi
+  "${install[@]}" --editable ".$extras"
   touch "$stamp"
 fi
 
