@@ -265,17 +265,29 @@ def represented_area(layout: Layout) -> wp.Function:
 
 
 @functools.cache
-def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[wp.Function, wp.Function]:
-    """Warp functions `earlier_energy`, as for `energy_of_families`, and `partial_energy`.
+def family_energy(layout: Layout, material: PairFactory, form: str) -> wp.Function:
+    """Warp function of the energy of a family, as for `energy_of_families`; `material`: factory of (stress, energy)."""
+    f, mat22, energy = family_functions(layout), layout.types.mat22, material(layout.bits)[1]
+    Family, Constants = f.struct, constants_of(energy)
 
-    The latter is what every n-th member adds to the energy of a family of the variational form, so that several threads
-    of a GPU, at most a warp, can share one. `material` is a factory of (stress, energy).
+    @wp.func
+    def density(family: Family, constants: Constants, i: int, j: int, G: mat22):
+        return energy(G, f.of_bond(family, i, j, constants))
+
+    return energy_of_intersections(layout, form, density)
+
+
+@functools.cache
+def partial_energy(layout: Layout, material: PairFactory) -> wp.Function:
+    """Warp function of what every n-th member adds to the energy of a family of the variational form.
+
+    So several threads of a GPU, at most a warp, can share a family. `material` is a factory of (stress, energy).
     """
     types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    f, law = family_functions(layout), family_mechanics(layout, form)
+    f, law = family_functions(layout), family_mechanics(layout, "variational")
     green = kinematics(layout.bits, layout.curved).green
-    Family, mat22, word_size = f.struct, types.mat22, WORD
+    Family, word_size = f.struct, WORD
     of_lane = value_of_lane(layout.bits)
     _, energy = material(layout.bits)
     Constants = constants_of(energy)
@@ -333,11 +345,7 @@ def family_energies(layout: Layout, material: PairFactory, form: str) -> tuple[w
                     stored += weight * energy(strain, f.of_bond(family, i, j, constants))
         return stored
 
-    @wp.func
-    def density(family: Family, constants: Constants, i: int, j: int, G: mat22):
-        return energy(G, f.of_bond(family, i, j, constants))
-
-    return energy_of_intersections(layout, form, density), partial_energy
+    return partial_energy
 
 
 @functools.cache

@@ -85,28 +85,29 @@ def stiffness_left(bits: int) -> wp.Function:
 
 
 @functools.cache
-def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Functions of (d, m) that return g, -dg/dd and d²g/dd², where m is -dg/dd at d = 0.
-
-    `weak`: Lorentz's g, which falls faster at first; otherwise (1 - d)^2, with m = 2.
-    """
+def degradation(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions of (d, m) that return g, -dg/dd and d²g/dd² for g = (1 - d)^2, where m, -dg/dd at d = 0, is 2."""
     real = numeric(bits).real
 
-    if not weak:
+    @wp.func
+    def left(d: real, m: real):
+        return (real(1.0) - d) * (real(1.0) - d)
 
-        @wp.func
-        def left(d: real, m: real):
-            return (real(1.0) - d) * (real(1.0) - d)
+    @wp.func
+    def fall(d: real, m: real):
+        return real(2.0) * (real(1.0) - d)
 
-        @wp.func
-        def fall(d: real, m: real):
-            return real(2.0) * (real(1.0) - d)
+    @wp.func
+    def curvature(d: real, m: real):
+        return real(2.0)
 
-        @wp.func
-        def curvature(d: real, m: real):
-            return real(2.0)
+    return left, fall, curvature
 
-        return left, fall, curvature
+
+@functools.cache
+def weak_degradation(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """The same for Lorentz's g, which falls faster at first, with any m greater than 2."""
+    real = numeric(bits).real
 
     @wp.func
     def shape(m: real):

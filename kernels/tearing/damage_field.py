@@ -41,7 +41,7 @@ from typing import Any
 
 import warp as wp
 
-from ..damage import degradation
+from ..damage import degradation, weak_degradation
 from ..families import WORD, Layout, bit_of, family_functions, number_of_bits
 from ..numeric import constants_of, numeric
 from ..rupture import energy_over_step
@@ -199,7 +199,7 @@ def sweeping(layout: Layout, weak: bool, near: int) -> wp.Function:
     `weak`: the strength is less than 3 Gc / (16 l).
     """
     real, Field = layout.types.real, field_struct(layout.bits)
-    _, fall, curvature = degradation(layout.bits, weak)
+    _, fall, curvature = (weak_degradation if weak else degradation)(layout.bits)
     Indices = wp.types.vector(length=near, dtype=wp.int32)
     Couplings = wp.types.vector(length=near, dtype=real)
 
@@ -296,7 +296,7 @@ def finishing(layout: Layout, spared: bool, tracked: bool, weak: bool, earlier_e
     real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
     Family, Field, word_size = f.struct, field_struct(layout.bits), WORD
-    left = degradation(layout.bits, weak)[0]
+    left = (weak_degradation if weak else degradation)(layout.bits)[0]
     energy_of_step = energy_over_step(layout, earlier_energy)
 
     @wp.func

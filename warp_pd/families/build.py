@@ -61,7 +61,7 @@ UNEVEN = ", or triangles of more even shape and size (graded = True where only t
 def require_connected(
     sheet: Sheet, families: Families, horizon: float, usable: np.ndarray | None = None, lines: bool = False
 ) -> None:
-    """Check the families of a cloud or a grid; those of a lattice are known beforehand (`require_diagonals`).
+    """Check the families of a cloud or a grid; those of a lattice need no check beside `require_diagonals`.
 
     Args:
         sheet: The sheet.
@@ -74,7 +74,7 @@ def require_connected(
         InputError: if a family lies on a line, or bonds leave pieces apart that triangles connect; with a place and a
             horizon that would do.
     """
-    if sheet.lattice is not None or not len(sheet.triangles):
+    if not len(sheet.triangles):
         return
     bonds = families.exists if usable is None else families.exists & usable
     if not lines:

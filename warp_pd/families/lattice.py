@@ -38,7 +38,7 @@ def lattice_families(
     reach = max(reach_x, reach_y, depth) + 1
     near_x = clipped_index(lattice.columns, reach)
     near_y = clipped_index(lattice.rows, reach)
-    severed = _severed(sheet, ox, oy)
+    severed = _severed(sheet, ox, oy) if sheet.cuts else None
     first, family_class = _classes(near_x, near_y)
     if severed is not None:
         first, family_class = _with_lost(family_class, *severed)
@@ -108,11 +108,10 @@ def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) 
     return first, family_class.ravel().astype(np.int32)
 
 
-def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Points near a cut, ascending, and a mask of their members across it; None without cuts."""
+def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points near a cut, ascending, and a mask of their members across it."""
     lattice, points = sheet.lattice, sheet.points
-    if not sheet.cuts or lattice is None:
-        return None
+    assert lattice is not None
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max()) * (1.0 + 1e-6)
     touched = np.flatnonzero(distance_from_segments(points, np.array(sheet.cuts), reach) <= reach)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, called, numbers, one_of, positive
@@ -14,7 +16,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
-from ..kernels.bond_associated import family_energies, represented_area
+from ..kernels.bond_associated import family_energy, partial_energy, represented_area
 from ..kernels.numeric import FunctionFactory
 from ..materials import Material, capabilities, check_material, largest_energy_density
 from ..step import Phase
@@ -143,10 +145,23 @@ class BondAssociatedForce(BondAssociatedLaw):
             self._put_values(0.0 if known.by_point is None else known.by_point)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.key = (self.layout, law.material.functions, law.form)
-        self.earlier_energy, self.partial_energy = family_energies(*self.key)
-        self.represented = None if self.weights == "published" else represented_area(self.layout)
         self.path = force_path(self, inverse, weights)
         self.other_families = self.path.other_families
+
+    @functools.cached_property
+    def earlier_energy(self) -> wp.Function | None:  # type: ignore[override]
+        """Warp function of the energy of a family at an earlier time."""
+        return family_energy(*self.key)
+
+    @functools.cached_property
+    def partial_energy(self) -> wp.Function | None:  # type: ignore[override]
+        """Warp function of what every n-th member adds to it."""
+        return partial_energy(self.layout, self.material.functions)
+
+    @functools.cached_property
+    def represented(self) -> wp.Function | None:  # type: ignore[override]
+        """Warp function of the area that the intact bonds of a family represent."""
+        return None if self.weights == "published" else represented_area(self.layout)
 
     def _put_values(self, values: Any) -> None:
         """Put the values by point of the material's last constant on the device, or start its internal variable there.

@@ -167,7 +167,8 @@ class FamilyLaw(BuiltLaw):
         """Notes of the material on its constants, on unbalanced points of corrected weights, on areas and on folds."""
         whole = self.context.whole
         balance, areas = notes_on_balance(self.correction, whole), notes_on_areas(self.weights, whole)
-        return [*self._notes, *balance, *areas, *notes_on_folds(whole)]
+        folds = [] if whole.frames is None else notes_on_folds(whole)
+        return [*self._notes, *balance, *areas, *folds]
 
     @functools.cached_property
     def strain_energy(self) -> Array | None:

@@ -89,16 +89,16 @@ def _copy_of_report(tables: Tables) -> Tables:
 def _balanced_weight_tables(
     sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str
 ) -> Tables:  # fmt: skip
-    found = _weight_tables(sheet, horizon, influence, weights)
-    _require_balanced(sheet, horizon, found[3], "plain", lambda tried: _weight_tables(sheet, tried, influence, weights))
-    return found
+    return _balanced(sheet, horizon, "plain", lambda tried: _weight_tables(sheet, tried, influence, weights))
 
 
 def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
-    require_unfolded(sheet)
+    if sheet.frames is not None:
+        require_unfolded(sheet)
     families, rectangle = _families(sheet, horizon, influence, weights == "corrected")
     inverse, size = families.inverse_shapes()
-    require_connected(sheet, families, horizon, size > 0.0, lines=weights == "corrected")
+    if sheet.lattice is None:
+        require_connected(sheet, families, horizon, size > 0.0, lines=weights == "corrected")
     if weights == "published":
         return families, inverse, size, None
     plain = plain_weights(families, size)
@@ -129,11 +129,7 @@ def point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunctio
     Raises:
         InputError: if weights cannot be corrected for this horizon or so large a cloud, or leave much unbalanced.
     """
-    found = _point_tables(sheet, horizon, influence, corrected)
-    _require_balanced(
-        sheet, horizon, found[3], "published", lambda tried: _point_tables(sheet, tried, influence, corrected)
-    )
-    return found
+    return _balanced(sheet, horizon, "published", lambda tried: _point_tables(sheet, tried, influence, corrected))
 
 
 def _point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool) -> Tables:
@@ -172,16 +168,18 @@ def _corrected(
     return at_rows / families.reference_area, _report(solved, sheet, at)
 
 
-def _require_balanced(
-    sheet: Sheet, horizon: float, report: dict[str, float] | None, instead: str, at: Callable[[float], Tables]
-) -> None:
-    """Check that corrected weights balance all points; `at` makes the tables for another horizon.
+def _balanced(sheet: Sheet, horizon: float, instead: str, at: Callable[[float], Tables]) -> Tables:
+    """The tables that `at` makes for the horizon. Raises InputError if corrected weights leave too much unbalanced."""
+    found = at(horizon)
+    if found[3] is not None and found[3]["left"] > LEFT_REFUSED:
+        raise _unbalanced(sheet, horizon, found[3], instead, at)
+    return found
 
-    Raises:
-        InputError: if they leave too much unbalanced, with the place and a horizon that would do.
-    """
-    if report is None or report["left"] <= LEFT_REFUSED:
-        return
+
+def _unbalanced(
+    sheet: Sheet, horizon: float, report: dict[str, float], instead: str, at: Callable[[float], Tables]
+) -> InputError:
+    """The error for weights that leave much unbalanced, with the place and a horizon that would do."""
     expected = "horizon = 2.015 or 3.15"
     if sheet.size <= MOST_TRIED:
         expected = "triangles of more even size"
@@ -193,7 +191,7 @@ def _require_balanced(
             if found is not None and found["left"] <= LEFT_NOTED:
                 expected = f"horizon = {tried:g}"
                 break
-    raise InputError(
+    return InputError(
         f"weights = 'corrected' at horizon = {horizon!r}: {balance_left(report, sheet)}: expected {expected}, or "
         f"weights {instead!r}"
     )

@@ -64,17 +64,16 @@ class CutEnds:
         segments = crack_segments(sheet)
         dimensions = segments.shape[-1]
         found = []
-        if len(segments):
-            edges = edge_segments(sheet)
-            _, corner = np.unique(np.round(segments.reshape(-1, dimensions), 12), axis=0, return_inverse=True)
-            corner = corner.reshape(-1, 2)
-            cut = components(int(corner.max()) + 1, corner)[corner[:, 0]]
-            for end in _inner(loose_ends(segments), edges, sheet):
-                which, direction = _tip(segments, end)
-                others = segments[cut != cut[which]]
-                between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
-                faces = between < far * length or mirrored < NEAR * length
-                found.append((end, min(between, mirrored) if faces else np.inf, int(cut[which])))
+        edges = edge_segments(sheet)
+        _, corner = np.unique(np.round(segments.reshape(-1, dimensions), 12), axis=0, return_inverse=True)
+        corner = corner.reshape(-1, 2)
+        cut = components(int(corner.max()) + 1, corner)[corner[:, 0]]
+        for end in _inner(loose_ends(segments), edges, sheet):
+            which, direction = _tip(segments, end)
+            others = segments[cut != cut[which]]
+            between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
+            faces = between < far * length or mirrored < NEAR * length
+            found.append((end, min(between, mirrored) if faces else np.inf, int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
@@ -157,13 +156,11 @@ class CutEnds:
 def damage_of_cuts(sheet: Sheet, length: float) -> tuple[np.ndarray, np.ndarray, CutEnds]:
     """Damage around the cuts of a sheet, (N,), a mask of the points beyond their ends, and these ends."""
     cuts = CutEnds.of(sheet, length)
-    damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
-    if len(cuts.segments):
-        segments = cuts.shortened(length, sheet.spacing) if len(cuts.ends) else cuts.segments
-        apart = distance_from_segments(sheet.points, segments, 2.0 * length)
-        damage = np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2
-        from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), length)
-        ahead = from_end <= apart * (1.0 + 1e-9)
+    segments = cuts.shortened(length, sheet.spacing) if len(cuts.ends) else cuts.segments
+    apart = distance_from_segments(sheet.points, segments, 2.0 * length)
+    damage = np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2
+    from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), length)
+    ahead = from_end <= apart * (1.0 + 1e-9)
     if cuts.facing.any():
         damage = _at_rest(sheet, damage, length)
     return damage, ahead, cuts

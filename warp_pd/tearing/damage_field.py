@@ -17,7 +17,7 @@ from ..device.checks import InputError, by_point, point_indices
 from ..device.fields import Array, to_host
 from ..device.launches import Span, Stage, with_values
 from ..families import notes_on_reach
-from ..geometry.couplings import gradient_couplings, points_near
+from ..geometry.couplings import crack_segments, gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
@@ -264,7 +264,7 @@ class DamageField(Damaged):
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
         """Initial damage, (N,), including that around cuts, and a mask of the points beyond the ends of cuts."""
         damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
-        if self.rupture.cut_profile:
+        if self.rupture.cut_profile and len(crack_segments(sheet)):
             damage, ahead, self._cuts = damage_of_cuts(sheet, self.length)
         if self.rupture.initial_damage is not None:
             damage = np.maximum(damage, initial_damage(self.rupture.initial_damage, sheet.size))

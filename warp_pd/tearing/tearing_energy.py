@@ -9,6 +9,7 @@ import numpy as np
 
 from ..context import Context
 from ..device.checks import InputError, by_point, one_of, positive
+from ..geometry.couplings import crack_segments
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Law, Rupture
 from ..materials import largest_energy_density
@@ -115,7 +116,7 @@ class TearingEnergy(Rupture):
     def constants(self, context: Context, horizon: float, density: Density) -> FieldConstants:
         """Constants of the field at a horizon [m] and an energy density [J/m^3]; see `FieldConstants`."""
         points = context.given.points
-        free = self.cut_profile and self.length is None
+        free = self.cut_profile and self.length is None and len(crack_segments(context.whole))
         return FieldConstants(
             by_point("TearingEnergy.energy", self.energy, points), self.length, self.strength, self.stretch_at_break,
             horizon, density, context.sheet.spacing, float(np.linalg.norm(np.ptp(points, axis=0))),
