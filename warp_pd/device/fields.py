@@ -5,6 +5,9 @@ Restart files, the plan, the memory table, frames and halo exchange all use this
 
 from __future__ import annotations
 
+import ctypes
+import math
+import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -160,11 +163,54 @@ def in_double(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
 
 
+# Views of arrays on a CPU. They do not keep their arrays alive, so none of them leaves this file.
+_VIEWS: weakref.WeakKeyDictionary[Any, np.ndarray] = weakref.WeakKeyDictionary()
+
+
+def _view(array: Array) -> np.ndarray:
+    """The memory of an array on a CPU; `array.numpy()` takes ten times as long."""
+    found = _VIEWS.get(array)
+    if found is None:
+        if not (array.ptr and array.is_contiguous):
+            return np.asarray(array.numpy())
+        scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
+        shape, kind = host_shape(array), np.dtype(wp.dtype_to_numpy(scalar))
+        memory = (ctypes.c_byte * (math.prod(shape) * kind.itemsize)).from_address(array.ptr)
+        found = np.frombuffer(memory, kind).reshape(shape)
+        _VIEWS[array] = found
+    return found
+
+
 def assign(array: Array, values: np.ndarray) -> None:
     """Copy host values into a device array, in the precision of the array."""
     if on_cpu(array):
-        # A view of the same memory, in a tenth of the time that Warp takes.
-        array.numpy()[...] = values
+        _view(array)[...] = values
         return
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(scalar)))
+
+
+def copy(to: Array, source: Array) -> None:
+    """Copy an array into another one of the same device, shape and type."""
+    if on_cpu(to):
+        _view(to)[...] = _view(source)
+        return
+    wp.copy(to, source)
+
+
+def doubles(array: Array) -> np.ndarray:
+    """A copy of real numbers on the host, as float64."""
+    return np.array(_view(array) if on_cpu(array) else array.numpy(), dtype=np.float64)
+
+
+def dot(a: Array, b: Array) -> float:
+    """Scalar product of two (N,) vec3 arrays."""
+    if on_cpu(a):
+        # Not by BLAS: its idle threads would keep spinning on the cores that the kernels need.
+        return float(np.einsum("i,i->", _view(a).reshape(-1), _view(b).reshape(-1), dtype=np.float64))
+    return float(np.asarray(wp.utils.array_inner(a, b)))
+
+
+def total(a: Array) -> float:
+    """Sum of a scalar array."""
+    return float(_view(a).sum()) if on_cpu(a) else float(np.asarray(wp.utils.array_sum(a)))

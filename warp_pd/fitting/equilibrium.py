@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..device.checks import InputError
-from ..device.fields import assign
+from ..device.fields import assign, doubles
 from ..interfaces import FrameSink
 from ..interfaces.frame import Frame
 from ..run.built import Built
@@ -84,7 +84,7 @@ class Equilibrium:
     @property
     def displacement(self) -> np.ndarray:
         """Displacement of the current state from the stress-free state [m], shape (N, 3)."""
-        return np.asarray(self.level.displacement.numpy().astype(np.float64))
+        return np.asarray(doubles(self.level.displacement))
 
     def held_at(self, factor: float) -> np.ndarray:
         """Displacement of held components at a load factor [m], shape (N, 3); zero elsewhere."""
@@ -125,7 +125,7 @@ class Equilibrium:
 
     def residual(self) -> np.ndarray:
         """Unbalanced force on free components at the last evaluation [N], shape (N, 3)."""
-        return np.asarray(self.level.residual.numpy().astype(np.float64))
+        return np.asarray(doubles(self.level.residual))
 
     def frame(self) -> Frame:
         """The current state as a frame for measures."""
@@ -175,7 +175,7 @@ class Equilibrium:
             self._renew()
             if not self.linear.solve_closely(side, accuracy, added):
                 raise NoEquilibriumError("the tangent is too close to singular for derivatives")
-        return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
+        return np.where(self.free, doubles(self.level.direction), 0.0)
 
     @property
     def has_adjoint(self) -> bool:
@@ -191,7 +191,7 @@ class Equilibrium:
             self._internal_stage = True
         assign(level.vector, direction)
         context.run("internal product")
-        return np.asarray(level.image.numpy().astype(np.float64))
+        return np.asarray(doubles(level.image))
 
     def _skew_part(self) -> Callable[[np.ndarray], np.ndarray]:
         """K^T - K of the loads whose tangent is not symmetric, on free components."""

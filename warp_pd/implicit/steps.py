@@ -15,13 +15,13 @@ import warp as wp
 from ..context import Context
 from ..device.checks import InputError
 from ..device.clock import Schedule
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, copy, total
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
 from ..statics.descent import Descent, Secants
-from ..statics.level import Level, total
+from ..statics.level import Level
 from ..statics.static_rounds import UNIT_ROUND_OFF
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
 from ..step import NOT_IN_EQUILIBRIUM, Phase
@@ -403,7 +403,7 @@ class BuiltImplicit(StaticSystem):
         level.run("begin step")
         target = self.system.prescribed(then) if level.held.any() else None
         if not self._descent(target, True, sink):
-            wp.copy(level.displacement, self.before)
+            copy(level.displacement, self.before)
             if not self._descent(target, False, sink):
                 return False
         if not self._follow_rounds(target, sink):

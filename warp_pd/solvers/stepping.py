@@ -11,7 +11,7 @@ import warp as wp
 from ..context import Context
 from ..device.checks import InputError, count, numbers
 from ..device.clock import Schedule
-from ..device.fields import Array, Stored, assign
+from ..device.fields import Array, Stored, assign, copy
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
@@ -96,22 +96,22 @@ class Snapshot:
         self._pairs = []
         for stored in [stored for stored in context.fields if _changes(step, stored)]:
             name, array = f"{stored.name}_before", stored.array
-            copy = context.array(name, owner, array.dtype, shape=array.shape, per=stored.field.per)
-            self._pairs.append((array, copy))
+            kept = context.array(name, owner, array.dtype, shape=array.shape, per=stored.field.per)
+            self._pairs.append((array, kept))
 
     def of(self, array: Array) -> Array:
         """The copy of an array."""
-        return next(copy for own, copy in self._pairs if own is array)
+        return next(kept for own, kept in self._pairs if own is array)
 
     def keep(self) -> None:
         """Copy the state."""
-        for array, copy in self._pairs:
-            wp.copy(copy, array)
+        for array, kept in self._pairs:
+            copy(kept, array)
 
     def restore(self) -> None:
         """Return to the copied state."""
-        for array, copy in self._pairs:
-            wp.copy(array, copy)
+        for array, kept in self._pairs:
+            copy(array, kept)
 
 
 class Retries:

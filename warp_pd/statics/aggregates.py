@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, doubles
 from .level import Level
 from .multigrid import FEW_ITERATIONS, FEW_SAFETY, SWEEPS, Smoother
 
@@ -53,7 +53,7 @@ class Aggregates:
         from pyamg.multilevel import MultilevelSolver
 
         level, self._coarse = self.level, None
-        motions = rigid_motions(self._points + level.displacement.numpy().astype(np.float64))
+        motions = rigid_motions(self._points + doubles(level.displacement))
         motions[~self._sparse.free] = 0.0
         levels = smoothed_aggregation_solver(self._sparse.whole(), motions, **OPTIONS).levels
         self._down, self._up = levels[0].R, levels[0].P
@@ -81,7 +81,7 @@ class Aggregates:
         level, smoother = self.level, self._smoother
         level.run("down")
         # The image of the solution has the sign of the force: right-hand side minus K x.
-        left = smoother.right_side.numpy().astype(np.float64) - level.image.numpy()
+        left = doubles(smoother.right_side) - level.image.numpy()
         found = self._up @ self._coarse.solve(self._down @ left.ravel(), tol=1e-30, maxiter=1)
         assign(smoother.solution, smoother.solution.numpy() + found.reshape(-1, 3))
         level.run("up")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..context import Context
-from ..device.fields import assign
+from ..device.fields import assign, doubles
 from ..interfaces import BuiltLaw, FrameSink
 from ..interfaces.solver import ENDED, NOT_CONVERGED
 from .descent import UNTURNED
@@ -115,7 +115,7 @@ class Corrector(StaticSystem):
 
     def position(self) -> np.ndarray:
         """The current displacement [m], shape (N, 3)."""
-        return np.asarray(self.levels[0].displacement.numpy().astype(np.float64))
+        return np.asarray(doubles(self.levels[0].displacement))
 
     def tangent_at(self, factor: float, sign: float) -> np.ndarray | None:
         """Derivative of the displacement by the load factor [m] at the current equilibrium; None if it is singular.
@@ -182,7 +182,7 @@ class Corrector(StaticSystem):
                 break
             if not self.linearise(0, level.tangent.min_tension(relative)):
                 break
-            rest = self._solve(level.residual.numpy().astype(np.float64))
+            rest = self._solve(doubles(level.residual))
             along = self._along(factor, math.copysign(1.0, origin.rate))
             across = mean_product(origin.direction, along)
             if across == 0.0:
@@ -208,7 +208,7 @@ class Corrector(StaticSystem):
             ahead *= TOUCHING
         # Schedules may end with the load.
         ahead = -ahead if abs(factor + ahead) > 1.0 else ahead
-        here = level.residual.numpy().astype(np.float64)
+        here = doubles(level.residual)
         self.set_loads(factor + ahead)
         level.run("evaluate")
         load = (level.residual.numpy() - here) / ahead
@@ -226,7 +226,7 @@ class Corrector(StaticSystem):
     def _solve(self, force: np.ndarray) -> np.ndarray:
         """Displacement x [m] with K x = force [N], both of shape (N, 3)."""
         self.solvers[0].solve(force, ACCURACY)
-        return np.asarray(self.levels[0].direction.numpy().astype(np.float64))
+        return np.asarray(doubles(self.levels[0].direction))
 
 
 def mean_product(a: np.ndarray, b: np.ndarray) -> float:

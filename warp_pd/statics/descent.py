@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 
-from ..device.fields import assign
-from .level import Level, dot
+from ..device.fields import assign, copy, dot, doubles
+from .level import Level
 from .linear import LinearSolver
 from .newton_settings import NewtonSettings
 from .static_rounds import MIN_LOAD, UNIT_ROUND_OFF
@@ -36,9 +36,10 @@ NEAR = 10.0
 FALLS = 0.2
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
-# Residual over the last one from which it falls no more, and margin of the forces that come from round-off. A residual
-# above the last number is never round-off: a load that nothing bears is one.
-STUCK, MARGIN, LARGEST_UNSEEN = 0.5, 4.0, 1e-2
+# Residual over the last one from which it falls no more, and margin of the forces that come from round-off, for each of
+# up to LONG such steps; after as many also shortened steps count. A residual above the last number is never round-off:
+# a load that nothing bears is one.
+STUCK, MARGIN, LONG, LARGEST_UNSEEN = 0.5, 4.0, 3, 1e-2
 # Residual to which coarser lattices are solved: their discretisation error is larger.
 COARSE_TOLERANCE = 1e-3
 
@@ -90,7 +91,7 @@ class Descent:
         held = self.level.held
         self.lift = np.zeros((self.level.points, 3))
         if held.any():
-            here = self.level.displacement.numpy().astype(np.float64)
+            here = doubles(self.level.displacement)
             self.lift = np.where(held, target - here, 0.0)
             self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
         self.lifting = self._lifts = bool(self.lift.any())
@@ -108,7 +109,7 @@ class Descent:
     def run(self) -> dict[str, Any]:
         """Iterate until equilibrium or failure; return the entry of this level for the solver's report."""
         before = self.solver.products
-        wp.copy(self.level.base, self.level.displacement)
+        copy(self.level.base, self.level.displacement)
         norm, scale = self.level.evaluate()
         converged = round_off = False
         for iteration in range(self.settings.most_iterations + 1):
@@ -140,12 +141,15 @@ class Descent:
 
     def _unseen(self, norm: float) -> bool:
         """Whether an unbalanced force [N] that falls no more is the round-off of the displacement."""
-        last, level = self.residuals[-2:], self.level
-        if len(last) < 2 or not STUCK * last[0] <= last[1] < LARGEST_UNSEEN or self.step_lengths[-1] < 1.0:
+        level, earlier = self.level, zip(self.residuals[-2::-1], self.residuals[:0:-1], strict=False)
+        stuck = len(list(itertools.takewhile(lambda pair: STUCK * pair[0] <= pair[1], earlier)))
+        # Round-off may also shorten steps, but one short step alone tells nothing.
+        if stuck == 0 or self.residuals[-1] >= LARGEST_UNSEEN or (self.step_lengths[-1] < 1.0 and stuck < LONG):
             return False
         far = math.sqrt(dot(level.displacement, level.displacement))
         stiffness = self.sizes.modulus * float(np.mean(level.context.sheet.thickness))
-        return norm <= MARGIN * UNIT_ROUND_OFF[level.context.bits] * stiffness * far
+        margin = MARGIN * min(stuck, LONG)
+        return norm <= margin * UNIT_ROUND_OFF[level.context.bits] * stiffness * far
 
     def _step(self, relative: float, norm: float) -> tuple[float, float] | None:
         """Take one accepted step and return the new norms; None if no added tension helps."""
@@ -213,7 +217,7 @@ class Descent:
     def _direct(self, relative: float) -> None:
         """Compute Newton's direction, including prescribed components."""
         level = self.level
-        right_side = level.residual.numpy().astype(np.float64)
+        right_side = doubles(level.residual)
         if self.lifting:
             assign(level.vector, self.lift)
             level.run("product")
@@ -229,7 +233,7 @@ class Descent:
         if self.lifting:
             assign(level.direction, level.direction.numpy() + self.lift)
         elif self._secants is not None:
-            raw = level.direction.numpy().astype(np.float64)
+            raw = doubles(level.direction)
             better = self._secants.improved(raw)
             if np.einsum("ic,ic->", better, right_side) > 0.0:
                 assign(level.direction, better)

@@ -11,7 +11,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.fields import Array, assign, on_cpu
+from ..device.fields import Array, assign, copy, dot, doubles, on_cpu, total
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad
 from ..interfaces.part import StaticContact
@@ -153,7 +153,7 @@ class Level:
         """Compute the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
         assign(self._tension, np.array([tension]))
         if self._prediction is not None and not self.predicting:
-            wp.copy(self._prediction.base, self.displacement)
+            copy(self._prediction.base, self.displacement)
             self.direction.zero_()
         self.run("linearise")
 
@@ -161,13 +161,13 @@ class Level:
         """Make the displacement of a trial step the base of the next one."""
         if self._prediction is not None:
             self.predicting = True
-            wp.copy(self._prediction.base, self.base)
+            copy(self._prediction.base, self.base)
             assign(self._prediction.tensile, np.array([float(shortened)]))
-        wp.copy(self.base, self.displacement)
+        copy(self.base, self.displacement)
 
     def contact_stiffness(self) -> np.ndarray | None:
         """Stiffness of contact, and of loads that tie points, at the last tangent [N/m], (N, 3, 3); None without."""
-        blocks = [-contact.blocks.numpy().astype(np.float64) for contact in self.contacts]
+        blocks = [-doubles(contact.blocks) for contact in self.contacts]
         ties = [load.ties for load in self.following]
         blocks += [tie[:, None, None] * np.eye(3) for tie in ties if tie is not None]
         return np.sum(blocks, axis=0) if blocks else None
@@ -185,16 +185,3 @@ class Level:
         """Set displacement = base + step length x direction."""
         assign(self._step_length, np.array([step_length]))
         self.run("advance")
-
-
-def dot(a: Array, b: Array) -> float:
-    """Scalar product of two (N,) vec3 arrays."""
-    if on_cpu(a):
-        # Not by BLAS: its idle threads would keep spinning on the cores that the kernels need.
-        return float(np.einsum("ic,ic->", a.numpy(), b.numpy(), dtype=np.float64))
-    return float(np.asarray(wp.utils.array_inner(a, b)))
-
-
-def total(a: Array) -> float:
-    """Sum of a scalar array."""
-    return float(a.numpy().sum()) if on_cpu(a) else float(np.asarray(wp.utils.array_sum(a)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, doubles
 from ..device.graph import launch_now
 from .aggregates import Aggregates
 from .krylov import conjugate_gradients, gmres
@@ -132,7 +132,7 @@ class LinearSolver:
         assign(self.level.vector, x.reshape(-1, 3))
         self.level.run("product")
         self.products += 1
-        image = self.level.image.numpy().astype(np.float64).ravel()
+        image = doubles(self.level.image).ravel()
         return np.asarray(image if self._added is None else image + self._added(x))
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
@@ -146,7 +146,7 @@ class LinearSolver:
         assign(side, r)
         hierarchy.cycle(self.index)
         self.products += hierarchy.products_per_cycle(self.index)
-        return np.asarray(solution.numpy().astype(np.float64).ravel())
+        return np.asarray(doubles(solution).ravel())
 
     # Warp ----------------------------------------------------------------------------------------------
 
@@ -181,7 +181,7 @@ class LinearSolver:
             hierarchy.cycle(self.index)
         elif self.factors is not None:
             solution = self._preconditioned
-            assign(solution, self.factors(x.numpy().astype(np.float64)))
+            assign(solution, self.factors(doubles(x)))
         else:
             solution = self._preconditioned
             launch_now(self._block_scaling, self.level.context.device, x=x)

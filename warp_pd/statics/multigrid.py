@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context, State
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, doubles
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
@@ -85,7 +85,7 @@ class Hierarchy:
         loads = self._dead_loads[index]
         if loads is not None and self._dead is not None:
             self.levels[0].run("dead loads")
-            dead = self._dead.numpy().astype(np.float64)
+            dead = doubles(self._dead)
             assign(loads, restrict_loads(dead, self.lattices[0], self.lattices[index]))
 
     def _add_transfer(self, index: int) -> None:
@@ -164,7 +164,7 @@ class Hierarchy:
             self.levels[index].run("down")
         side, solution = self.sides(last)
         assert self._coarsest is not None
-        assign(solution, self._coarsest(side.numpy().astype(np.float64)))
+        assign(solution, self._coarsest(doubles(side)))
         for index in reversed(range(finest, last)):
             self.levels[index].run("up")
 
@@ -296,14 +296,14 @@ class Smoother:
     def largest_eigenvalue(self, iterations: int = POWER_ITERATIONS, safety: float = SAFETY) -> float:
         """Estimated bound on the eigenvalues of D^-1 K, by power iteration."""
         level = self.level
-        blocks = level.tangent.inverse_blocks.numpy().astype(np.float64)
+        blocks = doubles(level.tangent.inverse_blocks)
         v = np.random.default_rng(0).normal(size=(level.points, 3))
         v /= math.sqrt(v.size)
         largest = 1.0
         for _ in range(iterations):
             assign(level.vector, v)
             level.run("product")
-            v = np.einsum("iab,ib->ia", blocks, level.image.numpy().astype(np.float64))
+            v = np.einsum("iab,ib->ia", blocks, doubles(level.image))
             largest = math.sqrt(float(np.einsum("ic,ic->", v, v)))
             v /= largest
         return safety * largest

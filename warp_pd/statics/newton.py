@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from ..context import Context
 from ..device.checks import count, one_of
 from ..device.clock import Schedule, proportional
-from ..device.fields import assign
+from ..device.fields import assign, copy, doubles
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .descent import Secants
@@ -180,7 +179,7 @@ class BuiltNewton(StaticSystem):
 
     def _compare(self, before: float, reached: float) -> None:
         """Record a load step in which the sheet moved much farther than before and than its supports."""
-        here, good = (array.numpy().astype(np.float64) for array in (self.levels[0].displacement, self.good))
+        here, good = (doubles(array) for array in (self.levels[0].displacement, self.good))
         moved, length = np.abs(here - good), reached - before
         far, prescribed = float(moved.max()), float(moved[self.levels[0].held].max(initial=0.0))
         usual = max((m * max(1.0, length / earlier) for earlier, m in self._moved), default=0.0)
@@ -199,7 +198,7 @@ class BuiltNewton(StaticSystem):
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
         if self._kept_factor is not None and not known:
-            wp.copy(self.earlier, self.good)
+            copy(self.earlier, self.good)
         self.kept.keep()
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
@@ -212,7 +211,7 @@ class BuiltNewton(StaticSystem):
         s0, s1 = self._earlier_factor, self._kept_factor
         if s0 is not None and s1 is not None and self.hierarchy is None:
             # Extrapolate linearly from the last two load steps; prescribed components are set later.
-            u0, u1 = (array.numpy().astype(np.float64) for array in (self.earlier, self.good))
+            u0, u1 = (doubles(array) for array in (self.earlier, self.good))
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)
         entry, secants = self.report.load_steps[-1], Secants()

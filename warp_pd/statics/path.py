@@ -12,7 +12,7 @@ import numpy as np
 from ..context import Context
 from ..device.checks import InputError
 from ..device.clock import Schedule
-from ..device.fields import assign
+from ..device.fields import assign, doubles
 from ..interfaces import BuiltLaw, BuiltSolver, Columns, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from .corrector import Change, Origin, Point, changes, mean_product, norm
@@ -167,7 +167,7 @@ class BuiltArcLength(TearSteps):
     def _advance(self, sink: FrameSink) -> bool:
         """Find the next point of the path; return whether it was found."""
         state = self.state
-        origin = Origin(self.position(), self.direction.numpy().astype(np.float64), state.factor, state.rate)
+        origin = Origin(self.position(), doubles(self.direction), state.factor, state.rate)
         for _ in range(self.settings.most_cuts + 1):
             if self.tear(origin, sink) if state.tears else self._step(origin, sink):
                 return True

@@ -14,7 +14,7 @@ import warp as wp
 from ..context import Context
 from ..device.checks import below_one, count, positive
 from ..device.clock import Schedule, proportional
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, doubles
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
@@ -347,7 +347,7 @@ class BuiltRelaxation(BuiltSolver):
         Round-off can hide a load in the unbalanced force of a stressed sheet, but not in the way that the sheet moves.
         """
         context = self.context
-        here = context.state.displacement.numpy().astype(np.float64)
+        here = doubles(context.state.displacement)
         start = context.initial_displacement
         before, self._before = self._before, here
         last, self._moved = self._moved, math.inf if before is None else float(np.linalg.norm(here - before))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.fields import assign
+from ..device.fields import assign, doubles
 from .level import Level
 from .linear import LinearSolver
 
@@ -57,7 +57,7 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
     def solved_product(x: np.ndarray) -> np.ndarray:
         assign(level.vector, whole(x))
         level.run("product")
-        return np.asarray(factors(level.image.numpy().astype(np.float64)).ravel()[free])
+        return np.asarray(factors(doubles(level.image)).ravel()[free])
 
     if not level.following:
         inverse = _extreme(solved, len(free), 1, "LM")

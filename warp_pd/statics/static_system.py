@@ -9,11 +9,10 @@ from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
-import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.fields import Array, assign
+from ..device.fields import Array, assign, copy
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..solvers.stepping import Snapshot
@@ -209,7 +208,7 @@ class StaticSystem(BuiltSolver):
         for index in reversed(range(last + 1)):
             level = self.levels[index]
             self.set_loads(factor, index)
-            wp.copy(level.base, level.displacement)
+            copy(level.base, level.displacement)
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
                 self._prescribe(index, factor)
@@ -217,7 +216,7 @@ class StaticSystem(BuiltSolver):
             found = self._descend(index, factor, sink, tolerance)
             entry["lattices"].append(found)
             if not found["converged"] and index > 0:
-                wp.copy(level.displacement, level.base)
+                copy(level.displacement, level.base)
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
 

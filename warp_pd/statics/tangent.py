@@ -11,7 +11,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.fields import Array
+from ..device.fields import Array, doubles
 from ..device.launches import Stage
 from ..families import Families
 from ..interfaces import BuiltLaw
@@ -391,7 +391,7 @@ class TangentMatrix:
         from scipy import sparse
 
         starts, columns = self.starts.numpy(), self.columns.numpy()
-        blocks, free = self.blocks.numpy().astype(np.float64), self.free.reshape(-1, 3)
+        blocks, free = doubles(self.blocks), self.free.reshape(-1, 3)
         rows = np.repeat(np.arange(len(free)), np.diff(starts))
         own = np.flatnonzero(rows == columns)
         bound = ~free.all(axis=1)
