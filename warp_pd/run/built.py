@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,17 +16,7 @@ from ..device.checks import InputError, one_of
 from ..device.clock import Clock
 from ..device.fields import Array, FieldRegister, in_double
 from ..families.partition import Partition
-from ..interfaces import (
-    BuiltContact,
-    BuiltLoad,
-    BuiltPart,
-    BuiltRupture,
-    BuiltSolver,
-    Columns,
-    Constraint,
-    Part,
-    System,
-)
+from ..interfaces import BuiltContact, BuiltSolver, Columns, Constraint, Part, System
 from ..interfaces.solver import ExternalForce
 from ..kernels.families import Layout
 from ..kernels.integrate import StepOptions
@@ -233,9 +223,9 @@ def compose(
     for part in here:
         law = part.around(law, context)
     built = [part.build(context, law) for part in here]
+    of_part: dict[int, Any] = {id(part): on_device for part, on_device in zip(parts, built, strict=True)}
     law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
-    loads = [on_device for part, on_device in zip(parts, built, strict=True) if is_load(part, scene)]
-    external = ExternalForce(context, cast(list[BuiltLoad], loads))
+    external = ExternalForce(context, [of_part[id(part)] for part in parts if is_load(part, scene)])
     moved = MovedPoints(context, constraints)
     if not law.resists_bending:
         moved.refuse_held_slopes()
@@ -246,13 +236,13 @@ def compose(
     context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types)
-    contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
+    contacts: tuple[BuiltContact, ...] = tuple(of_part[id(part)] for part in scene.contacts)
     beside = [check for contact in contacts for check in contact.checks(contacts)]
     checks = FrameChecks(context, solver.has_inertia)
     acting = (law, solver, moved, Ticking(context), *built, external, *beside, checks)
     columns = energy.count(acting)
     made = Built(
-        context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),
+        context, law, external, acting, constraints, of_part.get(id(scene.damage)),
         scene, solver, checks, energy, Sums(context, (*columns[1:], columns[0])), columns,
         contacts[0] if contacts else None, contacts,
     )  # fmt: skip
@@ -261,11 +251,6 @@ def compose(
     _add_stages(made)
     context.communicator.add_exchanges(list(context.stages.values()), context.fields)
     return made
-
-
-def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> BuiltPart | None:
-    """The built counterpart of a part of the scene."""
-    return next((on_device for part, on_device in zip(parts, built, strict=True) if part is wanted), None)
 
 
 def parts_of(scene: Scene) -> list[Part]:

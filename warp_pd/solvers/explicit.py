@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -236,31 +236,21 @@ class BuiltExplicit(BuiltSolver):
     def _take(self, steps: int, dt: float, begin: float, sink: FrameSink, before: int) -> None:
         """Take steps after `before` others of the frame, recording history rows between them if requested."""
         every = self.solver.history_every
-
-        def stepped(taken: int) -> None:
-            sink.stepped(begin + taken * dt, dt, before + taken)
-
+        apart = steps + self._since_row if every is None else max(1, round(every / dt))
         taken = 0
         while taken < steps:
-            chunk = steps if every is None else min(steps - taken, max(1, round(every / dt) - self._since_row))
-            self._take_chunk(chunk, taken, stepped)
-            taken += chunk
-            if every is not None:
-                self._since_row += chunk
-                if self._since_row >= max(1, round(every / dt)):
-                    self._since_row = 0
-                    sink.row(begin + taken * dt, dt)
-
-    def _take_chunk(self, steps: int, taken: int, stepped: Callable[[int], None]) -> None:
-        """Take steps after `taken` others, using the repeated stage where possible."""
-        end = taken + steps
-        while taken < end:
-            many = self._place == 0 and end - taken >= self._many.repeat
+            # The repeated stage where it ends before the frame and the next row.
+            many = self._place == 0 and min(steps - taken, apart - self._since_row) >= self._many.repeat
             sequence = self._many if many else self._ones[self._place]
             sequence.run()
             taken += sequence.repeat
-            stepped(taken)
+            sink.stepped(begin + taken * dt, dt, before + taken)
             self._place = (self._place + sequence.repeat) % self._interval
+            if every is not None:
+                self._since_row += sequence.repeat
+                if self._since_row >= apart:
+                    self._since_row = 0
+                    sink.row(begin + taken * dt, dt)
 
     def estimate(self, iterations: int) -> float:
         """Estimate the stable step [s]; infinite without stiffness."""
