@@ -130,7 +130,8 @@ def main() -> None:
         found = fitted(name, curves)
         print(f"{name}\n{found.table()}\n")
         told = zip(found.names, found.values, found.judgement.errors, strict=True)
-        constants = ", ".join(f"{n} {v:.4g} ± {e:.2g}" for n, v, e in told)
+        # Standard errors that matter.
+        constants = ", ".join(f"{n} {v:.4g}" + (f" ± {e:.2g}" if e > 0.1 * abs(v) else "") for n, v, e in told)
         rows.append([f"{name}, fitted", constants, *(f"{100.0 * e:.2f} %" for e in errors(curves, found.model))])
     for name, stress in PUBLISHED.items():
         shown = [stress(curve.control, curve.at) for curve in curves]

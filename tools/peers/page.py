@@ -95,30 +95,35 @@ def seconds(row: Row) -> float:
 
 
 def fastest(rows: Sequence[Row]) -> list[str]:
-    """The least time of each code for an error, a column for each error, the devices one after the other."""
+    """The least time of each code, whichever of its solvers, for an error; the devices one after the other."""
     devices = list(dict.fromkeys(r["device"] for r in rows))
     lines = []
     for name in PROBLEMS:
-        for code in dict.fromkeys(r["code"] for r in rows if r["problem"] == name):
-            done = [
-                [r for r in rows if (r["problem"], r["device"], r["code"]) == (name, device, code) and r.get("error")]
-                for device in devices
-            ]
-            best = [[least_time(runs, e) for runs in done if runs] for e in ERRORS]
+        here = [r for r in rows if r["problem"] == name and r.get("error")]
+        for code in dict.fromkeys(family(r) for r in here):
+            of_code = [[r for r in here if family(r) == code and r["device"] == device] for device in devices]
+            best = [[least_time(runs, e) for runs in of_code if runs] for e in ERRORS]
             if any(t for times in best for t in times):
                 lines.append([name, code, *(" / ".join("-" if t is None else f"{t:.3g}" for t in b) for b in best)])
     return [
-        f"Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs of the code keep; devices: "
-        f"{' / '.join(devices)}.",
-        "Codes that are further off at every spacing are left out.", "",
-        *table(["problem", "code", *(f"{100 * e:g} %" for e in ERRORS)], lines), "",
+        "Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs keep, with the best solver or "
+        f"elements of a code; devices: {' / '.join(devices)}. Codes that are further off at all spacings are left out.",
+        "", *table(["problem", "code", *(f"{100 * e:g} %" for e in ERRORS)], lines), "",
     ]  # fmt: skip
 
 
+def family(row: Row) -> str:
+    """The code of a run, without its solver or elements."""
+    return str(row["code"]).partition(",")[0]
+
+
 def least_time(rows: Sequence[Row], error: float) -> float | None:
-    """Least time [s] of the runs of a code within an error; one that a finer run leaves again is a coincidence."""
-    beyond = max((r["points"] for r in rows if r["error"] > error), default=0)
-    return min((seconds(r) for r in rows if r["points"] > beyond), default=None)
+    """Least time [s] of runs within an error; one that a finer run of the same kind leaves again is a coincidence."""
+    times = []
+    for code in {r["code"] for r in rows}:
+        beyond = max((r["points"] for r in rows if r["code"] == code and r["error"] > error), default=0)
+        times += [seconds(r) for r in rows if r["code"] == code and r["points"] > beyond]
+    return min(times, default=None)
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:

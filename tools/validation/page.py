@@ -78,7 +78,7 @@ def summary(found: dict[str, Runs]) -> str:
 def section(row: Comparison) -> list[str]:
     """The paragraph of a row."""
     text = (
-        f'<a id="{row.name}"></a> **{row.title}.** {row.source} ({row.seen}): {row.measured}. '
+        f'<a id="{row.name}"></a> `{row.name}`: {row.source} ({row.seen}): {row.measured}. '
         f"Constants: {row.constants}. *{row.verdict}*"
     )
     return [text, ""]
