@@ -106,8 +106,8 @@ def fastest(rows: Sequence[Row]) -> list[str]:
             if any(t for times in best for t in times):
                 lines.append([name, code, *(" / ".join("-" if t is None else f"{t:.3g}" for t in b) for b in best)])
     return [
-        "Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs keep, with the best solver or "
-        f"elements of a code; devices: {' / '.join(devices)}. Codes that are further off at all spacings are left out.",
+        "Seconds, of CPU on a CPU and by the clock on a GPU, for an error that finer runs keep, with the best solver "
+        f"or elements of a code; devices: {' / '.join(devices)}. Codes further off at all spacings are left out.",
         "", *table(["problem", "code", *(f"{100 * e:g} %" for e in ERRORS)], lines), "",
     ]  # fmt: skip
 

@@ -88,7 +88,7 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
         not_negative("RigidBody.friction", self.friction)
         if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
+            raise InputError(f"RigidBody.name = {said(self.name)}: expected letters, digits and _, such as 'needle'")
         self.motion.check(self.shape)
         if not isinstance(self.surface, bool):
             raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")

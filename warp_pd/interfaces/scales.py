@@ -37,7 +37,7 @@ class Scales:
 
     @classmethod
     def of(cls, sheet: Sheet, modulus: float | None, dynamic: bool) -> Scales:
-        """The sizes of a sheet of a shear modulus [Pa]."""
+        """Sizes of a sheet, those of forces and waves from its shear modulus [Pa], None if it is not known."""
         width, density = float(np.ptp(sheet.points, axis=0).max()), float(np.mean(sheet.density))
         force = None if modulus is None else modulus * float(np.mean(sheet.thickness)) * width
         speed = math.sqrt(modulus / density) if dynamic and modulus is not None else None

@@ -38,7 +38,7 @@ class Reaction(Part):
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise InputError(f"Reaction.name = {self.name!r}: expected a single word, such as 'pull'")
+            raise InputError(f"Reaction.name = {self.name!r}: expected letters, digits and _, such as 'pull'")
 
     @property
     def only_one(self) -> str:
