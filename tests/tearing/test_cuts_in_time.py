@@ -160,7 +160,7 @@ def test_beside_a_damage_field_the_tips_of_a_slit_are_damaged():
     field = TearingEnergy(8.0, length=0.015, spared=sheet.edges("top", "bottom"))
     path = [(0.02, 0.053), (0.08, 0.053)]
     built = run(pulled(sheet, solver, CutsInTime(Slit(path, at=solver.duration), beside=field))).built
-    damage = built.to_numpy(built.rupture.criterion.field)
+    damage = built.to_numpy(built.rupture.field)
     apart = np.min([np.linalg.norm(sheet.points - end, axis=1) for end in path], axis=0)
     assert damage.max() > 0.05
     assert apart[damage.argmax()] < 2.0 * sheet.spacing

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,7 @@ from ..context import Context
 from ..device.checks import InputError, finite, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltRupture, Columns, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Rupture
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_stretch, screening
 from ..step import Phase
@@ -87,15 +87,30 @@ class CriticalStretch(BondCriterion):
         return found, values
 
 
+class Opening(Protocol):
+    """Cuts that open while a run goes on, before the bonds that exceed a criterion break."""
+
+    def add(self, stage: Stage) -> None:
+        """Add the launch that cuts the bonds that are due."""
+        ...
+
+    def notes(self, history: History) -> list[str]:
+        """Notes on cuts that the run has not reached."""
+        ...
+
+
 class Damaged(BuiltRupture):
     """Damage of the sheet by broken bonds (base class).
 
     Attributes:
+        opening: Cuts in time beside the criterion, or None.
         spared: Whether each point is spared, (N,) uint8, or None.
         released: Energy released by broken bonds [J], (N,) float64; None if it is not tracked.
         tracked_energy: Warp function of the family energy whose loss is tracked, or None.
         intact: The bits of intact bonds.
     """
+
+    opening: Opening | None = None
 
     def __init__(self, owner: str, rupture: Rupture, context: Context, law: BuiltLaw) -> None:
         self.label, self.owner, self.context, self.law = f"damage = {owner}", owner, context, law
@@ -116,10 +131,13 @@ class Damaged(BuiltRupture):
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
         self._motion: tuple[Array, Array] | None = None
+        self._asked = False
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that breaks bonds, or those of the damage at frames."""
         if phase is Phase.RUPTURE:
+            if self.opening is not None:
+                self.opening.add(stage)
             self.add_breaking(stage)
         elif phase is Phase.FRAME:
             self._add_damage(stage)
@@ -131,17 +149,40 @@ class Damaged(BuiltRupture):
         )
 
     def prepare_at_rest(self, moved: Array | None = None) -> None:
-        """Compose the stage that breaks bonds in equilibrium."""
-        self.know_motion(moved)
-        self.add_breaking(self.context.stage("rupture", AT_REST))
+        """Compose the stages that cut and break bonds in equilibrium.
 
-    def know_motion(self, moved: Array | None) -> None:
-        """Take the displacement since the begin of a step [m], on which the released energy depends."""
+        The released energy depends on the displacement since the begin of a step, `moved` [m].
+        """
         if moved is not None:
             context = self.context
             self._motion = moved, context.array("unit_time", self.owner, context.types.real, np.ones(1), per="table")
 
+        if self.opening is not None:
+            self.opening.add(self.context.stage("cuts in time", AT_REST))
+        self.compose_breaking()
+
+    def compose_breaking(self) -> None:
+        """Compose the stages of `break_exceeding`."""
+        self.add_breaking(self.context.stage("rupture", AT_REST))
+
     def break_at_rest(self, again: bool) -> bool:
+        """Cut what is due; in the equilibrium that follows, break what exceeds the criterion."""
+        if self.opening is None:
+            return self.break_exceeding(again)
+        # The criterion has not been asked at these loads while cuts opened.
+        asked, self._asked = again and self._asked, False
+        before = self.intact.numpy().copy()
+        self.context.run("cuts in time")
+        if (self.intact.numpy() != before).any():
+            return True
+        self._asked = True
+        return self.break_exceeding(asked)
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Notes on cuts."""
+        return [] if self.opening is None else self.opening.notes(history)
+
+    def break_exceeding(self, again: bool) -> bool:
         """Break the bonds that exceed the criterion, and return whether there were any."""
         before = self.intact.numpy().copy()
         self.context.run("rupture")

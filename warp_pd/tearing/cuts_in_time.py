@@ -20,18 +20,12 @@ from ..interfaces import BuiltLaw, BuiltRupture, History, Law, Part, Rupture
 from ..interfaces.scales import Scales
 from ..kernels.tearing.cuts_in_time import cut_bonds
 from ..laws.bond_associated import with_weights_of_intact_sheets
-from ..parts.rupture import AT_REST, Damaged
+from ..parts.rupture import Damaged
 from ..shapes.edits import tips_of
-from ..step import Phase
 
 OWNER = "CutsInTime"
 # A cut is due this fraction of its time early: the round-off of load steps.
 EARLY = 1e-9
-# What the cuts leave as it is of the criterion beside them.
-OF_THE_CRITERION = (
-    "damage", "intact_faces", "close_enough", "begin", "columns", "complete", "end_frame", "step_limit",
-    "added_frequency", "fingerprint", "spared", "released", "intact",
-)  # fmt: skip
 
 
 class Cut(Protocol):
@@ -214,7 +208,7 @@ class CutsInTime(Rupture):
     def __post_init__(self) -> None:
         if not self.each or not all(isinstance(cut, (Slit, Seam, Punch)) for cut in self.each):
             raise InputError(f"CutsInTime.cuts = {said(self.cuts)}: expected a Slit, Seam or Punch, or a list of them")
-        criterion = self.beside is None or (hasattr(self.beside, "is_field") and not isinstance(self.beside, type))
+        criterion = self.beside is None or (isinstance(self.beside, Rupture) and not isinstance(self.beside, type))
         if not criterion or isinstance(self.beside, CutsInTime):
             raise InputError(
                 f"CutsInTime.beside = {said(self.beside)}: expected a criterion, such as TearingEnergy, or None"
@@ -250,7 +244,16 @@ class CutsInTime(Rupture):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build cuts and criterion on a device."""
-        return OpeningCuts(self, context, law)
+        built = NothingElse(OWNER, self, context, law) if self.beside is None else self.beside.build(context, law)
+        if not isinstance(built, Damaged):
+            raise InputError(
+                f"CutsInTime.beside = {said(self.beside)}: expected a criterion whose `build` returns a Damaged, as "
+                "that of BondCriterion does"
+            )
+        built.opening = OpeningCuts(self, context, law, built.released)
+        # A path by arc length has no time at which a cut is due; ArcLength refuses what has no energy of a tear.
+        built.label, built.tear_energy = f"damage = {OWNER}", 0.0
+        return built
 
 
 class NothingElse(Damaged):
@@ -259,38 +262,28 @@ class NothingElse(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """No bond breaks by itself."""
 
-    def prepare_at_rest(self, moved: Array | None = None) -> None:
+    def compose_breaking(self) -> None:
         """Nothing to compose."""
 
-    def break_at_rest(self, again: bool) -> bool:
+    def break_exceeding(self, again: bool) -> bool:
         """No bond breaks by itself."""
         return False
 
 
-class OpeningCuts(BuiltRupture):
-    """Cuts in time on a device, and the criterion beside them.
+class OpeningCuts:
+    """Cuts in time on a device.
 
     Attributes:
-        criterion: The criterion; OF_THE_CRITERION names what this object has from it.
         points: Points with bonds that are cut, (P,) int32.
         times: Times of their bonds [s], (members, P) float64.
     """
 
-    damage: Array
-    intact_faces: Array
-
-    def __init__(self, rupture: CutsInTime, context: Context, law: BuiltLaw) -> None:
-        beside = rupture.beside
-        built: Any = NothingElse(OWNER, rupture, context, law) if beside is None else beside.build(context, law)
-        self.criterion, self.context, self.law, self.rupture = built, context, law, rupture
-        self.label = f"damage = {OWNER}"
-        for name in OF_THE_CRITERION:
-            setattr(self, name, getattr(built, name))
+    def __init__(self, rupture: CutsInTime, context: Context, law: BuiltLaw, released: Array | None) -> None:
+        self.context, self.law, self.rupture, self._released = context, law, rupture, released
         points, times = self._opening(context.given)
         self.points = context.array("cut_points", OWNER, wp.int32, points, per="table")
         self.times = context.array("cut_times", OWNER, wp.float64, (1.0 - EARLY) * times.T, per="table")
         context.clock.register(Schedule(np.array([0.0]), np.zeros((1, 3)), OWNER))
-        self._asked = False
 
     def _opening(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
         """Points with bonds that are cut, (P,), and the times of these [s], (P, members).
@@ -322,43 +315,19 @@ class OpeningCuts(BuiltRupture):
         points = np.flatnonzero(np.isfinite(found).any(axis=1))
         return points, found[points]
 
-    def _add_cutting(self, stage: Stage) -> None:
+    def add(self, stage: Stage) -> None:
         """Add the launch that cuts the bonds that are due."""
         state, law = self.context.state, self.law
-        released = self.criterion.released
-        energy = None if released is None else law.earlier_energy
+        energy = None if self._released is None else law.earlier_energy
         stage.launch(
             OWNER, cut_bonds(self.context.layout, energy), len(self.points), family=law.struct,
             displacement=state.displacement, velocity=state.velocity, step=state.step,
             constants=self.context.types.parameters() if energy is None else law.energy_constants,
             unit_volume=law.unit_volume, damage=law.damage, points=self.points, times=self.times,
-            time=self.context.clock.time, released=released,
+            time=self.context.clock.time, released=self._released,
         )  # fmt: skip
 
-    def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of a phase: those of the cuts before those of the criterion."""
-        if phase is Phase.RUPTURE:
-            self._add_cutting(stage)
-        self.criterion.add(phase, stage)
-
-    def prepare_at_rest(self, moved: Array | None = None) -> None:
-        """Compose the stages of both."""
-        self._add_cutting(self.context.stage("cuts in time", AT_REST))
-        self.criterion.prepare_at_rest(moved)
-
-    def break_at_rest(self, again: bool) -> bool:
-        """Cut what is due; in the equilibrium that follows, break what exceeds the criterion."""
-        # The criterion has not been asked at these loads while cuts opened.
-        asked, self._asked = again and self._asked, False
-        before = self.law.intact.numpy().copy()  # type: ignore[union-attr]
-        self.context.run("cuts in time")
-        if (self.law.intact.numpy() != before).any():  # type: ignore[union-attr]
-            return True
-        self._asked = True
-        return bool(self.criterion.break_at_rest(asked))
-
-    def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes of the criterion, and on cuts that the run has not reached."""
+    def notes(self, history: History) -> list[str]:
+        """Notes on cuts that the run has not reached."""
         late = [cut for cut in self.rupture.each if cut.first() * (1.0 - EARLY) > history[-1]["time"]]
-        closed = [f"{said(cut)} has not opened: the run ended at {history[-1]['time']:.3g} s" for cut in late]
-        return [*self.criterion.notes(history, load_duration), *closed]
+        return [f"{said(cut)} has not opened: the run ended at {history[-1]['time']:.3g} s" for cut in late]

@@ -304,9 +304,8 @@ class DamageField(Damaged):
                 self._add_severing(stage)
                 self._add_empty(stage)
 
-    def prepare_at_rest(self, moved: Array | None = None) -> None:
+    def compose_breaking(self) -> None:
         """Compose the stages of alternate minimisation."""
-        self.know_motion(moved)
         damage = self.context.stage("damage", AT_REST)
         self._add_empty(damage)
         self._add_rousing(damage)
@@ -316,7 +315,7 @@ class DamageField(Damaged):
         self._add_rousing(rupture)
         self._add_energy(self.context.stage("energy of the damage", AT_REST))
 
-    def break_at_rest(self, again: bool) -> bool:
+    def break_exceeding(self, again: bool) -> bool:
         """Minimise the energy over the damage at the current displacement, and break bonds near full damage.
 
         The damage of a point is bounded below by its value at the last load step, or when one of its bonds broke.
@@ -520,7 +519,7 @@ class DamageField(Damaged):
                 f"the mean damage grew by {gained:.0%}: most of the sheet, not only a tear, exceeds its strength of "
                 f"{self.limit:.3g} J/m^3"
             )
-        return said
+        return [*said, *super().notes(history, load_duration)]
 
 
 def refuse_shared_device(device: Any) -> None:
