@@ -87,6 +87,23 @@ def test_cuts_that_face_nothing_start_with_the_energy_of_their_length():
     np.testing.assert_allclose(field[near], profile[near], atol=1e-7)
 
 
+@pytest.mark.parametrize("kind", ["turned", "jittered", "with a hole"])
+def test_triangles_that_a_cut_removes_leave_no_edge_at_its_end(kind):
+    """The end lies inside the sheet, and the cut starts with the energy of its length, as on a whole lattice."""
+    changes = {"turned": {"turn": 15.0}, "jittered": {"jitter": 0.25}}.get(kind, {})
+    sheet = Sheet.filled(0.1, 0.1, thickness=1e-3, density=1000.0, points=(80, 80), **changes)
+    if kind == "with a hole":
+        sheet = sheet.hole((0.08, 0.08), 0.005)
+    one, whole = sheet.cut((-0.01, 0.05), (0.04, 0.05)), sheet.cut((-0.01, 0.05), (0.11, 0.05))
+    length = 4.0 * sheet.spacing
+    cuts = CutEnds.of(one, length)
+    assert cuts.ends.tolist() == [[0.04, 0.05]] and not len(CutEnds.of(whole, length).ends)
+    begun, torn = (
+        build(each, damage=TearingEnergy(GC, length=length)).rupture._fracture_at_start for each in (one, whole)
+    )
+    assert 0.1 * begun / torn == pytest.approx(0.04, rel=0.04)
+
+
 def test_an_end_near_an_edge_faces_its_mirror_image():
     sheet = square(81).cut((-0.01, 0.0506), (0.07, 0.0506))
     cuts = CutEnds.of(sheet, 0.0125)

@@ -7,6 +7,10 @@ import numpy as np
 from .sheet import Shape
 from .triangulation import Lattice, boundary_edges, directed_edges
 
+# Largest distance of a cut from the edges of triangles that it has removed, what counts as near along it, and how far
+# inside such an edge it may lie, in spacings.
+REMOVED, ASIDE, TOUCHES = 1.5, 0.1, 0.02
+
 
 def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Neighbours of every point and their couplings w_ik, with sum_ik w_ik (d_i - d_k)^2 / 2 = integral of |grad d|^2.
@@ -78,7 +82,28 @@ def edge_segments(shape: Shape) -> np.ndarray:
         corners = np.array([[left, low], [right, low], [right, high], [left, high]])
         return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
     edges, faces = _boundary(shape)
-    return np.asarray(shape.points[edges[~faces]])
+    ends = np.asarray(shape.points[edges[~faces]])
+    return ends[~_along_cuts(shape, ends)] if shape.cuts else ends
+
+
+def _along_cuts(shape: Shape, edges: np.ndarray) -> np.ndarray:
+    """Whether an edge, (S, 2, 2) with the sheet on its left, faces a cut: it bounds a triangle that the cut removed.
+
+    Then all of the cut near it lies outside. A cut that ends or begins at an edge lies inside.
+    """
+    middle, along = edges.mean(axis=1), edges[:, 1] - edges[:, 0]
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    found = np.zeros(len(edges), bool)
+    for start, end in np.asarray(shape.cuts, float):
+        way, step = end - start, ASIDE * shape.spacing / np.linalg.norm(end - start)
+        place = ((middle - start) @ way / float(way @ way)).clip(0.0, 1.0)
+        near, outside = np.zeros(len(edges), bool), np.ones(len(edges), bool)
+        for beside in (0.0, step, -step):
+            apart = start + (place + beside).clip(0.0, 1.0)[:, None] * way - middle
+            near |= np.linalg.norm(apart, axis=1) < REMOVED * shape.spacing
+            outside &= (apart * outward).sum(axis=1) > -TOUCHES * shape.spacing
+        found |= near & outside
+    return found
 
 
 def _order(pairs: np.ndarray) -> np.ndarray:
