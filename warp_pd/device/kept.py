@@ -41,17 +41,18 @@ class Kept:
             if key in self._results:
                 self._results.move_to_end(key)
                 return self._results[key][0]  # type: ignore[no-any-return]
-        made = copy.deepcopy(make(*arguments))
-        arrays = list(arrays_of(made))
-        size = sum(array.nbytes for array in arrays)
-        for array in arrays:
+        made = make(*arguments)
+        size = sum(array.nbytes for array in arrays_of(made))
+        if 2 * size > self.most:
+            return made
+        made = copy.deepcopy(made)
+        for array in arrays_of(made):
             array.flags.writeable = False
-        if 2 * size <= self.most:
-            with self._lock:
-                self.nbytes += size - self._results.pop(key, (None, 0))[1]
-                self._results[key] = made, size
-                while self.nbytes > self.most:
-                    self.nbytes -= self._results.popitem(last=False)[1][1]
+        with self._lock:
+            self.nbytes += size - self._results.pop(key, (None, 0))[1]
+            self._results[key] = made, size
+            while self.nbytes > self.most:
+                self.nbytes -= self._results.popitem(last=False)[1][1]
         return made
 
 
