@@ -45,10 +45,13 @@ def _compile_once() -> None:
     """Have Warp write a kernel for a CPU once.
 
     It writes one on vectors alone twice, for strides that are known and for any. The runs of this package take as long
-    with the latter, and a module takes a tenth less to compile. A version of Warp without this name is left as it is.
+    with the latter, and a module takes a tenth less to compile.
     """
-    from warp._src import codegen
-
+    try:
+        from warp._src import codegen
+    except ImportError:
+        return
+    # A name of Warp's own: a version without it does not look at what is set here.
     codegen.cpu_linear_contiguous_specialization_candidate = lambda adj, block_dim: False
 
 
