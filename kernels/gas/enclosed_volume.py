@@ -23,6 +23,15 @@ BLOCK = 64
 
 
 @wp.func
+def difference(one: wp.float64, other: wp.float64):
+    """Return one - other, without what is round-off of a sum: it would be the only load of a gas at rest."""
+    apart = one - other
+    if wp.abs(apart) < wp.float64(1.0e-13) * wp.abs(other):
+        apart = wp.float64(0.0)
+    return apart
+
+
+@wp.func
 def polytropic_gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
     """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n.
 
@@ -31,14 +40,14 @@ def polytropic_gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
     result = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
     if volume > wp.float64(0.0):
         absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
-        result = wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
+        result = wp.vec2d(difference(absolute, constants[2]), -constants[3] * absolute / volume)
     return result
 
 
 @wp.func
 def prescribed_volume(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
     """Pressure proportional to the difference from the prescribed volume; constants: stiffness [Pa/m^3]."""
-    return wp.vec2d(constants[0] * (target - volume), -constants[0])
+    return wp.vec2d(constants[0] * difference(target, volume), -constants[0])
 
 
 @functools.cache

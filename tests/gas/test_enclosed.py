@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from curved_sheets import small_tube
 from enclosed_cases import CUBE, TETRAHEDRON, ball, enclosed
-from helpers import NEO, build, jittered, refused, rough, square
+from helpers import NEO, Kept, build, jittered, refused, rough, square
 from scipy.spatial.transform import Rotation
 
 from warp_pd import (
@@ -16,7 +16,9 @@ from warp_pd import (
     EnclosedVolume,
     Explicit,
     Fixed,
+    Implicit,
     Motion,
+    Newton,
     Pressure,
     Relaxation,
     Sheet,
@@ -267,3 +269,19 @@ def test_a_leak_needs_time():
     loads = [Fixed(sheet.edges("all")), EnclosedGas(chamber=1.0, leak=0.6)]
     with refused(match="EnclosedGas: not supported by the solver Relaxation"):
         Simulation(sheet, BondAssociated(NEO), Relaxation(), loads=loads, damage=CriticalStretch(2.0)).build("cpu")
+
+
+@pytest.mark.parametrize(
+    "solver", [Newton(load_steps=2), Relaxation(load_steps=2), Implicit(1.0, steps=4, inertia=False)]
+)
+def test_a_gas_at_the_pressure_outside_leaves_a_sheet_at_rest(solver):
+    """The round-off of its volume was its only load, which no search could balance."""
+    tube = Sheet.tube(0.02, 0.06, thickness=1e-3, density=1e3, points=(20, 10))
+    gas = EnclosedGas(amount=[(0.0, 1.0), (0.5, 1.0), (1.0, 1.02)])
+    kept = Kept(lambda frame: np.abs(frame.displacement).max())
+    force = BondAssociated(NEO, weights="corrected")
+    result = Simulation(tube, force, solver, loads=[Fixed(tube.edges()), gas]).run(
+        device="cpu", precision=64, writers=[kept]
+    )
+    assert result.status == "finished" and kept.all[-1] > 0.0
+    assert max(kept.all[: 1 + len(kept.all) // 2]) == 0.0

@@ -135,6 +135,14 @@ def test_load_that_round_off_hides_is_noted():
     assert result.summary["solve"]["load_steps"][-1]["round_off"] and 0.0 < result.summary["residual"] < 1e-5
 
 
+def test_a_load_step_that_is_computed_again_hides_no_load():
+    """Its displacement begins at that of the stressed sheet, which said that round-off hides a pressure of 200 Pa."""
+    sheet = Sheet.rectangle(0.1, 0.06, thickness=1e-3, density=1e3, points=(13, 9)).prestretched(1.2, 1.1)
+    loads = [Fixed(sheet.edges("left", "right")), Pressure(200.0)]
+    notes = Simulation(sheet, BondAssociated(MooneyRivlin(1e5)), Relaxation(), loads).run(device="cpu").summary["notes"]
+    assert notes == ["steps: a frame or load step was computed again once, each time with half the step"]
+
+
 @pytest.mark.parametrize("precision", [64, 32])
 @pytest.mark.parametrize("solver", [Relaxation, Newton])
 def test_stressed_sheet_without_loads_stays_where_it_is(solver, precision):

@@ -132,8 +132,8 @@ class BuiltRelaxation(BuiltSolver):
         # Displacement at the last checks of a stressed sheet [m], and how far it moved between them.
         self._before: np.ndarray | None = None
         self._moved = math.inf
-        # Whether loads were lost in the round-off of its stress.
-        self._hidden = False
+        # Whether loads are lost in the round-off of its stress, at this check and in an equilibrium.
+        self._hidden = self._lost_loads = False
         # Why the last load step has no equilibrium, and how far points may move in it [m].
         self._lost, self._prescribed = "", math.inf
         # At which load factor a tear under a load took very many steps; 0 for none.
@@ -266,6 +266,7 @@ class BuiltRelaxation(BuiltSolver):
                 sink.say(self._advice())
             measure.run()
             residual = self._residual()
+            self._hidden = False
             if self._scale.initial is not None and residual > tolerance and self._rests():
                 against_all = self._residual(against_all=True)
                 entry["round_off"] = against_all <= tolerance
@@ -276,6 +277,7 @@ class BuiltRelaxation(BuiltSolver):
                 return False
             if residual <= tolerance and self._done - start >= ramp_steps:
                 self._largest = max(self._largest, self.context.total(self._scale.reaction))
+                self._lost_loads = self._lost_loads or self._hidden
                 return True
         return False
 
@@ -359,7 +361,7 @@ class BuiltRelaxation(BuiltSolver):
         ahead = self._moved * shrinking / (1.0 - shrinking) if shrinking < 1.0 else math.inf
         hidden = not context.communicator.any(bool(way > round_off))
         rests = hidden or not context.communicator.any(bool(ahead > ACCURACY * way))
-        self._hidden = self._hidden or (hidden and context.options.loaded)
+        self._hidden = hidden and context.options.loaded
         return rests
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
@@ -367,10 +369,11 @@ class BuiltRelaxation(BuiltSolver):
         notes = self.rounds.notes()
         if self._slow_tear:
             notes.append(self._advice())
-        if self._hidden:
+        if self._lost_loads:
+            finer = "64, or " if self.context.bits == 32 else ""
             notes.append(
                 f"precision = {self.context.bits}: the loads move the sheet less than the round-off of its stress; its "
-                "displacement may be wrong; expected 64, or the solver Newton"
+                f"displacement may be wrong; expected {finer}the solver Newton"
             )
         return notes
 
