@@ -174,7 +174,7 @@ def _print_json(values: Any) -> None:
 )
 @click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
-@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf, and draw no pictures.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf, nor what is made from it.")
 @click.option(
     "--fields",
     help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
@@ -250,11 +250,11 @@ def run(
                 precision=precision,
                 resume=resume,
                 overwrite=overwrite,
-                usd=not no_usd,
+                usd=not (no_usd or no_vtkhdf),
                 vtkhdf=not no_vtkhdf,
                 fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
-                pictures=False if no_pictures else pictures,
-                view=not no_view,
+                pictures=False if no_pictures or no_vtkhdf else pictures,
+                view=not (no_view or no_vtkhdf),
                 history_every=history_every,
                 stride=stride,
                 restarts=not no_restart,

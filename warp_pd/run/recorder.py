@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import math
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,27 +50,13 @@ def code_version() -> str:
 
 
 def commit_of(checkout: Path) -> str | None:
-    """The git commit of a checkout, which may be a worktree of another one; None for another folder."""
-    git = common = checkout / ".git"
-    try:
-        if git.is_file():
-            git = checkout / _text(git).removeprefix("gitdir:").strip()
-            common = git / _text(git / "commondir")
-        head = _text(git / "HEAD")
-        name = head.removeprefix("ref: ")
-        if name == head:
-            return head
-        loose = common / name
-        if loose.is_file():
-            return _text(loose)
-        packed = _text(common / "packed-refs").splitlines()
-        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
-    except OSError:
+    """The git commit of a checkout or a worktree; None for another folder, or without git."""
+    if not (checkout / ".git").exists():
         return None
-
-
-def _text(path: Path) -> str:
-    return path.read_text("utf-8").strip()
+    command = ["git", "-c", "safe.directory=*", "-C", str(checkout), "rev-parse", "HEAD"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    return None
 
 
 class FramePoints:

@@ -286,7 +286,10 @@ def run(
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd and vtkhdf, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts, scene.has_fine_history)
+    for name, asked in (("usd", usd), ("pictures", formats), ("view", view)):
+        if asked and (out is None or not vtkhdf):
+            raise InputError(f"{name}: made from frames.vtkhdf; expected a folder (out=), and vtkhdf = True")
+    files = Files(usd, vtkhdf, formats, view, restarts, scene.has_fine_history)
     # Files and progress are those of the first process.
     new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()
     folder = communicator.barrier(lambda: writable_folder(out, resume, overwrite) if communicator.is_root else None)

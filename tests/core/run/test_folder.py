@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from helpers import NEO, square
+from helpers import NEO, refused, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, Simulation
@@ -45,3 +45,15 @@ def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
             {"animation.usd"} if usd else set()
         )
         assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results
+
+
+@pytest.mark.parametrize("asked", ["usd", "pictures", "view"])
+def test_what_is_made_from_frames_needs_them(asked, tmp_path):
+    """And is not made unless it is asked for."""
+    sheet = square(7)
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=1), [Fixed(sheet.edges())])
+    for options in ({}, {"out": tmp_path, "vtkhdf": False}):
+        with refused(match=f"{asked}: made from frames.vtkhdf; expected a folder"):
+            simulation.run(device="cpu", **options, **{asked: True})
+    simulation.run(device="cpu", out=tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} == {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"}
