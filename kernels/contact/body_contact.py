@@ -27,7 +27,7 @@ import warp as wp
 from ..effects import NEAR_BLOCK, Pointwise, pointwise
 from ..integrate import StepOptions, half_step
 from ..numeric import numeric
-from .body_motion import MOVES, STEP, vec6d, wrench
+from .body_motion import MOVES, STEP
 from .body_search import REMEMBERED, BodySearch, body_search
 
 # Impulse that a point got [N s], its moment about the centre of the body, its work [J]; the same of the friction in it.
@@ -40,21 +40,20 @@ class PointContact:
 
     Attributes:
         search: The struct and the search.
-        find_inside: -> speed into the body that a point has to lose, before a free body moves; -1 for none.
-        find_touching: The same at the end of the step.
         project: -> Given; moves a point out of the body, after the drift.
         separate: -> Given; removes the velocity into the body, after the second half kick.
-        take_in_step: -> Given; applies the impulse found by kernels/contact/surface_contact.py after the drift.
-        take_at_end: -> Given; applies it after the second half kick.
+        slipping: (v, arm, end, a) -> velocity relative to the body of a point that moves from `arm` to `end`.
+        strike_in_step, end_strike: -> Given; apply an impulse after the drift, and after the second half kick.
+        rubs: Whether there is friction.
     """
 
     search: BodySearch
-    find_inside: wp.Function
-    find_touching: wp.Function
     project: wp.Function
     separate: wp.Function
-    take_in_step: wp.Function
-    take_at_end: wp.Function
+    slipping: wp.Function
+    strike_in_step: wp.Function
+    end_strike: wp.Function
+    rubs: bool
 
 
 # Members of the struct that the functions of a `PointContact` write.
@@ -181,50 +180,9 @@ def point_contact(
         return strike(i, change, arrested, start, slowed, weight, arm, a)
 
     @wp.func
-    def rubbed_of(i: int, a: BodyContact):
-        if wp.static(rubs):
-            return a.rubbing[i]
-        else:
-            return wp.vec3d()
-
-    @wp.func
     def slipping(v: wp.vec3d, arm: wp.vec3d, end: wp.vec3d, a: BodyContact):
         """Velocity relative to the body [m/s] of a point that moves from `arm` to `end` during the step."""
         return v - surface_velocity(wp.float64(0.5) * (arm + end), a)
-
-    @wp.func
-    def find_inside(i: int, a: BodyContact):
-        needed = wp.float64(-1.0)
-        touches, n, shift, _pressed, arm = touch_in_step(i, a)
-        if touches:
-            needed = wp.length(shift) / wp.float64(a.step[0])
-            a.rows[i] = wrench(n, arm)
-            if wp.static(rubs):
-                a.arms[i] = arm
-                a.slips[i] = slipping(wp.vec3d(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
-        a.need[i] = needed
-        return needed
-
-    @wp.func
-    def find_touching(i: int, a: BodyContact):
-        needed = wp.float64(-1.0)
-        x = position(i, a)
-        touches, n = touch_now(i, x, a)
-        # A point that does not touch has no normal.
-        row = vec6d()
-        if touches:
-            arm = x - a.place[0]
-            relative = slipping(wp.vec3d(a.velocity[i]), arm, arm, a)
-            approach = -wp.dot(relative, n)
-            if approach > wp.float64(0.0):
-                needed = approach
-            row = wrench(n, arm)
-            if wp.static(rubs):
-                a.arms[i] = arm
-                a.slips[i] = relative
-        a.rows[i] = row
-        a.need[i] = needed
-        return needed
 
     @wp.func
     def project(i: int, a: BodyContact):
@@ -270,33 +228,12 @@ def point_contact(
                 given = end_strike(i, change, lost, arm, a)
         return given
 
-    @wp.func
-    def take_in_step(i: int, a: BodyContact):
-        given = Given()
-        change = a.changes[i]
-        if wp.length_sq(change) > wp.float64(0.0):
-            # It belongs to one half step.
-            a.changes[i] = wp.vec3d()
-            dt = wp.float64(a.step[0])
-            arm = position(i, a) - dt * wp.vec3d(a.velocity[i]) - a.place[1]
-            given = strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
-        return given
-
-    @wp.func
-    def take_at_end(i: int, a: BodyContact):
-        given = Given()
-        change = a.changes[i]
-        if wp.length_sq(change) > wp.float64(0.0):
-            a.changes[i] = wp.vec3d()
-            given = end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
-        return given
-
-    return PointContact(search, find_inside, find_touching, project, separate, take_in_step, take_at_end)
+    return PointContact(search, project, separate, slipping, strike_in_step, end_strike, rubs)
 
 
 @functools.cache
-def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
-    """Pointwise stages of contact with a body on a path, and of impulses of triangles, in a step or at its end.
+def body_contact(of: PointContact, at_end: bool) -> Pointwise:
+    """Pointwise stage of contact with a body on a path, in a step or at its end.
 
     A point can touch at the end of a step only if it was near after the drift. That is noted for blocks of points, so
     that all others read nothing at the end; unless something else moves points in between. After the drift, points of
@@ -304,7 +241,7 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
     """
     BodyContact, plane = of.search.struct, of.search.plane
     may_touch = of.search.may_touch_now if at_end else of.search.may_touch_in_step
-    act_on, take_on = (of.separate, of.take_at_end) if at_end else (of.project, of.take_in_step)
+    act_on = of.separate if at_end else of.project
     size, look = NEAR_BLOCK, of.search.look
 
     @pointwise(
@@ -328,9 +265,54 @@ def body_contact(of: PointContact, at_end: bool) -> tuple[Pointwise, Pointwise]:
                     a.near[i / size] = step
                     act_on(i, a)
 
+    return strike_points
+
+
+@functools.cache
+def taking(of: PointContact, at_end: bool) -> wp.Function:
+    """Function of a point -> Given; it applies the impulse of triangles (kernels/contact/surface_contact.py)."""
+    BodyContact, position, rubs = of.search.struct, of.search.position, of.rubs
+    strike_in_step, end_strike = of.strike_in_step, of.end_strike
+
+    @wp.func
+    def rubbed_of(i: int, a: BodyContact):
+        if wp.static(rubs):
+            return a.rubbing[i]
+        else:
+            return wp.vec3d()
+
+    @wp.func
+    def take_in_step(i: int, a: BodyContact):
+        given = Given()
+        change = a.changes[i]
+        if wp.length_sq(change) > wp.float64(0.0):
+            # It belongs to one half step.
+            a.changes[i] = wp.vec3d()
+            dt = wp.float64(a.step[0])
+            arm = position(i, a) - dt * wp.vec3d(a.velocity[i]) - a.place[1]
+            given = strike_in_step(i, dt * change, change, rubbed_of(i, a), arm, a)
+        return given
+
+    @wp.func
+    def take_at_end(i: int, a: BodyContact):
+        given = Given()
+        change = a.changes[i]
+        if wp.length_sq(change) > wp.float64(0.0):
+            a.changes[i] = wp.vec3d()
+            given = end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
+        return given
+
+    return take_at_end if at_end else take_in_step
+
+
+@functools.cache
+def body_impulses(of: PointContact, at_end: bool) -> Pointwise:
+    """Pointwise stage of the impulses of triangles that touch a body on a path, in a step or at its end."""
+    BodyContact, take_on = of.search.struct, taking(of, at_end)
+
     @pointwise(BodyContact, writes=TAKEN)
     def take_impulses(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
             take_on(i, a)
 
-    return strike_points, take_impulses
+    return take_impulses

@@ -13,9 +13,9 @@ from typing import Any
 
 import warp as wp
 
-from ..effects import NEAR_BLOCK, Pointwise, pointwise
+from ..effects import NEAR_BLOCK
 from ..numeric import numeric
-from .body_motion import MOVES, SEARCH, SLOW, STEP, vec6d
+from .body_motion import MOVES, SEARCH, SLOW, vec6d
 from .distances import BodyShape, of_any_point, plane_distance, ways_out
 from .mesh_distance import is_clear, look_around
 
@@ -40,8 +40,8 @@ class BodySearch:
             which the body pushes the point.
         push_out: (i, x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (i, x, a) -> whether a point at x touches, and the normal.
-        mark: Pointwise stage that marks points that may touch during the step or at its end, for free bodies.
-        yields_far: a -> whether a free body has yielded by more than `slack`, so that any point may touch it.
+        near_in_step: (i, a, plane) -> the same as `may_touch_in_step`, whether or not points are marked.
+        searched: Whether the distance takes a search.
     """
 
     struct: Any
@@ -54,8 +54,8 @@ class BodySearch:
     touch_in_step: wp.Function
     push_out: wp.Function
     touch_now: wp.Function
-    mark: Pointwise
-    yields_far: wp.Function
+    near_in_step: wp.Function
+    searched: bool
 
 
 @functools.cache
@@ -280,30 +280,7 @@ def body_search(
             looks = True
         return looks
 
-    written = ("marks", "any_near", "around", *REMEMBERED)
-
-    @pointwise(BodyContact, writes=written, rare=searched, local=True)
-    def mark(begin: int, end: int, a: BodyContact):
-        here = plane(a)
-        step = a.counts[STEP]
-        for i in range(begin, end):
-            near = bool(False)
-            if look(i, step, a):
-                near = near_in_step(i, a, here)
-            a.marks[i] = wp.where(near, wp.uint8(1), wp.uint8(0))
-            if near:
-                a.any_near[0] = 1
-
-    @wp.func
-    def yields_far(a: BodyContact):
-        """Whether a free body has yielded so far in a step that points without a mark may touch it."""
-        d = a.yielded[0]
-        # Place and way of the body have changed, and it has turned about a centre that is two radii away at most.
-        turned = wp.float64(2.0) * a.radius * wp.length(wp.vec3d(d[3], d[4], d[5]))
-        moved = wp.float64(a.step[0]) * (wp.length(wp.vec3d(d[0], d[1], d[2])) + turned)
-        return wp.float64(2.0) * moved > a.slack
-
     return BodySearch(
         BodyContact, position, surface_velocity, plane, look, may_touch_in_step, may_touch_now, touch_in_step,
-        push_out, touch_now, mark, yields_far,
+        push_out, touch_now, near_in_step, searched,
     )  # fmt: skip

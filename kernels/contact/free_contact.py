@@ -18,12 +18,13 @@ from typing import Any
 
 import warp as wp
 
-from ..effects import Kernel, kernel
+from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..integrate import StepOptions
 from ..threads import synchronize
 from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
-from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact
-from .body_motion import change_motion, spin_of, vec6d, wrench
+from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact, taking
+from .body_motion import STEP, change_motion, spin_of, vec6d, wrench
+from .body_search import REMEMBERED, BodySearch
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Sums over points: the upper triangle of the matrix, and the right-hand side.
@@ -128,6 +129,71 @@ class FreeContact:
 
 
 @functools.cache
+def marking(search: BodySearch) -> Pointwise:
+    """Pointwise stage that marks points that may touch during the step or at its end."""
+    BodyContact, plane, look, near_in_step = search.struct, search.plane, search.look, search.near_in_step
+
+    written = ("marks", "any_near", "around", *REMEMBERED)
+
+    @pointwise(BodyContact, writes=written, rare=search.searched, local=True)
+    def mark(begin: int, end: int, a: BodyContact):
+        here = plane(a)
+        step = a.counts[STEP]
+        for i in range(begin, end):
+            near = bool(False)
+            if look(i, step, a):
+                near = near_in_step(i, a, here)
+            a.marks[i] = wp.where(near, wp.uint8(1), wp.uint8(0))
+            if near:
+                a.any_near[0] = 1
+
+    return mark
+
+
+@functools.cache
+def finding(of: PointContact) -> tuple[wp.Function, wp.Function]:
+    """Functions of a point, in a step and at its end -> speed into the body that it has to lose; -1 for none."""
+    BodyContact, position, slipping, rubs = of.search.struct, of.search.position, of.slipping, of.rubs
+    touch_in_step, touch_now = of.search.touch_in_step, of.search.touch_now
+
+    @wp.func
+    def find_inside(i: int, a: BodyContact):
+        needed = wp.float64(-1.0)
+        touches, n, shift, _pressed, arm = touch_in_step(i, a)
+        if touches:
+            needed = wp.length(shift) / wp.float64(a.step[0])
+            a.rows[i] = wrench(n, arm)
+            if wp.static(rubs):
+                a.arms[i] = arm
+                a.slips[i] = slipping(wp.vec3d(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
+        a.need[i] = needed
+        return needed
+
+    @wp.func
+    def find_touching(i: int, a: BodyContact):
+        needed = wp.float64(-1.0)
+        x = position(i, a)
+        touches, n = touch_now(i, x, a)
+        # A point that does not touch has no normal.
+        row = vec6d()
+        if touches:
+            arm = x - a.place[0]
+            relative = slipping(wp.vec3d(a.velocity[i]), arm, arm, a)
+            approach = -wp.dot(relative, n)
+            if approach > wp.float64(0.0):
+                needed = approach
+            row = wrench(n, arm)
+            if wp.static(rubs):
+                a.arms[i] = arm
+                a.slips[i] = relative
+        a.rows[i] = row
+        a.need[i] = needed
+        return needed
+
+    return find_inside, find_touching
+
+
+@functools.cache
 def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeContact:
     """Kernels of a free body, after the drift or `at_end` of a step; `options` and `rubs` as for `of`.
 
@@ -135,11 +201,20 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
     """
     damped, tracked = options.damped, options.tracked
     BodyContact = of.search.struct
-    find_inside, find_touching, yields_far = of.find_inside, of.find_touching, of.search.yields_far
-    project, separate, take_in_step, take_at_end = of.project, of.separate, of.take_in_step, of.take_at_end
+    find_inside, find_touching = finding(of)
+    project, separate, take_in_step, take_at_end = of.project, of.separate, taking(of, False), taking(of, True)
     sum_equations, sum_given = sum_of_blocks(Equations), sum_of_blocks(Given)
     solving = ("body.changes", "body.equations", "body.counts", "body.arrived")
     lost = ("body.motion", "body.momenta", "body.given", "body.impulses", "body.counts", "body.arrived")
+
+    @wp.func
+    def yields_far(a: BodyContact):
+        """Whether a free body has yielded so far in a step that points without a mark may touch it."""
+        d = a.yielded[0]
+        # Place and way of the body have changed, and it has turned about a centre that is two radii away at most.
+        turned = wp.float64(2.0) * a.radius * wp.length(wp.vec3d(d[3], d[4], d[5]))
+        moved = wp.float64(a.step[0]) * (wp.length(wp.vec3d(d[0], d[1], d[2])) + turned)
+        return wp.float64(2.0) * moved > a.slack
 
     @wp.func
     def weight(a: BodyContact, at_end: int):

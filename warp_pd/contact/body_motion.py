@@ -13,7 +13,7 @@ from ..context import Context
 from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..kernels.contact.body_contact import PointContact, body_contact
+from ..kernels.contact.body_contact import PointContact, body_contact, body_impulses
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, turn_between
 from ..kernels.effects import NEAR_BLOCK
 from ..step import Phase
@@ -274,16 +274,15 @@ class BuiltMotion:
             values: Members of the struct of `of`.
             pushed: Options of the launch that applies the impulses of triangles; None if only points have contact.
         """
-        act, take = body_contact(of, at_end)
         points = self.context.sheet.size
         if pushed is not None:
-            stage.pointwise(self.name, take, points, **pushed, **values)
+            stage.pointwise(self.name, body_impulses(of, at_end), points, **pushed, **values)
         # Where the step is followed by the next one, the body has already moved on.
         before = {
             "place": self.place[1:], "rotation": self.rotation[1:], "motion": self.motion[2:],
             "counts": self.counts[PREVIOUS:],
         }  # fmt: skip
-        stage.pointwise(self.name, act, points, late=before if at_end else None, **values)
+        stage.pointwise(self.name, body_contact(of, at_end), points, late=before if at_end else None, **values)
 
     def complete(self, step: Stage) -> None:
         """Note whether other parts move points, when the step is composed."""

@@ -13,7 +13,7 @@ from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..kernels.contact.body_contact import Given, PointContact
 from ..kernels.contact.body_motion import free_motion, vec6d
-from ..kernels.contact.free_contact import Equations, FreeBody, free_contact
+from ..kernels.contact.free_contact import Equations, FreeBody, free_contact, marking
 from ..step import Phase
 from .block_list import BlockList
 from .body_motion import BuiltMotion, Free
@@ -99,7 +99,7 @@ class InFlight(BuiltMotion):
         if pushed is not None:
             near.launch(stage, kernels.take, **both, **pushed)
         if not at_end:
-            stage.pointwise(self.name, of.search.mark, self.context.sheet.size, **values)
+            stage.pointwise(self.name, marking(of.search), self.context.sheet.size, **values)
         for kernel in (kernels.find, kernels.give_way, kernels.strike):
             near.launch(stage, kernel, **both)
 
