@@ -33,11 +33,11 @@ from dataclasses import dataclass, replace
 
 import warp as wp
 
-from .damage import stiffness_left
 from .effects import Kernel, kernel
 from .families import WORD, Layout, bit_of, family_functions, lowest_bit, without_lowest_bit
 from .kinematics import kinematics
 from .numeric import FunctionFactory, PairFactory, constants_of
+from .rupture import stiffness_left
 from .threads import value_of_lane
 
 

@@ -20,11 +20,11 @@ from dataclasses import replace
 
 import warp as wp
 
-from .damage import stiffness_left
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions, lowest_bit, number_of_bits, without_lowest_bit
 from .kinematics import kinematics
 from .numeric import FunctionFactory, PairFactory, constants_of
+from .rupture import stiffness_left
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
 ROW = 8

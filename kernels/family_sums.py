@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from .damage import stiffness_left
 from .effects import Kernel, Pointwise, kernel, pointwise
 from .families import Layout, family_functions
 from .numeric import constants_of
+from .rupture import stiffness_left
 
 
 @functools.cache

@@ -4,11 +4,11 @@ import functools
 
 import warp as wp
 
-from .damage import stiffness_left
 from .effects import Kernel, Pointwise, kernel, pointwise
 from .families import WORD, Layout, bit_of, family_functions, lowest_bit, without_lowest_bit
 from .kinematics import kinematics
 from .numeric import numeric
+from .rupture import stiffness_left
 
 
 @functools.cache

@@ -143,6 +143,43 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
     return state_of, taut
 
 
+def relaxed_response(
+    bits: int, response: FunctionFactory, width: FunctionFactory, slack_stiffness: float
+) -> wp.Function:
+    """Function of stress and moduli of the relaxed energy, from that of the original material."""
+    stiff = slack_stiffness > 0.0
+    types = numeric(bits)
+    real, mat22, vec6 = types.real, types.mat22, types.vec6
+    response_of, turned = response(bits), principal_tangent(bits)
+    Constants = constants_of(response_of)
+    state_of, _ = taut_strain(width, bits)
+    is_taut, is_wrinkled = TAUT, WRINKLED
+
+    @wp.func
+    def relaxed_stress_and_moduli(G: mat22, constants: Constants):
+        state, larger, smaller, across = state_of(G, constants)
+        S = mat22()
+        T = vec6()
+        if state == wp.int32(is_taut):
+            S, T = response_of(G, constants)
+        elif state == wp.int32(is_wrinkled):
+            # Along the wrinkles, with S22 = 0; the direction of the wrinkles turns with that of G.
+            along, moduli = response_of(mat22(larger, real(0.0), real(0.0), across), constants)
+            slope = moduli[0] - moduli[1] * moduli[1] / moduli[3]
+            turn = along[0, 0] / (larger - smaller)
+            S = mat22(
+                turn * (G[0, 0] - smaller), turn * G[0, 1], turn * G[1, 0], turn * (G[1, 1] - smaller)
+            )  # fmt: skip
+            T = turned(G, slope, real(0.0), real(0.0), turn)
+        if wp.static(stiff):
+            k = real(slack_stiffness)
+            S += k * G
+            T += vec6(k, real(0.0), real(0.0), k, real(0.0), real(2.0) * k)
+        return S, T
+
+    return relaxed_stress_and_moduli
+
+
 @functools.cache
 def tension_field(
     functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None,
@@ -206,37 +243,8 @@ def tension_field(
 
         return relaxed_stress_near
 
-    def relaxed_response(bits):
-        types = numeric(bits)
-        real, mat22, vec6 = types.real, types.mat22, types.vec6
-        response_of, turned = response(bits), principal_tangent(bits)
-        Constants = constants_of(response_of)
-        state_of, _ = taut_strain(width, bits)
-        is_taut, is_wrinkled = TAUT, WRINKLED
-
-        @wp.func
-        def relaxed_stress_and_moduli(G: mat22, constants: Constants):
-            state, larger, smaller, across = state_of(G, constants)
-            S = mat22()
-            T = vec6()
-            if state == wp.int32(is_taut):
-                S, T = response_of(G, constants)
-            elif state == wp.int32(is_wrinkled):
-                # Along the wrinkles, with S22 = 0; the direction of the wrinkles turns with that of G.
-                along, moduli = response_of(mat22(larger, real(0.0), real(0.0), across), constants)
-                slope = moduli[0] - moduli[1] * moduli[1] / moduli[3]
-                turn = along[0, 0] / (larger - smaller)
-                S = mat22(
-                    turn * (G[0, 0] - smaller), turn * G[0, 1], turn * G[1, 0], turn * (G[1, 1] - smaller)
-                )  # fmt: skip
-                T = turned(G, slope, real(0.0), real(0.0), turn)
-            if wp.static(stiff):
-                k = real(slack_stiffness)
-                S += k * G
-                T += vec6(k, real(0.0), real(0.0), k, real(0.0), real(2.0) * k)
-            return S, T
-
-        return relaxed_stress_and_moduli
+    def response_of(bits):
+        return relaxed_response(bits, response, width, slack_stiffness)
 
     def relaxed_volume(bits):
         return at_taut_strain(bits, volume(bits))
@@ -245,6 +253,6 @@ def tension_field(
     return MaterialFunctions(
         named(relaxed_functions, functions, what),
         named(relaxed_near, near, what) if near is not None else None,
-        named(relaxed_response, response, what) if response is not None else None,
+        named(response_of, response, what) if response is not None else None,
         named(relaxed_volume, volume, what) if volume is not None else None,
     )

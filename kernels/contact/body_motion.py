@@ -126,7 +126,7 @@ def follow_path(
     """Move bodies by one step along a piecewise linear path.
 
     `counts_time`: no clock advances the time. travelled: how far the body and a point further away than `margin` [m]
-    may have come nearer since the last search [m], see kernels/contact/body_search.py.
+    may have come nearer since the last search [m], see kernels/contact/body_contact.py.
     """
     dt = advance[0]
     soon = wp.min(time[0] + dt, advance[1])

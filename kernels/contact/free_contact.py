@@ -22,9 +22,8 @@ from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..integrate import StepOptions
 from ..threads import synchronize
 from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
-from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact, taking
+from .body_contact import FOUND, MOVED, REMEMBERED, TAKEN, BodySearch, Given, PointContact, taking
 from .body_motion import STEP, change_motion, spin_of, vec6d, wrench
-from .body_search import REMEMBERED, BodySearch
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Sums over points: the upper triangle of the matrix, and the right-hand side.

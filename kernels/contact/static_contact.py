@@ -15,7 +15,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..numeric import numeric
-from .body_search import placed_at
+from .body_contact import placed_at
 from .distances import BodyShape
 
 # Change of the normal within half a spacing above which the surface counts as an edge; the sign of the stiffness of an

@@ -29,8 +29,8 @@ from ..effects import Kernel, kernel
 from ..integrate import StepOptions
 from ..numeric import numeric
 from .block_lists import place_in_block, sum_of_blocks
+from .body_contact import placed_at
 from .body_motion import change_motion, spin_of, vec6d, wrench
-from .body_search import placed_at
 from .distances import TINY, BodyShape
 from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 

@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from ..damage import stiffness_left
 from ..effects import Pointwise, pointwise
 from ..families import WORD, Layout, bit_of, family_functions
 from ..numeric import entry_of
+from ..rupture import stiffness_left
 
 
 @functools.cache

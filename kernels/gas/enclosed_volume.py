@@ -12,9 +12,9 @@ import functools
 
 import warp as wp
 
-from ..damage import stiffness_left
 from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..numeric import numeric
+from ..rupture import stiffness_left
 
 # Triangles that one thread sums.
 BLOCK = 64

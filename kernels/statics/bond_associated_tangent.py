@@ -26,11 +26,11 @@ from dataclasses import dataclass
 import warp as wp
 
 from ..bond_associated import family_mechanics
-from ..damage import stiffness_left
 from ..effects import Kernel, kernel
 from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
 from ..numeric import FunctionFactory, constants_of, numeric
+from ..rupture import stiffness_left
 
 # Steps longer than this are not of interest.
 FAR = 1e3

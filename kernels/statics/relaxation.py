@@ -18,12 +18,12 @@ import warp as wp
 
 from ..block_sums import BLOCK
 from ..bond_associated import family_mechanics
-from ..damage import stiffness_left
 from ..effects import Kernel, kernel
 from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..integrate import free_components
 from ..kinematics import kinematics
 from ..numeric import FunctionFactory, constants_of, numeric
+from ..rupture import stiffness_left
 
 # Density over that of the taut sheet below which a point counts as slack.
 SLACK = 0.1

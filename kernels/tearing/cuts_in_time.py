@@ -4,11 +4,10 @@ import functools
 
 import warp as wp
 
-from ..damage import stiffness_left
 from ..effects import Kernel, kernel
 from ..families import WORD, Layout, bit_of, family_functions
 from ..numeric import constants_of
-from ..rupture import energy_over_step
+from ..rupture import energy_over_step, stiffness_left
 
 
 @functools.cache

@@ -41,10 +41,9 @@ from typing import Any
 
 import warp as wp
 
-from ..damage import degradation, weak_degradation
 from ..families import WORD, Layout, bit_of, family_functions, number_of_bits
 from ..numeric import constants_of, numeric
-from ..rupture import energy_over_step
+from ..rupture import degradation, energy_over_step, weak_degradation
 from ..threads import sum_of_lanes, wait_for_blocks
 
 NEAR = 0.55

@@ -229,7 +229,7 @@ class BuiltMotion:
     """A motion on a device; see kernels/contact/body_motion.py for its arrays.
 
     Attributes:
-        marks: Whether each point may touch a free body, (N,) uint8; see kernels/contact/body_search.py.
+        marks: Whether each point may touch a free body, (N,) uint8; see kernels/contact/body_contact.py.
         counts: Numbers of steps, and whether other parts move points after the body has looked which are near,
             (COUNTS,) int32; see kernels/contact/body_motion.py.
         travelled: How far the body and one of those points may have come nearer since [m], (1,).

@@ -15,7 +15,7 @@ from ..interfaces import BuiltLaw
 from ..kernels.contact import narrow_phase
 from ..kernels.contact import surface_contact as kernels
 from ..kernels.contact.body_motion import vec6d
-from ..kernels.damage import face_damage
+from ..kernels.rupture import face_damage
 from .block_list import BlockList
 from .body_motion import BuiltMotion
 from .body_shapes import BodyShape, in_frame

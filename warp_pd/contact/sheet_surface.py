@@ -16,8 +16,8 @@ from ..interfaces import BuiltContact, BuiltLaw, Columns
 from ..kernels.contact import sheet_contact as kernels
 from ..kernels.contact.distances import FaceTree, merge_boxes
 from ..kernels.contact.sheet_pairs import Surface
-from ..kernels.damage import face_damage
 from ..kernels.integrate import RIGID
+from ..kernels.rupture import face_damage
 from ..step import Phase
 from .body_shapes import order_of_leaves
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from ..kernels.clock import clock
+from ..kernels.integrate import clock
 from ..kernels.numeric import Numeric
 from .checks import InputError, vector
 from .fields import Array, Field, FieldRegister

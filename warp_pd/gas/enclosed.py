@@ -19,7 +19,6 @@ from ..geometry.triangulation import boundary_edges, boundary_rings, require_one
 from ..interfaces import BuiltLaw, BuiltLoad, Columns, History, Load
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
-from ..kernels.damage import face_damage
 from ..kernels.gas.enclosed_volume import (
     BLOCK,
     enclosed_force,
@@ -29,6 +28,7 @@ from ..kernels.gas.enclosed_volume import (
     polytropic_gas,
     prescribed_volume,
 )
+from ..kernels.rupture import face_damage
 from ..parts.loads import Ramp
 from ..step import Phase
 

@@ -221,7 +221,7 @@ class FamilyLaw(BuiltLaw):
     def _add_softened(self, stage: Stage, values: Array) -> None:
         """Add the launch that reduces a value of each family by the damage of its point, if there is a damage field."""
         if self.damage is not None:
-            from ..kernels.damage import soften
+            from ..kernels.rupture import soften
 
             kernel = soften(self.context.bits, values.dtype)
             stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)

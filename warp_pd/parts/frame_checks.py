@@ -15,8 +15,7 @@ from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Columns
 from ..kernels.block_sums import BLOCK, frame_checks
-from ..kernels.clock import clock
-from ..kernels.integrate import kinetic_energy
+from ..kernels.integrate import clock, kinetic_energy
 from ..step import Phase
 
 

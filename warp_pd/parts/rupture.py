@@ -18,8 +18,7 @@ from ..device.checks import InputError, finite, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Rupture
-from ..kernels.damage import face_damage, point_damage
-from ..kernels.rupture import SCREENED, Criterion, breaking, critical_stretch, screening
+from ..kernels.rupture import SCREENED, Criterion, breaking, critical_stretch, face_damage, point_damage, screening
 from ..step import Phase
 
 # Beyond it the squares of stretches overflow in float32.

@@ -17,8 +17,7 @@ from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..interfaces import SLOPE, BuiltLaw, BuiltPart, Constraint, Part, Turn
 from ..interfaces.scales import Scales
-from ..kernels.clock import prescribed_motion
-from ..kernels.integrate import RIGID
+from ..kernels.integrate import RIGID, prescribed_motion
 from ..step import Phase
 
 AXES = "xyz"

@@ -42,8 +42,7 @@ from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
 from .cut_profiles import CutEnds, damage_of_cuts, initial_damage
 from .damage_ghosts import LAYERS, DamageGhosts
-from .field_constants import relaxations
-from .field_screen import screen_of
+from .field_constants import relaxations, screen_of
 
 if TYPE_CHECKING:
     from .tearing_energy import TearingEnergy
@@ -163,7 +162,7 @@ class DamageField(Damaged):
         alike = one_material and self.spared is None and context.partition is None
         if not alike or not context.initial_displacement.any():
             return
-        from .field_screen import density_at_start
+        from .field_constants import density_at_start
 
         density = density_at_start(context, law) * self._fastest / self.constants.units
         density[points_near(context.whole.points, self._at_start > 0.0, BESIDE * self.length)] = 0.0
