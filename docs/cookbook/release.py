@@ -3,13 +3,20 @@
 The cut runs where `release` passes the tearing energy of the rubber.
 """
 
-from warp_pd import BondAssociated, Fixed, Measure, Motion, NeoHookean, Newton, Sheet, Simulation
+from warp_pd import BondAssociated, Fixed, InputError, Measure, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.materials import energy_density
 from warp_pd.measures import energy_release_rate
 
 
 def build(points=31, stretch=1.5):
-    """Will a cut run? The energy that a long cut in a strip in pure shear would release."""
+    """Will a cut run? The energy that a long cut in a strip in pure shear would release.
+
+    Args:
+        points: Rows of points along the height.
+        stretch: Of the height, above 1.
+    """
+    if not stretch > 1.0:
+        raise InputError(f"stretch = {stretch}: expected more than 1")
     height, rubber = 0.04, NeoHookean(mu=1e5, bulk=1e7)
     middle = 0.5 * height * (1.0 + 1.0 / (points - 1))
     tip = (1.75 * height, middle)
