@@ -22,6 +22,8 @@ from warp_pd import (
     Simulation,
     TensionField,
 )
+from warp_pd.statics.descent import Descent
+from warp_pd.statics.level import Level
 
 
 @pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "direct", "jacobi"])
@@ -38,6 +40,32 @@ def test_newton_converges_quadratically(preconditioner):
     assert len(near) >= 1
     assert (r[near + 1] < 50.0 * r[near] ** 2 + 1e-6 * r[near]).all()
     assert len(r) <= 16
+
+
+def test_a_tangent_that_leads_to_the_goal_is_kept(monkeypatch):
+    """A pulled sheet takes its last step with the tangent of the one before, to the same equilibrium."""
+    sheet, taken, linearise = square(21), [], Level.linearise
+    pull = Motion(sheet.edges("right"), (0.0, 1.0), x=(0.0, 0.1), y=0.0, z=0.0)
+
+    def seen(level, tension):
+        taken.append(level.points)
+        linearise(level, tension)
+
+    def solved():
+        taken.clear()
+        result = run(
+            sheet, Newton(tolerance=1e-8), loads=[Fixed(sheet.edges("left")), pull], weights="corrected", material=GENT
+        )
+        solve = result.summary["solve"]
+        assert result.status == "finished" and solve["residuals"][-1] <= 1e-8
+        return result.frame.displacement, solve["iterations"], taken.count(sheet.size)
+
+    monkeypatch.setattr(Level, "linearise", seen)
+    found, steps, tangents = solved()
+    monkeypatch.setattr(Descent, "_suffices", lambda descent: False)
+    expected, most, each = solved()
+    assert tangents == each - 1 and steps == most == each
+    assert found == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("sheet", [square(21).as_cloud(), small_tube(36)], ids=["cloud", "tube"])
