@@ -193,13 +193,8 @@ def region_of(indices: np.ndarray, points: Any) -> Region:
 
 
 def _regions(arguments: Iterable[Any]) -> list[Region]:
-    found: list[Region] = []
-    for argument in arguments:
-        if isinstance(argument, Region):
-            found.append(argument)
-        elif isinstance(argument, list | tuple):
-            found += _regions(argument)
-    return found
+    given = [_regions(each) if isinstance(each, list | tuple) else [each] for each in arguments]
+    return [each for some in given for each in some if isinstance(each, Region)]
 
 
 def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
@@ -290,20 +285,6 @@ def rectangle(
         triangles=lattice_triangles(columns, rows),
         spacing=float(np.sqrt(dx * dy)),
         lattice=Lattice(columns, rows, dx, dy),
-    )
-
-
-def line(length: float, points: int) -> Shape:
-    """One row of points; arguments as for `Sheet.line`."""
-    spacing = positive("length", length) / count("points", points, 3)
-    if points > MAX_POINTS:
-        raise InputError(f"points = {points!r}: expected at most {MAX_POINTS}")
-    return Shape(
-        points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
-        areas=np.full(points, spacing),
-        triangles=np.zeros((0, 3), np.int32),
-        spacing=spacing,
-        lattice=Lattice(points, 1, spacing, spacing),
     )
 
 
@@ -418,7 +399,16 @@ class Sheet(Shape):
         Raises:
             InputError: if a number is not positive, or there are fewer than 3 points.
         """
-        shape = line(length, points)
+        spacing = positive("length", length) / count("points", points, 3)
+        if points > MAX_POINTS:
+            raise InputError(f"points = {points!r}: expected at most {MAX_POINTS}")
+        shape = Shape(
+            points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
+            areas=np.full(points, spacing),
+            triangles=np.zeros((0, 3), np.int32),
+            spacing=spacing,
+            lattice=Lattice(points, 1, spacing, spacing),
+        )
         return cls.of(shape, thickness=by_point("section", section, shape.points), density=density)
 
     def __repr__(self) -> str:
