@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import gc
 import hashlib
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -115,6 +116,10 @@ def sweep(
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
+        if number == 1:
+            # What the first run has imported and compiled stays: later collections of garbage leave it out.
+            gc.collect()
+            gc.freeze()
         if row.status == STOPPED:
             break
     return rows

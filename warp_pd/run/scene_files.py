@@ -184,10 +184,15 @@ def sources_of(file: Path) -> dict[str, str]:
     while waiting:
         path = waiting.pop()
         if path.name not in found and path.is_file():
-            tree = ast.parse(path.read_bytes())
-            found[path.name] = hashlib.sha1(ast.dump(tree).encode()).hexdigest()[:12]
-            waiting += [file.with_name(f"{name}.py") for name in _imported(tree)]
+            found[path.name], imported = _hash_and_imports(path.read_bytes())
+            waiting += [file.with_name(f"{name}.py") for name in imported]
     return dict(sorted(found.items()))
+
+
+@functools.lru_cache(maxsize=64)
+def _hash_and_imports(source: bytes) -> tuple[str, tuple[str, ...]]:
+    tree = ast.parse(source)
+    return hashlib.sha1(ast.dump(tree).encode()).hexdigest()[:12], tuple(_imported(tree))
 
 
 def _imported(tree: ast.Module) -> Iterator[str]:
