@@ -178,6 +178,11 @@ def of_kind(name: str, value: Any, kind: type) -> None:
         raise InputError(f"{name} = {said(value)}: expected a {kind.__name__}")
 
 
+def implements(value: Any, kind: Any) -> bool:
+    """Whether a user's value is an instance of a protocol, and not the class itself."""
+    return isinstance(value, kind) and not isinstance(value, type)
+
+
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     """Return `value` if it is allowed. Raises InputError, which names the nearest allowed text, if it is not."""
     choices = list(allowed)

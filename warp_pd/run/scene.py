@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, finite, numbers, said
+from ..device.checks import InputError, finite, implements, numbers, said
 from ..geometry.sheet import Region, Sheet
 from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from ..interfaces.frame import OWN_FIELDS
@@ -186,7 +186,7 @@ class Scene:
                 f"contact = {said(self.contact)}: expected a RigidBall, a RigidBody, a SelfContact, a list, or None"
             )
         for name, part, kind, words in expected:
-            if isinstance(part, type) or not isinstance(part, kind):
+            if not implements(part, kind):
                 raise InputError(f"{name} = {said(part)}: expected {words}")
         lists: tuple[tuple[str, Any, Any], ...] = (
             ("loads", self.loads, Part), ("contact", self.contacts, Contact), ("measures", self.measures, Measure),
@@ -196,7 +196,7 @@ class Scene:
             if not isinstance(parts, Sequence) or isinstance(parts, str):
                 raise InputError(f"{name} = {said(parts)}: expected a list of {name}")
             for index, part in enumerate(parts):
-                if isinstance(part, type) or not isinstance(part, kind):
+                if not implements(part, kind):
                     raise InputError(f"{name}[{index}] = {said(part)}: expected an instance of {kind.__name__}")
         if self.pictures is not None and not callable(self.pictures):
             raise InputError(f"pictures = {said(self.pictures)}: expected a function (history, folder) or None")

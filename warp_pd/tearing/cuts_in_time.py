@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, finite, numbers, point_indices, positive, said, vector
+from ..device.checks import InputError, finite, implements, numbers, point_indices, positive, said, vector
 from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -208,8 +208,7 @@ class CutsInTime(Rupture):
     def __post_init__(self) -> None:
         if not self.each or not all(isinstance(cut, (Slit, Seam, Punch)) for cut in self.each):
             raise InputError(f"CutsInTime.cuts = {said(self.cuts)}: expected a Slit, Seam or Punch, or a list of them")
-        criterion = self.beside is None or (isinstance(self.beside, Rupture) and not isinstance(self.beside, type))
-        if not criterion or isinstance(self.beside, CutsInTime):
+        if not implements(self.beside, Rupture | None) or isinstance(self.beside, CutsInTime):
             raise InputError(
                 f"CutsInTime.beside = {said(self.beside)}: expected a criterion, such as TearingEnergy, or None"
             )
