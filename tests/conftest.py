@@ -1,6 +1,7 @@
 """Devices that tests run on, and what they do not wait for: pictures, and kernels of joined stages."""
 
 import functools
+import gc
 import sys
 from pathlib import Path
 
@@ -9,10 +10,13 @@ import warp as wp
 from helpers import play_gpu, tune_paths
 from small_runs import BALL, cli
 
+from warp_pd.__main__ import COLLECT_AFTER
 from warp_pd.context import find_device
 from warp_pd.device import launches
 
 FOLDER = Path(__file__).parent
+# As the command does: looking for cycles as often as Python does by default takes a twentieth of the time.
+gc.set_threshold(COLLECT_AFTER)
 # The files that take longest, longest first: begun last, one of them would run alone at the end.
 LONGEST = (
     "scenes/test_scenes.py", "core/kernels/test_effects.py", "core/laws/test_force_paths.py",
