@@ -1,6 +1,6 @@
 """A perforated line: slits and bridges of one size across a sheet that is pulled until it is torn in two.
 
-A scene file for `tools/tears.py perforated`; also `warp-pd run tools/perforated.py --points 121 --size 4e-3`.
+A scene file for `tools/tears.py perforated`; also `warp-pd run tools/perforated.py --points 129 --set size=4e-3`.
 """
 
 import numpy as np

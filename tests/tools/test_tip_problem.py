@@ -7,12 +7,18 @@ from tip_problem import Strip, grown
 from warp_pd.tearing.cut_profiles import _cap
 
 
-def test_a_uniform_strip_stores_what_its_opening_says():
-    strip = Strip(1.5, 2.0, 10, None, 0.0, 1)
+@pytest.mark.parametrize("along", [1.0, 0.5])
+def test_a_uniform_strip_stores_what_its_opening_says(along):
+    strip = Strip(1.5, 2.0, 10, None, 0.0, 1, along)
     energies = strip.balance()
     inside = strip.y < 4.0
     slope = strip.displacement[1] - strip.displacement[0]
     np.testing.assert_allclose(energies[inside], 0.5 * slope**2, rtol=1e-6)
+
+
+def test_the_stiffness_along_a_tear_counts_where_the_opening_changes_along_it():
+    stiff, soft = (Strip(1.5, 2.0, 10, 18.5, 0.0, 40, along).balance().sum() for along in (1.0, 0.5))
+    assert 0.8 * stiff < soft < stiff
 
 
 def test_a_cut_begins_with_the_energy_of_its_length_and_runs_where_its_tear_goes_on():
