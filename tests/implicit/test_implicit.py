@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, square
+from helpers import NEO, StopAt, square
 from own_parts import recipe
 from scipy.integrate import quad
 from small_runs import run, simulate
@@ -335,6 +335,15 @@ def test_a_ramp_shorter_than_a_step_is_noted_where_the_balance_is_off():
     (note,) = notes(1e-3)
     assert "0.001 s, but steps have 0.005 s" in note and "more steps than 40" in note
     assert not notes(0.05)
+
+
+def test_a_resumed_run_keeps_the_note_on_its_step(tmp_path):
+    scene = simulate(SHEET, Implicit(1e-3, frames=4, steps=8), loads=[Fixed(LEFT)], initial_velocity=VELOCITY)
+    whole = scene.run(device="cpu")
+    scene.run(device="cpu", out=tmp_path, writers=[StopAt(2)])
+    resumed = scene.run(device="cpu", out=tmp_path, resume=True)
+    (note,) = [note for note in whole.summary["notes"] if note.startswith("step: ")]
+    assert note in resumed.summary["notes"]
 
 
 @pytest.mark.parametrize(

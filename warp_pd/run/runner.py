@@ -427,6 +427,9 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
                 recorder.accept(frame)
         else:
             recorder.frame(0, 0.0, 0, built.solver.first_step(recorder))
+        if note := step_note(built, recorder.dt):
+            recorder.notes.append(note)
+        if not resumed:
             _say_what_comes(recorder)
         recorder.start_clock()
         status = built.solver.run(recorder)
@@ -452,8 +455,6 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
 def _say_what_comes(recorder: Recorder) -> None:
     """Report the first step, the number of steps and the notes that are known, before any other step."""
     built, dt = recorder.built, recorder.dt
-    if note := step_note(built, dt):
-        recorder.notes.append(note)
     if recorder.reporter is None:
         return
     if built.simulation.solver.dynamic and dt > 0.0:
