@@ -21,7 +21,6 @@ with vector instructions of a CPU (as in kernels/family_rows.py).
 """
 
 import functools
-from dataclasses import dataclass
 
 import warp as wp
 
@@ -40,33 +39,6 @@ MIN_STIFFNESS = 1e-6
 REGULAR = {64: MIN_STIFFNESS, 32: 1e-4}
 # Numbers in a row of E: 11 and 22 (upper triangles), 12, filled up to what a CPU adds at once.
 ROW = 24
-
-
-@dataclass(frozen=True)
-class TangentKernels:
-    """Kernels of one configuration.
-
-    Attributes:
-        linearise: Fills gradient, stress, moduli [members, points] at a displacement.
-        predict: Replaces stress by what `Prediction` of warp_pd/statics/tangent.py says.
-        product: Fills bond_force [members, points] with its derivative along a direction; `gather` sums it.
-        turning: Fills `longest` with the step along a direction at which the first intersection of a family turns
-            inside out: its area is zero there, or its normal at a right angle to what it was; at most FAR.
-        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
-            components.
-        stiffen: Fills `stiffness` [points, members] with E_ij of every intersection (see the head of this file), and
-            `of_centre` [points, members + 1] with the blocks that couple members and centre of every family.
-        assemble: Sums these to the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`,
-            from the diagonal on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
-    """
-
-    linearise: Kernel
-    predict: Kernel
-    product: Kernel
-    turning: Kernel
-    inverse_blocks: Kernel
-    stiffen: Kernel
-    assemble: Kernel
 
 
 @functools.cache
@@ -156,49 +128,29 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def bond_associated_tangent(
-    layout: Layout, response: FunctionFactory, held: bool, remembers: bool = False, words: int = 0
-) -> TangentKernels:
-    """Kernels of the tangent.
+def linearisation(
+    layout: Layout, response: FunctionFactory, remembers: bool = False, words: int = 0
+) -> tuple[Kernel, Kernel]:
+    """Kernels `linearise`, which fills gradient, stress, moduli [members, points] at a displacement, and `predict`.
+
+    `predict` replaces stress by what `Prediction` of warp_pd/statics/tangent.py says.
 
     Args:
         layout: Layout of the families.
         response: Factory of stress and moduli of the material.
-        held: Whether any component is held.
         remembers: Whether `response` also takes (i, j, members, terms, state), the internal variables of a step.
         words: Words of a family's masks on a CPU, whose threads have tables of their family; 0 for none.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
-    mat32, mat33 = types.mat32, types.mat33
-    f = family_functions(layout)
-    Family = f.struct
-    law = family_mechanics(layout, "variational")
-    visit = law.visit
-    motion, curved = kinematics(bits, layout.curved), layout.curved
-    level, times, columns = motion.level, motion.times, motion.columns
+    mat32, word_size = types.mat32, WORD
+    f, law, motion = family_functions(layout), family_mechanics(layout, "variational"), kinematics(bits, layout.curved)
+    Family, visit = f.struct, law.visit
     response_of = response(bits)
     Constants = constants_of(response_of)
-    word_size = WORD
-    block_of, inverse_of = block_functions(bits)
-    columns_of = columns_of_gradient(bits)
-    far = wp.constant(real(FAR))
     left = stiffness_left(bits)
-    Row = wp.types.vector(length=ROW, dtype=real)
     Part = wp.types.vector(length=8, dtype=real)
     Moments = wp.types.matrix(shape=(WORD * max(words, 1), 8), dtype=real)
-
-    @wp.func
-    def first_zero(constant: real, linear: real, square: real):
-        """Smallest s > 0 at which constant + linear s + square s^2 is zero, at most FAR; constant >= 0."""
-        s = far
-        discriminant = linear * linear - real(4.0) * square * constant
-        if discriminant >= real(0.0):
-            # The root without cancellation; a square of zero leaves one root.
-            q = wp.sqrt(discriminant) - linear
-            if q > real(0.0):
-                s = wp.min(s, real(2.0) * constant / q)
-        return s
 
     @wp.func
     def responded(
@@ -347,6 +299,65 @@ def bond_associated_tangent(
             for j in range(family.members):
                 stress[j, i] = scale * stress[j, i]
 
+    return linearise, predict
+
+
+@functools.cache
+def shape_functions(layout: Layout) -> tuple[wp.Function, wp.Function]:
+    """Functions of K_ij^-1, and (g, tilt) -> R^-1 g."""
+    types = layout.types
+    real, vec2, vec3, curved = types.real, types.vec2, types.vec3, layout.curved
+    f, visit = family_functions(layout), family_mechanics(layout, "variational").visit
+    Family = f.struct
+
+    @wp.func
+    def shape_of(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        i: int,
+        j: int,
+        undamaged: bool,
+    ):
+        """K_ij^-1, zero where the bond is broken or the intersection degenerate; tilt."""
+        result = vec3(real(0.0), real(0.0), real(0.0))
+        tilt = vec2(real(0.0), real(0.0))
+        if f.is_intact(family, i, j):
+            if undamaged:
+                result = f.shape(family, i, j)
+                tilt = f.tilt(family, i, j)
+            else:
+                _there, _H1, _H2, inverse, _weight, tilt_left = visit(family, displacement, i, j, undamaged)
+                result = inverse
+                tilt = tilt_left
+        return result, tilt
+
+    @wp.func
+    def levelled(g: vec2, tilt: vec2):
+        """R^-1 g."""
+        if wp.static(curved):
+            return g - wp.dot(tilt, g) * tilt
+        else:
+            return g
+
+    return shape_of, levelled
+
+
+@functools.cache
+def matrix_free(layout: Layout, held: bool) -> tuple[Kernel, Kernel]:
+    """Kernels of a device that stores no stiffness; `held`: whether any component is.
+
+    `product` fills bond_force [members, points] with its derivative along a direction, which `gather` sums;
+    `inverse_blocks` inverts the 3x3 diagonal block of the stiffness of each point, without its held components.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
+    mat32, mat33, word_size = types.mat32, types.mat33, WORD
+    f, law, motion = family_functions(layout), family_mechanics(layout, "variational"), kinematics(bits, layout.curved)
+    Family, visit, level, times, columns = f.struct, law.visit, motion.level, motion.times, motion.columns
+    block_of, inverse_of = block_functions(bits)
+    columns_of = columns_of_gradient(bits)
+    shape_of, levelled = shape_functions(layout)
+
     @kernel(gathers=("direction",))
     def product(
         family: Family,
@@ -384,60 +395,6 @@ def bond_associated_tangent(
             if f.is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
-
-    @kernel(gathers=("direction",))
-    def turning(
-        family: Family,
-        direction: wp.array(dtype=vec3),
-        gradient: wp.array2d(dtype=mat32),
-        first: int,
-        longest: wp.array(dtype=real),
-    ):
-        i = wp.tid() + first
-        shortest = far
-        undamaged = f.is_undamaged(family, i)
-        for j in range(family.members):
-            there, H1, H2, _inverse, _weight, _tilt = visit(family, direction, i, j, undamaged)
-            if there:
-                D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
-                F1, F2 = columns_of(gradient[j, i])
-                # The normal of the deformed sheet is (F1 + s D1) x (F2 + s D2); its component along that of s = 0 is
-                # area + linear s + square s^2.
-                normal = wp.cross(F1, F2)
-                area = wp.dot(normal, normal)
-                linear = wp.dot(normal, wp.cross(D1, F2) + wp.cross(F1, D2))
-                square = wp.dot(normal, wp.cross(D1, D2))
-                shortest = wp.min(shortest, first_zero(area, linear, square))
-        longest[i] = shortest
-
-    @wp.func
-    def shape_of(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        i: int,
-        j: int,
-        undamaged: bool,
-    ):
-        """K_ij^-1, zero where the bond is broken or the intersection degenerate; tilt."""
-        result = vec3(real(0.0), real(0.0), real(0.0))
-        tilt = vec2(real(0.0), real(0.0))
-        if f.is_intact(family, i, j):
-            if undamaged:
-                result = f.shape(family, i, j)
-                tilt = f.tilt(family, i, j)
-            else:
-                _there, _H1, _H2, inverse, _weight, tilt_left = visit(family, displacement, i, j, undamaged)
-                result = inverse
-                tilt = tilt_left
-        return result, tilt
-
-    @wp.func
-    def levelled(g: vec2, tilt: vec2):
-        """R^-1 g."""
-        if wp.static(curved):
-            return g - wp.dot(tilt, g) * tilt
-        else:
-            return g
 
     @kernel(gathers=("displacement", "family.intact", "gradient", "stress", "moduli"))
     def inverse_blocks(
@@ -490,6 +447,82 @@ def bond_associated_tangent(
         if inertia:
             block += inertia[i] * wp.identity(n=3, dtype=real)
         out[i] = inverse_of(block, mask)
+
+    return product, inverse_blocks
+
+
+@functools.cache
+def turning(layout: Layout) -> Kernel:
+    """Kernel that fills `longest` with the step along a direction at which a family turns inside out, at most FAR.
+
+    The area of its first intersection is zero there, or its normal at a right angle to what it was.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec3, mat32 = types.real, types.vec3, types.mat32
+    f, visit = family_functions(layout), family_mechanics(layout, "variational").visit
+    Family, columns_of, far = f.struct, columns_of_gradient(bits), wp.constant(real(FAR))
+
+    @wp.func
+    def first_zero(constant: real, linear: real, square: real):
+        """Smallest s > 0 at which constant + linear s + square s^2 is zero, at most FAR; constant >= 0."""
+        s = far
+        discriminant = linear * linear - real(4.0) * square * constant
+        if discriminant >= real(0.0):
+            # The root without cancellation; a square of zero leaves one root.
+            q = wp.sqrt(discriminant) - linear
+            if q > real(0.0):
+                s = wp.min(s, real(2.0) * constant / q)
+        return s
+
+    @kernel(gathers=("direction",))
+    def turning(
+        family: Family,
+        direction: wp.array(dtype=vec3),
+        gradient: wp.array2d(dtype=mat32),
+        first: int,
+        longest: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        shortest = far
+        undamaged = f.is_undamaged(family, i)
+        for j in range(family.members):
+            there, H1, H2, _inverse, _weight, _tilt = visit(family, direction, i, j, undamaged)
+            if there:
+                D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
+                F1, F2 = columns_of(gradient[j, i])
+                # The normal of the deformed sheet is (F1 + s D1) x (F2 + s D2); its component along that of s = 0 is
+                # area + linear s + square s^2.
+                normal = wp.cross(F1, F2)
+                area = wp.dot(normal, normal)
+                linear = wp.dot(normal, wp.cross(D1, F2) + wp.cross(F1, D2))
+                square = wp.dot(normal, wp.cross(D1, D2))
+                shortest = wp.min(shortest, first_zero(area, linear, square))
+        longest[i] = shortest
+
+    return turning
+
+
+@functools.cache
+def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
+    """Kernels of a device that stores the stiffness.
+
+    `stiffen` fills `stiffness` [points, members] with E_ij of every intersection (see the head of this file), and
+    `of_centre` [points, members + 1] with the blocks that couple members and centre of every family. `assemble` sums
+    these to the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`, from the diagonal
+    on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
+    """
+    types = layout.types
+    real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
+    mat32, mat33, word_size = types.mat32, types.mat33, WORD
+    f, block_of = family_functions(layout), block_functions(layout.bits)[0]
+    Family, (shape_of, levelled) = f.struct, shape_functions(layout)
+    Row = wp.types.vector(length=ROW, dtype=real)
+    Part = wp.types.vector(length=8, dtype=real)
+
+    @wp.func
+    def moment(family: Family, i: int, k: int):
+        """Return c_k xi_k."""
+        return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
 
     @kernel(gathers=("displacement",))
     def stiffen(
@@ -627,4 +660,4 @@ def bond_associated_tangent(
                             entry = entry_of(columns, entry, own, m)
                             matrix[entry] = matrix[entry] + block
 
-    return TangentKernels(linearise, predict, product, turning, inverse_blocks, stiffen, assemble)
+    return stiffen, assemble

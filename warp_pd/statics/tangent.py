@@ -15,7 +15,7 @@ from ..device.fields import Array, doubles
 from ..device.launches import Stage
 from ..families import Families
 from ..interfaces import BuiltLaw
-from ..kernels.statics.bond_associated_tangent import ROW, bond_associated_tangent
+from ..kernels.statics.bond_associated_tangent import ROW, assembly, linearisation, matrix_free, turning
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.bond_associated import BondAssociatedForce
 from ..laws.force_paths import ROWS_MEMBERS, BondAssociatedLaw
@@ -217,8 +217,8 @@ class BondAssociatedTangent:
                 f"or use the solver Relaxation"
             )
         tables = stored_on(context.device) and force.families.members <= ROWS_MEMBERS
-        self.kernels = bond_associated_tangent(
-            force.layout, response, context.options.held, remembered is not None, force.families.words * tables
+        self._linearise, self._predict = linearisation(
+            force.layout, response, remembered is not None, force.families.words * tables
         )
         self._remembered: dict[str, Any] = {"terms": None, "state": None}
         if remembered is not None:
@@ -235,13 +235,13 @@ class BondAssociatedTangent:
         state: dict[str, Any] = {"gradient": self.gradient, "stress": self.stress, "moduli": self.moduli}
         held_mask = self.context.state.held_mask
         stage.launch(
-            OWNER, self.kernels.linearise, n,
+            OWNER, self._linearise, n,
             family=force.struct, displacement=displacement, constants=force.constants, tension=tension,
             damage=force.damage, **self._remembered, **state,
         )  # fmt: skip
         if predicted is not None:
             stage.launch(
-                OWNER, self.kernels.predict, n,
+                OWNER, self._predict, n,
                 family=force.struct, **predicted._asdict(), constants=force.constants, tension=tension,
                 damage=force.damage, **self._remembered, stress=self.stress,
             )  # fmt: skip
@@ -251,7 +251,7 @@ class BondAssociatedTangent:
             self.matrix.add_inverse_diagonal(stage, self.inverse_blocks)
             return
         stage.launch(
-            OWNER, self.kernels.inverse_blocks, n,
+            OWNER, matrix_free(force.layout, self.context.options.held)[1], n,
             family=force.struct, displacement=displacement, **state, held_mask=held_mask, inertia=inertia,
             unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
         )  # fmt: skip
@@ -264,7 +264,7 @@ class BondAssociatedTangent:
             self.matrix.add_product(stage, direction, change)
             return
         stage.launch(
-            OWNER, self.kernels.product, n,
+            OWNER, matrix_free(force.layout, self.context.options.held)[0], n,
             family=force.struct, direction=direction, gradient=self.gradient, stress=self.stress,
             moduli=self.moduli, unit_force=force.unit_force,
             bond_force=force.pairs,
@@ -284,7 +284,7 @@ class BondAssociatedTangent:
             return None
         longest = self.context.array("longest_step", OWNER, self.context.types.real, shape=force.points)
         stage.launch(
-            OWNER, self.kernels.turning, force.points,
+            OWNER, turning(force.layout), force.points,
             family=force.struct, direction=direction, gradient=self.gradient,
             longest=longest,
         )  # fmt: skip
@@ -352,13 +352,14 @@ class TangentMatrix:
         of_centre = context.array(
             "stiffness_of_centre", OWNER, t.mat33, shape=(force.points, members + 1), intermediate=True
         )
+        stiffen, assemble = assembly(force.layout)
         stage.launch(
-            OWNER, tangent.kernels.stiffen, force.points,
+            OWNER, stiffen, force.points,
             family=force.struct, displacement=displacement, gradient=tangent.gradient, stress=tangent.stress,
             moduli=tangent.moduli, unit_stiffness=force.unit_stiffness, stiffness=stiffness, of_centre=of_centre,
         )  # fmt: skip
         stage.launch(
-            OWNER, tangent.kernels.assemble, force.points,
+            OWNER, assemble, force.points,
             family=force.struct, stiffness=stiffness, of_centre=of_centre, starts=self.starts, columns=self.columns,
             matrix=self.blocks,
         )  # fmt: skip
