@@ -11,7 +11,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..numeric import numeric
-from .bond_associated_tangent import block_functions
+from .blocks import block_functions
 
 
 @dataclass(frozen=True)
