@@ -199,10 +199,10 @@ class Capsule(Round):
 
     def outline(self, extent: float) -> Outline:
         """Surface of revolution from circles along the axis."""
-        polar = np.linspace(0.0, math.pi, ARCS + 2)
         r, h = self.sizes()
-        z = r * np.cos(polar) + np.where(polar < 0.5 * math.pi, h, -h)
-        return _turned(r * np.sin(polar), z)
+        polar = np.linspace(0.0, 0.5 * math.pi, ARCS // 2 + 1)
+        radii, heights = r * np.sin(polar), r * np.cos(polar) + h
+        return _turned(np.append(radii, radii[::-1]), np.append(heights, -heights[::-1]))
 
 
 @dataclass(frozen=True)

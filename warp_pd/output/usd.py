@@ -145,7 +145,6 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
             used[:] = False
             used[faces] = True
         mesh.GetPointsAttr().Set(_vectors(positions), code)
-        mesh.GetExtentAttr().Set(_extent(positions), code)
         mesh.GetNormalsAttr().Set(_vectors(point_normals(positions, faces, fallback=fallback)), code)
         mesh.GetPrim().GetAttribute("warp_pd:time").Set(time, code)
         if "damage" in fields:
@@ -157,8 +156,10 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
             # A half space has no end.
             if body.kind != "plane":
                 boxes.append(bounding_box(body.placed(poses[index])))
+        # A point that tore off belongs to no face, and may be far away.
         if len(faces):
             boxes.append(bounding_box(positions[used]))
+            mesh.GetExtentAttr().Set(_vectors(boxes[-1]), code)
         if (index + 1) % SAVE_EVERY == 0:
             stage.Save()
     _aim_camera(stage, _view(boxes))
@@ -227,7 +228,7 @@ def _define_body(stage: Usd.Stage, body: Body) -> None:
         shape.CreateFaceVertexIndicesAttr(
             Vt.IntArray.FromNumpy(np.ascontiguousarray(body.triangles, np.int32).ravel())
         )  # fmt: skip
-    shape.CreateExtentAttr(_extent(body.vertices))
+    shape.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default()))
     shape.AddTranslateOp()
     shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
     shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_STEEL)]))
@@ -265,11 +266,6 @@ def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None
 def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
     """Vectors, shape (N, 3), in the precision of the file."""
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
-
-
-def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
-    """Lowest and highest corner of points [m], shape (N, 3)."""
-    return _vectors(bounding_box(np.asarray(points, np.float32)))
 
 
 def _define_lights(stage: Usd.Stage) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from torn_frames import COLUMNS, FRAMES, ROWS, make_frame, make_surface
 
-from warp_pd import InputError
+from warp_pd import Box, Capsule, Cylinder, InputError, Sphere
 from warp_pd.device.checks import OutputError
-from warp_pd.interfaces.frame import Frame, Surface
+from warp_pd.interfaces.frame import Body, Frame, Surface
 from warp_pd.output.vtkhdf import VtkHdfSeries
 
 pytest.importorskip("pxr")
@@ -117,8 +118,9 @@ def test_mesh_is_the_frame(mesh: UsdGeom.Mesh, surface: Surface, index: int) -> 
     frame = make_frame(surface, index)
     points = np.array(mesh.GetPointsAttr().Get(index))
     np.testing.assert_allclose(points, frame.positions(surface), atol=1e-7)
-    np.testing.assert_array_equal(mesh.GetExtentAttr().Get(index), [points.min(axis=0), points.max(axis=0)])
     np.testing.assert_array_equal(faces_of(mesh, index), surface.faces[frame.intact_faces])
+    drawn = points[faces_of(mesh, index)].reshape(-1, 3)
+    np.testing.assert_array_equal(mesh.GetExtentAttr().Get(index), [drawn.min(axis=0), drawn.max(axis=0)])
     np.testing.assert_allclose(damage_of(mesh).Get(index), frame.damage, atol=1e-7)
     assert mesh.GetPrim().GetAttribute("warp_pd:time").Get(index) == frame.time
     counts, indices = mesh.GetFaceVertexCountsAttr().Get(index), mesh.GetFaceVertexIndicesAttr().Get(index)
@@ -163,7 +165,8 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
 def test_all_faces_torn_is_still_a_valid_file(tmp_path: Path, surface: Surface) -> None:
     torn = make_frame(surface, 1, intact_faces=np.zeros(len(surface.faces), bool))
     stage = animated(tmp_path, surface, [make_frame(surface, 0), torn])
-    assert len(faces_of(UsdGeom.Mesh.Get(stage, SHEET), 1)) == 0
+    mesh = UsdGeom.Mesh.Get(stage, SHEET)
+    assert len(faces_of(mesh, 1)) == 0 and mesh.GetExtentAttr().Get(1) == mesh.GetExtentAttr().Get(0)
     assert errors_of(stage) == []
 
 
@@ -205,6 +208,27 @@ def test_ball_follows(stage: Usd.Stage, surface: Surface) -> None:
         np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1] * 3, rtol=1e-6)
 
 
+SHAPES = [
+    (Sphere(0.02), (0.01, 0.01, 0.01)),
+    (Capsule(0.02, 0.06), (0.01, 0.01, 0.04)),
+    (Cylinder(0.02, 0.06), (0.01, 0.01, 0.03)),
+    (Cylinder(0.02, 0.06, rounding=0.003), (0.01, 0.01, 0.03)),
+    (Box((0.02, 0.04, 0.06)), (0.01, 0.02, 0.03)),
+    (Box((0.02, 0.04, 0.06), rounding=0.003), (0.01, 0.02, 0.03)),
+]
+
+
+@pytest.mark.parametrize(("shape", "half"), SHAPES)
+def test_extent_of_a_body_is_that_of_its_shape(tmp_path: Path, shape: Any, half: tuple[float, ...]) -> None:
+    """Half of the sides of the box around a body [m], in the animation and of the triangles that pictures draw."""
+    outline = shape.outline(1.0)
+    np.testing.assert_allclose([outline[0].min(axis=0), outline[0].max(axis=0)], [np.negative(half), half], rtol=1e-12)
+    surface = make_surface(bodies=(Body("body", shape.kind, shape.sizes(), *outline),))
+    stage = animated(tmp_path, surface, [make_frame(surface, 0)])
+    extent = UsdGeom.Boundable.Get(stage, "/World/Bodies/body").GetExtentAttr().Get()
+    np.testing.assert_allclose(extent, [np.negative(half), half], rtol=1e-7)
+
+
 def in_picture(stage: Usd.Stage, points: np.ndarray) -> np.ndarray:
     """Where points appear: across and upwards from -1 to 1 inside the picture, and depth."""
     frustum = UsdGeom.Camera.Get(stage, "/World/Camera").GetCamera(0).frustum
@@ -229,7 +253,7 @@ def test_camera_steps_back_from_a_sheet_that_stretches_but_not_for_a_loose_point
     loose = still.copy()
     loose[0] = [0.0, 0.0, 100.0]
     without_first = ~np.any(surface.faces == 0, axis=1)
-    distances = {}
+    distances, extents = {}, {}
     for name, displacement, intact in (
         ("still", still, without_first),
         ("loose", loose, without_first),
@@ -240,8 +264,10 @@ def test_camera_steps_back_from_a_sheet_that_stretches_but_not_for_a_loose_point
         ]
         stage = animated(tmp_path / name, surface, moved)
         assert np.all(np.abs(in_picture(stage, (surface.points + displacement)[1:])) < 1.0)
+        extents[name] = np.array(UsdGeom.Mesh.Get(stage, SHEET).GetExtentAttr().Get(1))
         place = UsdGeom.Camera.Get(stage, "/World/Camera").ComputeLocalToWorldTransform(0)
         distances[name] = np.linalg.norm(place.ExtractTranslation() - Gf.Vec3d(0.25, 0.2, 0.0))
+    np.testing.assert_array_equal(extents["loose"], extents["still"])
     assert distances["loose"] == distances["still"] < distances["stretched"]
 
 
