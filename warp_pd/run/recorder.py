@@ -55,7 +55,7 @@ def commit_of(checkout: Path) -> str | None:
         return None
     command = ["git", "-c", "safe.directory=*", "-C", str(checkout), "rev-parse", "HEAD"]
     with contextlib.suppress(OSError, subprocess.SubprocessError):
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(command, capture_output=True, encoding="ascii", check=True).stdout.strip()
     return None
 
 
