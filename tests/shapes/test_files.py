@@ -396,6 +396,13 @@ def test_other_surfaces_are_curved_sheets(tmp_path):
         ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 (", "the file cannot be read: "),
         ("a.stl", b"solid x\n facet\n", "the file cannot be read: "),
         ("a.obj", b"v 0 0\nf 1 2 3 x\n", "the file cannot be read: line 2: 'f 1 2 3 x': expected numbers"),
+        ("a.off", b"off", "the file cannot be read: line 1: 'off': expected OFF, and a file of text in 3D"),
+        ("b.off", b"OFF BINARY\n", "the file cannot be read: line 1: 'OFF BINARY': expected OFF, and a file of text"),
+        ("c.off", b"OFF\n3", "the file cannot be read: line 2: '3': expected the numbers of vertices and faces"),
+        ("d.off", b"OFF 1 1\n0 0\n", "the file cannot be read: line 2: '0 0': expected three coordinates"),
+        ("e.off", b"OFF 1 1\n0 0 0\n3 0 0\n", "line 3: '3 0 0': expected the number of its corners, and the corners"),
+        ("f.off", b"OFF 3 1\n0 0 0\n", "3 vertices and 1 faces, by its header, but has 1 and 0"),
+        ("g.off", b"OFF 1 1\n0 0 0\n3 0 0 0\n3 0 0 0\n", "1 vertices and 1 faces, by its header, but has more lines"),
         ("a.usd", b"hello", "the file cannot be read: expected a complete USD file"),
         ("a.usdc", b"PXR-USDC", "the file cannot be read: "),
         ("b.usda", b"#usda 1.0\n", "expected a file with a UsdGeom.Mesh, found none"),
@@ -767,3 +774,28 @@ def test_face_sets_of_usd_are_parts(tmp_path):
     UsdGeom.Subset.CreateGeomSubset(mesh, "patch", UsdGeom.Tokens.face, [1])
     stage.Save()
     assert Sheet.from_file(path, unit="m", **FLAT).parts["patch"].tolist() == [1, 2, 4]
+
+
+OFF = """{} # made by hand
+
+{} 2 0
+0 0 0
+1 0 0 {}
+1 1 0
+# the last
+0 1 0
+5 5 0
+4 0 1 2 3  1.0 0.5 0.0 0.75 # red
+2 0 2
+"""
+
+
+@pytest.mark.parametrize(("header", "more"), [("OFF", "# odd"), ("COFF", "0.1 0.2 0.3 1"), ("STNOFF", "0 1"), ("", "")])
+def test_off_as_programs_write_it(tmp_path, header, more):
+    """Comments, polygons, colours, a lone edge and a loose vertex; the first word may be missing."""
+    (tmp_path / "a.off").write_text(OFF.format(header, 5, more))
+    mesh = read_mesh(tmp_path / "a.off", unit="m")
+    assert np.array_equal(mesh.vertices, SQUARE) and len(mesh.triangles) == 2
+    assert mesh.notes[0].endswith("1 faces of fewer than three corners were left out")
+    (tmp_path / "a.off").write_text(f"{header} 4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    assert np.array_equal(read_mesh(tmp_path / "a.off", unit="m").vertices, SQUARE)

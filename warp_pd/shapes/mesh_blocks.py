@@ -1,4 +1,4 @@
-"""Faces and groups of the mesh formats that meshio reads, of Abaqus .inp files and of Wavefront .obj files."""
+"""Faces and groups of the mesh formats that meshio reads, of Abaqus .inp, Wavefront .obj and .off files."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 from ..device.checks import InputError
 from .abaqus import read_abaqus
 from .nastran import read_nastran
+from .off import read_off
 from .usd_mesh import Faces
 from .wavefront import read_wavefront
 
@@ -24,6 +25,8 @@ KINDS = ("point", "line", "surface")
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "su2:tag", "netgen:index")
 # Largest number of a node.
 MOST_NUMBER = 100_000_000
+# Readers of texts with polygons.
+TEXTS = {".obj": read_wavefront, ".off": read_off}
 # Formats of meshio that are refused: tetrahedra alone, and texts that take its reader for ever if a number is wrong.
 NOT_READ = ("tetgen", "wkt")
 # Meshes in one file, of which the reader of meshio keeps one.
@@ -86,8 +89,8 @@ def read_faces(path: Path) -> Faces:
     from meshio._helpers import reader_map
 
     suffix = path.suffix.lower()
-    if suffix == ".obj":
-        return read_wavefront(path)
+    if suffix in TEXTS:
+        return TEXTS[suffix](path)
     if suffix == ".inp":
         mesh, notes = read_abaqus(path)
         return replace(_faces(path, mesh), notes=notes)
