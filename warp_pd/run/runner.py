@@ -236,7 +236,7 @@ def run(
     precision: int | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    usd: bool = False,
+    usd: bool | None = None,
     reporter: Progress | None = None,
     writers: list[Writer] | None = None,
     pictures: bool | str = False,
@@ -249,16 +249,16 @@ def run(
 ) -> Result:
     """Run a scene.
 
-    What is made from the frames at the end (animation, pictures, page) is made if asked for, as `warp-pd run` does.
+    Pictures and page are made if asked for, as `warp-pd run` does.
 
     Args:
         scene: What to run.
-        out: Folder for frames.vtkhdf, history.csv, restart.npz and summary.json; None writes nothing.
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz and summary.json; None writes nothing.
         device: "cpu", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
         resume: Continue from the restart file in `out`.
         overwrite: Replace the results of another run in `out`; otherwise such a folder raises InputError.
-        usd: Whether to write animation.usd at the end, from frames.vtkhdf.
+        usd: Whether to write animation.usd at the end, from frames.vtkhdf; by default where there are such frames.
         reporter: Shows the progress.
         writers: Additional writers of frames.
         pictures: Whether to draw pictures (True: "png"), or their format: "pdf", "svg", or several such as "png,pdf".
@@ -289,6 +289,7 @@ def run(
     for name, asked in (("usd", usd), ("pictures", formats), ("view", view)):
         if asked and (out is None or not vtkhdf):
             raise InputError(f"{name}: made from frames.vtkhdf; expected a folder (out=), and vtkhdf = True")
+    usd = usd if usd is not None else out is not None and vtkhdf
     files = Files(usd, vtkhdf, formats, view, restarts, scene.has_fine_history)
     # Files and progress are those of the first process.
     new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()

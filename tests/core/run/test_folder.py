@@ -49,11 +49,12 @@ def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
 
 @pytest.mark.parametrize("asked", ["usd", "pictures", "view"])
 def test_what_is_made_from_frames_needs_them(asked, tmp_path):
-    """And is not made unless it is asked for."""
+    """Pictures and page are not made unless they are asked for, the animation is."""
     sheet = square(7)
     simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=1), [Fixed(sheet.edges())])
     for options in ({}, {"out": tmp_path, "vtkhdf": False}):
         with refused(match=f"{asked}: made from frames.vtkhdf; expected a folder"):
             simulation.run(device="cpu", **options, **{asked: True})
     simulation.run(device="cpu", out=tmp_path)
-    assert {p.name for p in tmp_path.iterdir()} == {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"}
+    numbers = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"}
+    assert {p.name for p in tmp_path.iterdir()} == numbers | {"animation.usd"}
