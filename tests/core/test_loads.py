@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from helpers import build, soften, square, uniform
-from small_runs import run
+from small_runs import run, simulate
 
-from warp_pd import BodyForce, Explicit, PointForce, Pressure, TearingEnergy
+from warp_pd import BodyForce, Explicit, Fixed, Newton, PointForce, Pressure, TearingEnergy, Yeoh
+from warp_pd.measures import support_force
 
 
 @pytest.mark.parametrize("ramp", [None, [(0.0, 0.0), (0.1, 1.0)]])
@@ -82,3 +83,18 @@ def test_damage_reduces_follower_pressure_as_it_reduces_stiffness():
         built.context.run("setup")
     expected = (1.0 - damage[:, None]) ** 2 * sound.to_numpy(sound.state.external)
     assert torn.to_numpy(torn.state.external) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("pressure", "said"), [(3e3, False), (3e4, True)])
+def test_a_pressure_whose_resultant_on_points_is_not_that_of_its_edge_is_noted(pressure, said):
+    """Supports of a bulge that hangs over its rim do not carry p A: families take the mean normal of both its sides."""
+    sheet = square(9)
+    scene = simulate(
+        sheet, Newton(load_steps=4), material=Yeoh(2e5, 0.0, 100.0), loads=[Fixed(sheet.edges()), Pressure(pressure)]
+    )
+    result = scene.run(device="cpu")
+    rim = support_force(result.built, sheet.edges())[2]
+    off = abs(rim / (-pressure * 0.1**2) - 1.0)
+    notes = [note for note in result.summary["notes"] if note.startswith("Pressure(")]
+    assert (off > 0.05) == said == bool(notes), (off, notes)
+    assert all("more points" in note for note in notes)
