@@ -134,19 +134,13 @@ def _require_same(
         return False
     simulation = build(values)
     here = restart.identity(simulation, compose(simulation, options["device"], options["precision"]))
-    told = {"parts": {}, "sources": {}, "code": "unknown", **earlier.get("identity", {})}
-    other = restart.difference(restart.Identity(told["parts"], earlier["settings"]), here)
-    sources = {**told["sources"], **simulation.sources}
-    changed = [name for name in sources if told["sources"].get(name) != simulation.sources.get(name)]
-    began, now = told["code"], code_version()
-    if other:
-        what = f"other settings ({other})"
-    elif changed:
-        what = f"other code ({', '.join(changed)} has changed)"
-    elif began != now:
-        what = f"other code ({began}, here {now})"
-    else:
+    told = earlier.get("identity", {})
+    parts, sources, own = (told.get(name, {}) for name in ("parts", "sources", "own"))
+    began, now = told.get("code", "unknown"), code_version()
+    other = restart.difference(restart.Identity(parts, earlier["settings"], sources, own), here)
+    if not other and began == now:
         return True
+    what = f"other {other}" if other else f"other code ({began}, here {now})"
     raise InputError(f"{str(folder)!r} contains a run with {what}; expected another folder (--out) or --overwrite")
 
 

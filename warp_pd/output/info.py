@@ -30,7 +30,7 @@ MORE = {
     "weights": str, "wall_s": NUMBER,
     "units": dict, "pictures": list, "notes": list, "identity": dict,
 }  # fmt: skip
-OF_AN_IDENTITY = {"parts": dict, "sources": dict, "code": str}
+OF_AN_IDENTITY = {"parts": dict, "sources": dict, "own": dict, "code": str}
 OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}
 
 

@@ -20,10 +20,11 @@ from ..device.checks import InputError, kind_and_text, said, user_code
 from ..device.fields import host_shape
 from ..output.background import as_output_error
 from .built import Built
+from .own_code import own_code
 from .recorder import Recorder
 from .scene import Scene
 
-VERSION = 10
+VERSION = 11
 # Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
 NUMBERS: dict[str, Any] = {
     "frame_index": int, "time": int | float, "steps": int, "dt": int | float, "stable_dt": int | float | None,
@@ -33,6 +34,8 @@ NUMBERS: dict[str, Any] = {
 FINITE, STATE = ("time", "dt", "step_seconds"), ("displacement", "velocity")
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
+# What may differ in a run that goes on for longer.
+LONGER = ("duration", "frames", "solver.duration", "solver.frames")
 # Longest value kept as text, longer ones as their hash; and most differences that a message names.
 MAX_LENGTH, MAX_NAMED = 60, 4
 
@@ -44,10 +47,14 @@ class Identity:
     Attributes:
         parts: Everything that affects the state: names such as "force.horizon", and values as text.
         settings: Arguments of the scene's `build`, some of which affect only measures.
+        sources: Hashes of the scene's file and of the modules beside it; empty without a file.
+        own: Hashes of the user's functions and classes in the scene, and the values that they read; see `own_code`.
     """
 
     parts: dict[str, str]
     settings: dict[str, Any]
+    sources: dict[str, str]
+    own: dict[str, str]
 
 
 def identity(scene: Scene, built: Built) -> Identity:
@@ -59,11 +66,11 @@ def identity(scene: Scene, built: Built) -> Identity:
     texts = {key: text for name, part in named.items() for key, text in _texts(name, part)}
     # Rows between frames change nothing of the state.
     texts.pop("solver.history_every", None)
-    # Columns of the history: what a measure computes may change, its name may not.
     measures = ", ".join(measure.name for measure in scene.measures)
     functions = built.law.fingerprint() + ("" if built.rupture is None else built.rupture.fingerprint())
     also = {"measures": measures, "functions": functions}
-    return Identity({"precision": str(built.context.bits), **texts, **also}, scene.settings)
+    own = {key: text for name, value in own_code(scene) for key, text in _texts(name, value)}
+    return Identity({"precision": str(built.context.bits), **texts, **also}, scene.settings, scene.sources, own)
 
 
 def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
@@ -95,33 +102,44 @@ def _hash(data: bytes | memoryview) -> str:
     return hashlib.sha1(data).hexdigest()[:12]
 
 
-def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
-    """The differing values, before and now; for a part of a different type, only the type."""
+def _changed(began: dict[str, Any], here: dict[str, Any]) -> list[str]:
+    """Names of the differing values; of a part of a different type, only that of the type."""
     names = [name for name in {**began, **here} if began.get(name) != here.get(name)]
-    outer = [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
-    shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in outer[:MAX_NAMED]]
-    return "; ".join(shown) + (f"; and {len(outer) - MAX_NAMED} more" if len(outer) > MAX_NAMED else "")
+    return [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
 
 
-def difference(began: Identity, here: Identity) -> str:
-    """Differences between the settings of two runs, such as "pressure = 5.0, here 15.0"; "" if there are none."""
-    sides = (began.settings, began.parts), (here.settings, here.parts)
+def _different(began: dict[str, Any], here: dict[str, Any], allowed: tuple[str, ...]) -> str:
+    """The differing values, before and now, but for those allowed to differ."""
+    names = [name for name in _changed(began, here) if name not in allowed]
+    shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in names[:MAX_NAMED]]
+    return "; ".join(shown) + (f"; and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else "")
+
+
+def difference(began: Identity, here: Identity, longer: bool = False) -> str:
+    """What differs between two runs, such as "settings (pressure = 5.0, here 15.0)"; "" if nothing does.
+
+    Code is "code (helper.py has changed)". With `longer`, more frames at the same interval are no difference.
+    """
+    allowed = LONGER if longer and _goes_on(began, here) else ()
     # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
-    same = began.settings == here.settings
-    return _different(*(parts if same else {**s, "precision": parts["precision"]} for s, parts in sides))
+    settings = _different(began.settings, here.settings, allowed)
+    if settings and began.parts.get("precision") != here.parts["precision"]:
+        settings = f"{settings}; precision = {began.parts.get('precision')}, here {here.parts['precision']}"
+    if other := settings or _different(began.parts, here.parts, allowed):
+        return f"settings ({other})"
+    if files := _changed(began.sources, here.sources):
+        return f"code ({', '.join(files)} {'has' if len(files) == 1 else 'have'} changed)"
+    own = _different(began.own, here.own, ())
+    return f"code ({own})" if own else ""
 
 
-def extends(began: Identity, here: Identity) -> bool:
-    """Whether a run differs from an earlier one only by more frames at the same interval."""
-    of_solver = [name for name in {**began.parts, **here.parts} if began.parts.get(name) != here.parts.get(name)]
-    of_scene = [n for n in {**began.settings, **here.settings} if began.settings.get(n) != here.settings.get(n)]
-    if set(of_solver) != {"solver.duration", "solver.frames"} or not set(of_scene) <= {"duration", "frames"}:
-        return False
+def _goes_on(began: Identity, here: Identity) -> bool:
+    """Whether a run takes more frames than an earlier one, at the same interval."""
     try:
         (long, many), (longer, more) = (
             (float(run.parts["solver.duration"]), int(run.parts["solver.frames"])) for run in (began, here)
         )
-    except ValueError:
+    except (KeyError, ValueError):
         return False
     return more > many and math.isclose(long / many, longer / more, rel_tol=1e-12)
 
@@ -134,6 +152,8 @@ def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
         "version": VERSION,
         "parts": known.parts,
         "settings": known.settings,
+        "sources": known.sources,
+        "own": known.own,
         "solver": built.solver.host_state(),
         **{name: getattr(recorder, name) for name in NUMBERS},
     }
@@ -160,12 +180,11 @@ def load(path: Path, known: Identity, most: int) -> dict[str, Any]:
     if numbers.get("version") != VERSION:
         raise InputError(f"{where}: expected a file of version {VERSION}, got version {numbers.get('version')}")
     _require_sound(where, numbers)
-    began = Identity(numbers["parts"], numbers["settings"])
-    if began != known and not extends(began, known):
-        other = difference(began, known)
+    began = Identity(**{each.name: numbers[each.name] for each in fields(Identity)})
+    if other := difference(began, known, longer=True):
         longer = ", or a longer duration with frames at the same interval" if "duration" in other else ""
         raise InputError(
-            f"{where}: it was written with different settings ({other}); expected the settings of the earlier run"
+            f"{where}: it was written with different {other}; expected the {other.partition(' ')[0]} of the earlier run"
             + longer
         )
     return {**data, "numbers": numbers}
@@ -173,7 +192,7 @@ def load(path: Path, known: Identity, most: int) -> dict[str, Any]:
 
 def _require_sound(where: str, numbers: dict[str, Any]) -> None:
     """Check that all numbers are there and of their types, and that the last row of the history is that of the time."""
-    for name, kind in {"parts": dict, "settings": dict, "solver": dict, **NUMBERS}.items():
+    for name, kind in {**dict.fromkeys(("parts", "settings", "sources", "own", "solver"), dict), **NUMBERS}.items():
         found = numbers.get(name, ...)
         if not isinstance(found, kind) or (name in FINITE and not math.isfinite(found)):
             raise InputError(f"{where}: the file is damaged: {name} = {'missing' if found is ... else said(found)}")

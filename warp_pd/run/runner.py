@@ -352,7 +352,9 @@ def _run(
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if known is not None:
             code = recorder.codes[-1][0]
-            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources, "code": code}
+            result.summary["identity"] = {
+                "parts": known.parts, "sources": known.sources, "own": known.own, "code": code,
+            }  # fmt: skip
         return result
 
     def last_words() -> None:
