@@ -181,8 +181,9 @@ class FramePoints:
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
 # Seconds between two reports within a frame, and steps after which the time left is known.
 SECONDS_SHOWN, STEPS_TIMED = 2.0, 100
-# Errors of a measure that fails in every frame; others, such as a division by zero, may be those of the first alone.
-ALWAYS = (AttributeError, ImportError, KeyError, NameError, TypeError)
+# Errors of a measure that asks for what does not exist, and so fails in every frame; others, such as a division by
+# zero, may be those of the first alone.
+ALWAYS = (AttributeError, ImportError, LookupError, NameError, TypeError)
 
 
 class FineHistory:
@@ -536,17 +537,21 @@ class Recorder:
 def _always_fails(cause: BaseException | None) -> bool:
     """Whether a measure that failed in the first frame will fail in all others, too.
 
-    A sum with None may be one of a number that comes later.
+    A sum with None, or an entry of an empty array, may be one of a number that comes later.
     """
     of_none = isinstance(cause, TypeError) and "NoneType" in str(cause)
-    return isinstance(cause, ALWAYS) and not of_none
+    of_nothing = isinstance(cause, IndexError) and str(cause).endswith("with size 0")
+    return isinstance(cause, ALWAYS) and not of_none and not of_nothing
 
 
 def number_of(item: Reported, *arguments: Any) -> float | None:
     """Evaluate the function of a measure or an outcome."""
     with user_code(kind_and_text):
         value = item.value(*arguments)
+    single = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
     try:
+        if isinstance(single, str | bytes | bytearray):
+            raise TypeError("text")
         return None if value is None else float(value)
     except (TypeError, ValueError) as error:
         raise InputError(f"it returned {said(value)}: expected a number") from error

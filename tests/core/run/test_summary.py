@@ -68,6 +68,7 @@ def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
     (lambda frame: np.nan if frame == 0 else 2.0, ""),
     (lambda frame: None if frame == 0 else 2.0, ""),
     (lambda frame: (None if frame == 0 else 3.0) - 1.0, "unsupported operand"),
+    (lambda frame: np.full(frame, 2.0)[0], "with size 0"),
 ])  # fmt: skip
 def test_a_measure_may_have_its_first_number_later(value, said):
     simulation = Simulation(
@@ -102,7 +103,11 @@ def test_rows_of_the_history_are_those_that_outcomes_are_tried_with():
 
 @pytest.mark.parametrize(("value", "said"), [
     (lambda built, frame: frame.displacement, r"it returned float64 array of shape \(25, 3\): expected a number"),
+    (lambda built, frame: "3.5", "it returned '3.5': expected a number"),
+    (lambda built, frame: np.array("3.5"), "it returned .*: expected a number"),
     (lambda built, frame: frame.displacment[0, 0], "AttributeError: .*displacment"),
+    (lambda built, frame: frame.displacement[99, 0], "IndexError: index 99 is out of bounds"),
+    (lambda built, frame: frame.point_data["stress"], "KeyError: 'stress'"),
 ])  # fmt: skip
 def test_a_measure_that_fails_in_every_frame_is_refused_at_the_first(value, said, tmp_path):
     with refused(match=rf"Measure 'm': {said}"):
