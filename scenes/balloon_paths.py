@@ -61,9 +61,9 @@ def where_it_begins_to_fall(history):
 
 
 def where_it_stops_falling(history):
-    """Pressure of the last frame to which it falls."""
-    falls = [b["pressure"] for a, b in pairwise(history) if b["pressure"] < a["pressure"]]
-    return falls[-1] if falls else None
+    """Pressure of the last frame to which it falls; None while it falls."""
+    falls = [b for a, b in pairwise(history) if b["pressure"] < a["pressure"]]
+    return falls[-1]["pressure"] if falls and falls[-1] is not history[-1] else None
 
 
 def build(

@@ -69,10 +69,10 @@ def build(
 
 
 def highest(history):
-    """Rebound height of the ball's lowest point above the plane of the sheet [m]."""
+    """Rebound height of the ball's lowest point above the plane of the sheet [m]; None while it falls or rises."""
     heights = [row["ball_position_z"] for row in history]
-    lowest = heights.index(min(heights))
-    return max(heights[lowest:])
+    rise = heights[heights.index(min(heights)) :]
+    return max(rise) if max(rise) > rise[-1] else None
 
 
 def energy_error(history):

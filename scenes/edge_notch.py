@@ -20,7 +20,7 @@ import numpy as np
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation, TearingEnergy
 from warp_pd.device.checks import InputError, count, positive, resolved
 from warp_pd.materials import tension_energy_density, with_wrinkles
-from warp_pd.measures import TearLine, support_force, worst_balance
+from warp_pd.measures import TearLine, at_peak, support_force, worst_balance
 from warp_pd.shapes.roughness import rough_surface
 from warp_pd.tearing.field_constants import DEFAULT_LENGTH
 
@@ -99,7 +99,7 @@ def build(
     def onset(history):
         if max(row["tip"] for row in history) == 0.0:
             return None
-        return max(history, key=lambda row: row["load"])["release_ratio"]
+        return at_peak("release_ratio", "load")(history)
 
     return Simulation(
         sheet,

@@ -28,7 +28,7 @@ from warp_pd import (
     together,
 )
 from warp_pd.device.checks import positive
-from warp_pd.measures import largest, support_force, worst_balance
+from warp_pd.measures import at_peak, support_force, worst_balance
 from warp_pd.scenes.peel import DENSITY, MU, ROWS, THICKNESS
 
 LENGTH, OVERLAP = 0.08, 0.05
@@ -83,7 +83,13 @@ def build(
             Measure("load", "N", lambda built, frame: support_force(built, pulled)[0]),
         ],
         outcomes=[
-            Outcome("largest_load", "N", largest("load"), width * breaking_force(energy), "energy balance of a crack"),
+            Outcome(
+                "largest_load",
+                "N",
+                at_peak("load", "load"),
+                width * breaking_force(energy),
+                "energy balance of a crack",
+            ),
             Outcome("released_ratio", "1", released_ratio, 1.0, "energy of the glue times its area"),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],

@@ -115,13 +115,18 @@ def build(
             ),
             Outcome("tear_begins", "s", time_above("crack_growth", 0.0)),
             Outcome("grip_tears_out", "s", time_below("grip_share", 0.02)),
-            Outcome("largest_crack_speed", "m/s", lambda history: float(growth_rate(history, "crack_length").max())),
+            Outcome("largest_crack_speed", "m/s", largest_speed),
             Outcome("two_pieces", "s", time_above("pieces", 1.5)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
         section="NN 6.3",
         pictures=pictures,
     )
+
+
+def largest_speed(history):
+    """Largest speed of the crack [m/s]; None if it does not grow."""
+    return float(growth_rate(history, "crack_length").max()) or None
 
 
 def pictures(history, folder):

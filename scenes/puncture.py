@@ -25,7 +25,7 @@ from warp_pd import (
 )
 from warp_pd.device.checks import count, not_negative, positive, resolved
 from warp_pd.materials import with_wrinkles
-from warp_pd.measures import TearLine, largest, time_above, when_above, worst_balance
+from warp_pd.measures import TearLine, at_peak, time_above, when_above, worst_balance
 
 SIZE, THICKNESS, DENSITY, MU = 0.06, 0.3e-3, 1000.0, 0.4e6
 BALL = 0.03
@@ -77,7 +77,7 @@ def build(
             Measure("crack_length", "m", lambda built, frame: line.length(frame.intact_faces)),
         ],
         outcomes=[
-            Outcome("puncture_force", "N", largest("ball_force_z")),
+            Outcome("puncture_force", "N", at_peak("ball_force_z", "ball_force_z")),
             Outcome("puncture_depth", "m", when_above("depth", "crack_length", slit)),
             Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
             Outcome("worst_energy_balance", "1", worst_balance),

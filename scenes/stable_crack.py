@@ -63,10 +63,11 @@ def build(
         return float(np.interp(frame.time, times, slopes))
 
     def from_stiffness(built, frame):
+        if frame.time == 0.0:
+            return CUT * HEIGHT
         stored = float(built.to_numpy(built.law.strain_energy).sum())
-        return (
-            length_of(partial(stored_energy, slope=slope(built, frame)), stored) if frame.time > 0.0 else CUT * HEIGHT
-        )
+        energy_of = partial(stored_energy, slope=slope(built, frame))
+        return length_of(energy_of, stored) if stored > energy_of(LONGEST * HEIGHT) else None
 
     def griffith(built, frame):
         if frame.time <= times[1]:
@@ -75,7 +76,8 @@ def build(
 
     def growing(history):
         # Beyond the damage that the end of the cut has from the start.
-        return [row for row in history if row["griffith_length"] > (CUT + 0.4) * HEIGHT]
+        grown = [row for row in history if row["griffith_length"] > (CUT + 0.4) * HEIGHT]
+        return [row for row in grown if not np.isnan(row["crack_length"])]
 
     def length_error(history):
         errors = [abs(row["crack_length"] / row["griffith_length"] - 1.0) for row in growing(history)]

@@ -120,7 +120,9 @@ def build(
         return abs(float(force)) - load * frame.time * np.pi * (RADIUS * stretch) ** 2
 
     def at_force(values):
-        return lambda built, frame: float(np.interp(-resultant(built, frame), -forces, values))
+        return lambda built, frame: float(
+            np.interp(-resultant(built, frame), -forces, values, left=np.nan, right=np.nan)
+        )
 
     def first_unstable(name):
         return lambda history: next((row[name] for row in history if row["unstable"] > 0.0), None)

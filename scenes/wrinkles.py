@@ -18,6 +18,10 @@ from warp_pd.device.checks import count, positive
 from warp_pd.measures import support_force
 
 LENGTH, WIDTH, MU = 0.25, 0.1, 2e6
+# Range of the heights over the thickness below which a strip is flat.
+FLAT = 0.01
+# Spacings along a wave that let it form, and that make it one and no zigzag from point to point.
+WAVE, ZIGZAG = 10.0, 4.0
 
 
 def build(
@@ -57,11 +61,17 @@ def build(
     middle = middle[np.argsort(across[middle], kind="stable")]
     middle = middle[np.append(True, np.diff(across[middle]) > 0.5 * spacing)]
 
-    def predicted(built):
-        tension = abs(support_force(built, right)[0]) / WIDTH
+    def predicted(tension):
         stiffness = MU * thickness**3 / 3.0
         return 2.0 * np.sqrt(np.pi) * (stiffness / tension) ** 0.25 * np.sqrt(LENGTH * (1.0 + strain))
 
+    def measured(built, frame):
+        moved = frame.displacement[middle]
+        return wavelength(across[middle], moved) if np.ptp(moved[:, 2]) > FLAT * thickness else None
+
+    # With the tension of a strip whose width is free.
+    expected = predicted(MU * thickness * (1.0 + strain - (1.0 + strain) ** -2))
+    coarse = bool(bending and expected < WAVE * spacing)
     return Simulation(
         sheet,
         force=BondAssociated(NeoHookean(mu=MU, bulk=1e3 * MU), horizon=horizon),
@@ -70,17 +80,29 @@ def build(
         solver=Explicit(duration, frames=frames, damping=damping, safety=0.5),
         measures=[
             Measure("amplitude", "m", lambda built, frame: 0.5 * np.ptp(frame.displacement[middle, 2])),
-            Measure("wavelength", "m", lambda built, frame: wavelength(across[middle], frame.displacement[middle])),
-            Measure("predicted_wavelength", "m", lambda built, frame: predicted(built)),
+            Measure("wavelength", "m", measured),
+            Measure(
+                "predicted_wavelength", "m", lambda built, frame: predicted(abs(support_force(built, right)[0]) / WIDTH)
+            ),
         ],
+        notes=[
+            f"points = {points}: wrinkles of about {expected:.3g} m are {expected / spacing:.1f} spacings long: they "
+            f"need {WAVE:g} or more, points = {1 + int(np.ceil(WAVE * LENGTH / expected))}, to form"
+        ]
+        * coarse,
         section="own wrinkles",
         pictures=pictures,
     )
 
 
 def wavelength(across, displacement):
-    """Wavelength along a line of points [m]: that of the sine with the same mean squares of height and slope."""
+    """Wavelength along a line of points [m]: that of the sine with the same mean squares of height and slope.
+
+    None for heights that change from point to point.
+    """
     y, height = across + displacement[:, 1], displacement[:, 2]
+    if (height**2).sum() < (ZIGZAG / (2.0 * np.pi)) ** 2 * (np.diff(height) ** 2).sum():
+        return None
     slope = np.gradient(height, y)
     return float(2.0 * np.pi * np.sqrt(np.trapezoid(height**2, y) / np.trapezoid(slope**2, y)))
 

@@ -104,11 +104,11 @@ class TearLine:
         return angle - 180.0 if angle > 90.0 else angle + 180.0 if angle <= -90.0 else angle
 
     def deviation(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
-        """Root mean square distance of the torn faces from a straight line [m]; 0 if nothing is torn."""
+        """Root mean square distance of the torn faces from a straight line [m]; NaN if nothing is torn."""
         self._require_flat("deviation")
         torn = ~self.without_specks(intact)
         if not torn.any():
-            return 0.0
+            return float("nan")
         along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
         offset = self.centres[torn] - start
         distance = along[0] * offset[:, 1] - along[1] * offset[:, 0]
@@ -402,6 +402,20 @@ def at_time(name: str, time: float) -> Callable[[History], float | None]:
 def largest(name: str) -> Callable[[History], float | None]:
     """Function of a history: the largest value of column `name`; None if it is missing in every row."""
     return lambda history: max((row[name] for row in history if not math.isnan(row[name])), default=None)
+
+
+def at_peak(name: str, of: str) -> Callable[[History], float | None]:
+    """Function of a history: column `name` in the frame in which column `of` is largest.
+
+    None if that is the first or the last frame: `of` may be larger beyond.
+    """
+
+    def value(history: History) -> float | None:
+        rows = [row for row in history if not math.isnan(row[of])]
+        top = max(range(len(rows)), key=lambda k: rows[k][of], default=0)
+        return rows[top][name] if 0 < top < len(rows) - 1 else None
+
+    return value
 
 
 def time_above(name: str, threshold: float) -> Callable[[History], float | None]:

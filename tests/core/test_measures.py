@@ -8,6 +8,7 @@ from warp_pd import Sheet
 from warp_pd.geometry.triangulation import crosses
 from warp_pd.measures import (
     TearLine,
+    at_peak,
     at_time,
     growth_rate,
     largest,
@@ -197,3 +198,18 @@ def test_long_and_large_faces_of_cracks_count_by_their_size():
     band = 0.4 * 0.05, 0.16 * 0.01
     away = line.deviation(~torn, (0.0, 0.0), (1.0, 0.0))
     assert away == pytest.approx(10.0 * np.sqrt(band[1] / sum(band)), rel=0.03)
+
+
+def test_a_line_of_no_tear_has_no_deviation():
+    sheet = square(9)
+    line = TearLine(sheet)
+    assert math.isnan(line.deviation(np.ones(len(sheet.triangles), bool), (0.0, 0.0), (1.0, 0.0)))
+
+
+@pytest.mark.parametrize(("loads", "found"), [
+    ((0.0, 3.0, 1.0), 0.2), ((0.0, 1.0, 3.0), None), ((3.0, 1.0, 0.0), None), ((0.0, 0.0, 0.0), None),
+    ((math.nan, 0.0, 3.0, math.nan, 2.0), 0.4), ((1.0,), None), ((), None),
+])  # fmt: skip
+def test_a_peak_has_frames_on_both_sides(loads, found):
+    history = [{"depth": 0.2 * k, "load": load} for k, load in enumerate(loads)]
+    assert at_peak("depth", "load")(history) == found

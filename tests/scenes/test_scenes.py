@@ -3,6 +3,7 @@
 import functools
 import inspect
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,10 @@ from scipy.interpolate import CubicSpline
 from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Simulation
 from warp_pd.__main__ import build_scene, load_scene, scene_names
 from warp_pd.gas.enclosed import volume_of
-from warp_pd.scenes import snap_through, stable_crack, tube_bulge
+from warp_pd.interfaces.frame import Frame
+from warp_pd.scenes import snap_through, stable_crack, tube_bulge, wrinkles
 from warp_pd.scenes.balloon import exact_pressure
-from warp_pd.viewer import picture_files, plots
+from warp_pd.viewer import pictures, plots
 
 SMALL = {
     "bimodular_bar": {"points": 60},
@@ -88,14 +90,47 @@ FOLDER = tempfile.TemporaryDirectory(prefix="warp_pd_scenes_")
 def ran(name):
     """The small run of a scene, with its files in a temporary folder; pictures of few pixels, which take less time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(picture_files, "RESOLUTION", 50)
-        patch.setattr(picture_files, "RESOLUTION_IN_VECTORS", 50)
+        patch.setattr(pictures, "RESOLUTION", 50)
+        patch.setattr(pictures, "RESOLUTION_IN_VECTORS", 50)
         patch.setattr(plots, "RESOLUTION_IN_VECTORS", 50)
         return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, pictures=True)
 
 
 def value(result, name):
     return result.summary["measures"][name]["value"]
+
+
+RISES, FALLS, STAYS = (0.1, 1.0, 2.0), (2.0, 1.0, 0.1), (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(("name", "outcome", "columns"), [
+    ("edge_notch", "onset_ratio", RISES), ("flaw_sensitivity", "stress_at_break", RISES),
+    ("flaw_sensitivity", "break_ratio", RISES), ("lap_joint", "largest_load", RISES),
+    ("puncture", "puncture_force", RISES), ("dropped_ball", "return_height", RISES),
+    ("dropped_ball", "return_height", FALLS), ("snap_through", "smallest_pressure", FALLS),
+    ("precut_tear", "largest_crack_speed", STAYS),
+])  # fmt: skip
+def test_an_event_that_has_not_come_has_no_number(name, outcome, columns):
+    history = [defaultdict(lambda x=x: x, time=0.1 * k) for k, x in enumerate(columns)]
+    found = next(item for item in build_scene(name, dict(SMALL[name])).outcomes if item.name == outcome)
+    assert found.value(history) is None
+
+
+def test_a_flat_strip_has_no_wavelength_and_a_coarse_one_a_note():
+    scene = wrinkles.build(points=41)
+    built = scene.build("cpu")
+    measure = next(item for item in scene.measures if item.name == "wavelength")
+
+    def found(height, wave):
+        up = height * np.cos(2.0 * np.pi / wave * scene.sheet.points[:, 1])
+        still = np.zeros_like(scene.sheet.positions)
+        return measure.value(built, Frame(0, 0.0, np.outer(up, (0.0, 0.0, 1.0)), still))
+
+    assert found(1e-4, 0.05) == pytest.approx(0.05, rel=0.15)
+    assert found(1e-9, 0.05) is None and found(1e-4, 0.0125) is None
+    assert len(scene.notes) == 1 and "2.6 spacings long" in scene.notes[0]
+    needed = int(scene.notes[0].split("points = ")[-1].split(",")[0])
+    assert not wrinkles.build(points=needed).notes and not wrinkles.build(points=41, bending=False).notes
 
 
 def column(result, name):

@@ -1,8 +1,11 @@
 """The summary: measures and outcomes, and those that fail."""
 
 import csv
+import dataclasses
 import json
+import re
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +21,7 @@ from warp_pd import (
     Reaction,
     Simulation,
 )
+from warp_pd.interfaces.frame import Frame
 from warp_pd.measures import largest
 from warp_pd.run.folder import read_history
 from warp_pd.run.recorder import commit_of
@@ -167,3 +171,9 @@ def test_a_summary_names_the_commit_of_a_checkout_and_of_a_worktree(tmp_path):
     git("pack-refs", "--all", at="first")
     assert commit_of(tmp_path / "second") == commits[1]
     assert commit_of(tmp_path) is None
+
+
+def test_the_guide_names_all_that_a_frame_has():
+    page = (Path(__file__).parents[3] / "docs" / "guide.md").read_text(encoding="utf-8")
+    table = page.split("### Measures")[1].split("####")[0]
+    assert {item.name for item in dataclasses.fields(Frame)} <= set(re.findall(r"[a-z_]+", table))
