@@ -18,6 +18,8 @@ from .scene import Scene
 PLAIN = (bool, int, float, complex, str, bytes, type(None), np.ndarray, np.generic)
 # What changes a variable of an enclosing scope: it is a state of the function, such as a counter, and no setting.
 STORES = ("STORE_DEREF", "STORE_GLOBAL")
+# What reads a variable of the module, and what an attribute.
+LOADS, ATTRIBUTES = ("LOAD_GLOBAL", "LOAD_NAME"), ("LOAD_ATTR", "LOAD_METHOD")
 
 
 def own_code(scene: Scene) -> Iterator[tuple[str, Any]]:
@@ -68,8 +70,11 @@ class _Reader:
                 yield from self.of(f"{name}.{f.name}", getattr(found, f.name))
         elif callable(found):
             yield from self.of(name, type(found))
+            hidden = not _is_own(type(found).__module__)
             for key, value in getattr(found, "__dict__", {}).items():
-                yield from self._read(f"{name}.{key}", value)
+                # Hidden attributes of others, such as caches, may change with every call.
+                if not (hidden and key.startswith("_")) or key == "__wrapped__":
+                    yield from self._read(f"{name}.{key}", value)
 
     def _read(self, name: str, value: Any) -> Iterator[tuple[str, Any]]:
         """A value that code reads: itself if it is plain, or what is in it."""
@@ -88,7 +93,7 @@ class _Reader:
         code, own = function.__code__, _is_own(function.__module__)
         if own:
             yield name, f"code {_hash_of(code)}, Python {sys.version_info[0]}.{sys.version_info[1]}"
-        names, stored = _names(code)
+        looked_up, stored = _names(code, LOADS), _names(code, STORES)
         defaults = {"defaults": function.__defaults__, **(function.__kwdefaults__ or {})}
         read = {key: value for key, value in defaults.items() if value}
         for key, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
@@ -97,11 +102,11 @@ class _Reader:
             except ValueError:
                 continue
         if own:
-            read |= {key: function.__globals__[key] for key in sorted(names & function.__globals__.keys())}
+            read |= {key: function.__globals__[key] for key in sorted(looked_up & function.__globals__.keys())}
         for key, value in read.items():
             if isinstance(value, ModuleType):
                 if _is_own(value.__name__):
-                    for each in sorted(names & vars(value).keys()):
+                    for each in sorted(_names(code, ATTRIBUTES) & vars(value).keys()):
                         yield from self._read(f"{name}.{key}.{each}", getattr(value, each))
             elif key not in stored:
                 yield from self._read(f"{name}.{key}", value)
@@ -146,15 +151,10 @@ def _is_own(module: str) -> bool:
     return not ("site-packages" in file or "dist-packages" in file)
 
 
-def _names(code: CodeType) -> tuple[set[str], set[str]]:
-    """Names that a function and those within it look up, and the outer variables that they set."""
-    names, stored = set(code.co_names), {x.argval for x in dis.get_instructions(code) if x.opname in STORES}
-    for inner in code.co_consts:
-        if isinstance(inner, CodeType):
-            more, also = _names(inner)
-            names |= more
-            stored |= also
-    return names, stored
+def _names(code: CodeType, operations: tuple[str, ...]) -> set[str]:
+    """Names that these operations use in a function and in those within it."""
+    within = [_names(inner, operations) for inner in code.co_consts if isinstance(inner, CodeType)]
+    return {x.argval for x in dis.get_instructions(code) if x.opname in operations}.union(*within)
 
 
 def _hash_of(code: CodeType) -> str:

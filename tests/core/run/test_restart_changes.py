@@ -158,6 +158,7 @@ def counting():
 
 
 SHAPES = [SimpleNamespace(size=size) for size in (1.0, 2.0)]
+VECTORIZED = np.vectorize(lambda built, frame: 1.0)
 FUNCTIONS = {
     "itself": (scaled(1.0), scaled(1.0), True),
     "closure": (scaled(1.0), scaled(2.0), False),
@@ -166,6 +167,7 @@ FUNCTIONS = {
     "object": (scaled(1.0, shape=SHAPES[0]), scaled(1.0, shape=SHAPES[1]), False),
     "partial": (partial(lambda k, b, f: k, 1.0), partial(lambda k, b, f: k, 2.0), False),
     "code": (lambda b, f: 1.0, lambda b, f: 2.0, False),
+    "cache": (VECTORIZED, VECTORIZED, True),
     "state": (counting(), counting(), True),
 }
 
