@@ -186,7 +186,7 @@ def _print_json(values: Any) -> None:
 @click.option("--no-restart", is_flag=True, help="Do not write restart.npz; the run cannot be resumed.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--live", is_flag=True, help="Show the run in a browser on this machine, pause and stop it there.")
-@click.option("--quiet", is_flag=True, help="Do not show progress.")
+@click.option("--quiet", is_flag=True, help="Do not show progress; notes (on stderr) and results are still printed.")
 @click.option("--json", "as_json", is_flag=True, help="Print the contents of summary.json and the folder as JSON.")
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among this number of GPUs.")
 @click.option(
@@ -266,7 +266,11 @@ def run(
         sys.exit(DIVERGED)
     if as_json and is_first():
         _print_json({**result.summary, "folder": str(result.folder)})
-    elif not quiet:
+    elif is_first():
+        told = reporter.noted if quiet else ()
+        for note in result.summary["notes"]:
+            if note not in told:
+                tell(note, err=True)
         for line in report(result):
             tell(line)
     if result.summary["message"]:

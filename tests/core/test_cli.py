@@ -128,6 +128,27 @@ def test_a_scene_of_ones_own(tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["settings"] == {"points": 9, "speed": 0.2}
 
 
+def test_quiet_hides_progress_and_neither_notes_nor_results(tmp_path):
+    """A note known before the run, one of the end, and a number; each once."""
+    (tmp_path / "mine.py").write_text(
+        "from warp_pd import *\n"
+        "def build():\n"
+        "    sheet = Sheet.rectangle(100.0, 100.0, thickness=1e-3, density=1e3, points=5)\n"
+        "    seen = Measure('seen', 'm', lambda built, frame: 0.25)\n"
+        "    return Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5)), Explicit(0.02, frames=2),\n"
+        "                      loads=[Fixed(sheet.edges())], measures=[seen], notes=['a choice'])\n"
+    )
+    files = ("--no-usd", "--no-pictures", "--no-view", "--no-vtkhdf", "--overwrite", "--out", tmp_path / "out")
+    quiet, loud, as_json = (
+        cli("run", tmp_path / "mine.py", "--device", "cpu", *files, *more) for more in (["--quiet"], [], ["--json"])
+    )
+    notes = json.loads(as_json.stdout)["notes"]
+    assert "a choice" in notes and any("the sheet is 100 m wide" in note for note in notes)
+    assert sorted(quiet.stderr.splitlines()) == sorted(notes)
+    assert quiet.stdout == loud.stdout and "seen = 0.25 m" in quiet.stdout
+    assert set(notes) < set(loud.stderr.splitlines()) and "100.0 %" in loud.stderr
+
+
 def complete(shell, *words):
     """What a shell is offered for the last word."""
     line = {"COMP_WORDS": shlex.join(["warp-pd", *words]), "COMP_CWORD": str(len(words))}

@@ -29,11 +29,15 @@ class Progress:
     """Shows simulated time (or load factor), step rate, energy balance and remaining time on stderr.
 
     Args:
-        quiet: Whether to show nothing.
+        quiet: Whether to show only notes.
+
+    Attributes:
+        noted: Notes shown so far.
     """
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
+        self.noted: list[str] = []
         self._bar: Any = None
         self._rounds = 0
         # Percent at the last frame, and from one frame to the next.
@@ -73,6 +77,12 @@ class Progress:
         """Print lines, such as the step of a run."""
         for line in lines:
             self._say(line)
+
+    def note(self, *lines: str) -> None:
+        """Print notes on the run, also if quiet."""
+        self.noted += lines
+        for line in lines:
+            self._print(line)
 
     def between(self, fraction: float, when: str, rate: float, left: float) -> None:
         """Show the progress between frames: time, steps per second, and seconds left.
@@ -128,8 +138,11 @@ class Progress:
 
     def _say(self, line: str) -> None:
         if not self.quiet:
-            with self._may_be_lost():
-                print(line, file=sys.stderr, flush=True)
+            self._print(line)
+
+    def _print(self, line: str) -> None:
+        with self._may_be_lost():
+            print(line, file=sys.stderr, flush=True)
 
     @contextlib.contextmanager
     def _may_be_lost(self) -> Iterator[None]:

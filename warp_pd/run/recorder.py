@@ -347,7 +347,7 @@ class Recorder:
     def say(self, line: str) -> None:
         """Tell the user something during the run."""
         if self.reporter is not None:
-            self.reporter.say(line)
+            self.reporter.note(line)
 
     @property
     def restarts(self) -> bool:

@@ -463,9 +463,8 @@ class Result:
 
 
 def report(result: Result) -> Iterator[str]:
-    """Notes, reported numbers and files of a run for the command line, one line each."""
+    """Reported numbers and files of a run for the command line, one line each."""
     notes: list[str] = result.summary["notes"]
-    yield from notes
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
             wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)

@@ -462,7 +462,7 @@ def _say_what_comes(recorder: Recorder) -> None:
         return
     if built.simulation.solver.dynamic and dt > 0.0:
         recorder.reporter.say(steps_text(built, dt))
-    recorder.reporter.say(*recorder.notes)
+    recorder.reporter.note(*recorder.notes)
 
 
 def _finish(result: Result, folder: Path, files: Files, others: Sequence[str]) -> None:

@@ -41,7 +41,7 @@ class LiveRun(Progress):
     """Reports the progress of a run and receives its frames, for a page; it is reporter and writer of the run.
 
     Args:
-        quiet: Whether to show nothing in the terminal but the address.
+        quiet: Whether to show only the address and notes in the terminal.
 
     Attributes:
         address: Address of the page, with its token.
