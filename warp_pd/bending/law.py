@@ -37,7 +37,7 @@ OF_THE_LAW = (
     "horizon_ratio", "unit_volume", "correction", "earlier_energy", "driving_energy",
     "partial_energy", "represented", "goes_slack", "slack_force", "slack_frequency", "slack_stiffness",
     "begin", "screen_with_force", "bond_force", "represented_areas", "energy_density",
-    "request_fields", "field_names", "add_shown", "notes", "fingerprint", "likely_cause",
+    "request_fields", "field_names", "add_shown", "notes", "doubts", "fingerprint", "likely_cause",
 )  # fmt: skip
 # Numbers of tables that differ by less count as the same: the round-off of a lattice.
 SAME = 1e-10

@@ -192,6 +192,10 @@ class BuiltLaw(BuiltPart, Protocol):
         """Name of its force path, for the plan."""
         return "reference"
 
+    def doubts(self, scales: Scales) -> Sequence[str]:
+        """Sizes of what it adds to its material that cannot be meant, for a note; by default none."""
+        return ()
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         ...

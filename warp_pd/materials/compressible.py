@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import positive
-from .protocols import PlaneStress
+from .protocols import PlaneStress, out_of_order
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions
+
+# Lock [-] that no chain reaches: at a stretch of 100.
+MOST_LOCK = 1e4
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,11 @@ class NeoHookean(PlaneStress):
     def shear_modulus(self) -> float:
         """Mu [Pa]."""
         return self.mu
+
+    @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        return out_of_order("mu, bulk", NeoHookean__mu=(self.mu, self.bulk, "bulk"))
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -88,6 +96,12 @@ class Gent(PlaneStress):
     def shear_modulus(self) -> float:
         """Mu [Pa]."""
         return self.mu
+
+    @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        lock = (self.lock, MOST_LOCK, f"{MOST_LOCK:g}")
+        return out_of_order("mu, bulk, lock", Gent__mu=(self.mu, self.bulk, "bulk"), Gent__lock=lock)
 
     @property
     def constants(self) -> tuple[float, ...]:

@@ -174,6 +174,12 @@ def stability_notes(material: Any) -> list[str]:
     return list(dict.fromkeys(note for each in materials for note in _notes_of(capabilities(each).resisting or each)))
 
 
+def material_doubts(material: Any) -> list[str]:
+    """Constants of the materials of a law that cannot be meant, for the note on sizes."""
+    materials = capabilities(material).materials or (material,)
+    return [doubt for each in materials for doubt in capabilities(capabilities(each).resisting or each).doubts]
+
+
 def _notes_of(material: Any) -> list[str]:
     known = capabilities(material)
     if known.stable or known.by_point is not None or known.remembers is not None or not hasattr(material, "functions"):

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import InputError, finite, not_negative, positive
-from .protocols import PlaneStress
+from .protocols import PlaneStress, out_of_order
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions
     from ..kernels.numeric import FunctionFactory
+
+# Constants that no rubber has: others over the first, locking stretch of a chain, exponents.
+MOST_RATIO, MOST_LOCK, MOST_EXPONENT = 10.0, 100.0, 100.0
 
 
 class Incompressible(PlaneStress):
@@ -61,6 +64,11 @@ class MooneyRivlin(Incompressible):
             )
 
     @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        return out_of_order("c10, c01", MooneyRivlin__c01=(self.c01, MOST_RATIO * self.c10, "ten times c10"))
+
+    @property
     def stable(self) -> bool:
         """Whether c01 is not negative."""
         return self.c01 >= 0.0
@@ -104,6 +112,12 @@ class Yeoh(Incompressible):
         positive("c10", self.c10)
         finite("c20", self.c20)
         finite("c30", self.c30)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        most = MOST_RATIO * self.c10, "ten times c10"
+        return out_of_order("c10, c20, c30", Yeoh__c20=(self.c20, *most), Yeoh__c30=(self.c30, *most))
 
     @property
     def stable(self) -> bool:
@@ -158,6 +172,11 @@ class ArrudaBoyce(Incompressible):
             raise InputError(f"lock = {self.lock!r}: expected a stretch greater than 1")
 
     @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        return out_of_order("mu, lock", ArrudaBoyce__lock=(self.lock, MOST_LOCK, f"{MOST_LOCK:g}"))
+
+    @property
     def shear_modulus(self) -> float:
         """The initial shear modulus [Pa]."""
         return self.mu * sum(c / self.lock ** (2 * power) for power, c in enumerate(SERIES))
@@ -202,6 +221,11 @@ class Carroll(Incompressible):
             not_negative(name, getattr(self, name))
         if self.shear_modulus == 0.0:
             raise InputError("a = b = c = 0: expected a positive shear modulus, 2 a + 216 b + c / sqrt(3)")
+
+    @property
+    def doubts(self) -> list[str]:
+        """Whether its constants may be in another order."""
+        return out_of_order("a, b, c", Carroll__b=(self.b, 0.01 * max(self.a, self.c), "a hundredth of the others"))
 
     @property
     def shear_modulus(self) -> float:
@@ -316,6 +340,12 @@ class Ogden(PlaneStress):
         if sorted(names) != sorted(constants):
             raise InputError(f"Ogden.of({', '.join(constants)}): expected {', '.join(names or ('mu_1', 'alpha_1'))}")
         return cls(tuple(constants[f"mu_{p}"] for p in terms), tuple(constants[f"alpha_{p}"] for p in terms))
+
+    @property
+    def doubts(self) -> list[str]:
+        """Whether moduli and exponents may be swapped."""
+        largest = max(abs(a) for a in self.exponents)
+        return out_of_order("mu, exponents", Ogden__exponents=(largest, MOST_EXPONENT, f"{MOST_EXPONENT:g}"))
 
     @property
     def stable(self) -> bool:

@@ -60,6 +60,7 @@ class Capabilities:
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
         wrinkle_width: Factory of the width at which it wrinkles, for a material of tension field theory.
         notes: Notes on its constants for the summary of a run, one line each.
+        doubts: Constants that cannot be meant, each with what may be, for the note on sizes.
         shear_modulus: Shear modulus at rest [Pa]; that of others follows from their energy.
         stable: Whether its constants tell that it is stable at any stretch; others are checked by their energy.
         goes_slack: Whether it carries no compression.
@@ -86,6 +87,7 @@ class Capabilities:
     volume: FunctionFactory | None = None
     wrinkle_width: FunctionFactory | None = None
     notes: tuple[str, ...] = ()
+    doubts: Sequence[str] = ()
     shear_modulus: float | None = None
     stable: bool = False
     goes_slack: bool = False
@@ -133,6 +135,15 @@ def _constants_taken(material: Any) -> int:
     from ..kernels.numeric import constants_of
 
     return len(constants_of(material.functions(64)[0])())
+
+
+def out_of_order(order: str, **beyond: tuple[float, float, str]) -> list[str]:
+    """Doubts about constants, each given with its most and what that is, which may be in another order than `order`."""
+    return [
+        f"{name.replace('__', '.')} = {value:.6g} is more than {what}; are its constants in the order {order}?"
+        for name, (value, most, what) in beyond.items()
+        if not value <= most
+    ]
 
 
 class PlaneStress:

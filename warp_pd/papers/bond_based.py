@@ -67,6 +67,11 @@ class Bimodular:
         return (self.tension, self.tension if self.compression is None else self.compression)
 
     @property
+    def shear_modulus(self) -> float:
+        """That of an incompressible material in tension, E+ / 3 [Pa]."""
+        return self.tension / 3.0
+
+    @property
     def goes_slack(self) -> bool:
         """Whether compressed bonds carry no force."""
         return self.compression == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 from ..context import Context
 from ..device.checks import InputError, positive
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture
+from ..interfaces.scales import Scales
 from ..kernels.papers.energy_release import critical_energy, energy_release
 from ..kernels.rupture import Criterion
 from ..parts.rupture import BondCriterion, BreakingBonds
@@ -39,6 +42,10 @@ class CriticalEnergy(BondCriterion):
 
     def __post_init__(self) -> None:
         positive("CriticalEnergy.energy", self.energy)
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether its length is far from that of the sheet."""
+        return scales.of_tearing_energy("CriticalEnergy.energy", self.energy, self.energy)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The critical energy release rate of an interaction, and the array of the energy released by each bond."""

@@ -75,6 +75,11 @@ class BondNeoHookean:
         one_of("fit", self.fit, FITS)
 
     @property
+    def shear_modulus(self) -> float:
+        """Mu [Pa]."""
+        return self.mu
+
+    @property
     def coefficients(self) -> Coefficients:
         """(a, b, c, d), divided by mu."""
         return REFITTED[self.mode] if self.fit == "refitted" else PUBLISHED[self.mode]

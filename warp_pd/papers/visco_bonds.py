@@ -14,6 +14,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
+from ..interfaces.scales import Scales
 from ..kernels.papers.visco_bonds import visco_bonds
 from ..laws.family_law import require_one_material, whole_sheet
 from ..materials import Yeoh
@@ -81,6 +82,10 @@ class ViscoBondBasedForce(BondForces):
                     name, self.owner, context.types.real, shape=(count, self.points), per="bond", restart=True
                 )
                 setattr(self.bond_constants, name, array)
+
+    def doubts(self, scales: Scales) -> Sequence[str]:
+        """Those of its terms."""
+        return [doubt for term in self.law.prony for doubt in term.doubts(scales)]
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at the start the one that applies the initial displacement instantaneously."""

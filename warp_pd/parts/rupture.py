@@ -6,7 +6,7 @@ docs/write-your-own-part.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -17,7 +17,9 @@ from ..context import Context
 from ..device.checks import InputError, finite, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Columns, History, Rupture
+from ..interfaces.scales import Scales, of_stretch
 from ..kernels.rupture import SCREENED, Criterion, breaking, critical_stretch, face_damage, point_damage, screening
 from ..step import Phase
 
@@ -72,6 +74,10 @@ class CriticalStretch(BondCriterion):
                 f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch greater than 1 and less than "
                 f"{MAX_STRETCH:g}"
             )
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether no rubber reaches it."""
+        return of_stretch("CriticalStretch.stretch", self.stretch)
 
     @property
     def squared_stretch(self) -> float:

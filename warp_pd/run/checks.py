@@ -14,8 +14,8 @@ from ..device.clock import Schedule
 from ..geometry.triangulation import boundary_edges, doubled_normals
 from ..interfaces import DivergedError, UnbalancedError
 from ..interfaces.frame import Frame, Surface, format_time
-from ..interfaces.scales import LIGHTEST, Scales
-from ..materials import shear_modulus, stability_notes
+from ..interfaces.scales import HEAVIEST, LIGHTEST, Scales
+from ..materials import capabilities, material_doubts, shear_modulus, stability_notes
 from .built import Built, held_by_loads
 from .scene import Scene
 
@@ -35,7 +35,8 @@ def foreseen(built: Built) -> list[str]:
     material: Any = getattr(scene.force, "material", None)
     continuum = hasattr(material, "functions") and hasattr(material, "constants")
     notes = stability_notes(material) if continuum else []
-    unlikely = list(_unlikely_sizes(built, shear_modulus(material) if continuum else None))
+    modulus = shear_modulus(material) if continuum else capabilities(material).shear_modulus
+    unlikely = list(dict.fromkeys([*_unlikely_sizes(built, modulus), *material_doubts(material)]))
     sizes = [f"sizes: {'; '.join(unlikely)}"] if unlikely else []
     return [*notes, *sizes, *_unheld(built), *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
 
@@ -96,16 +97,18 @@ def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
     if thickness > THICKEST * width:
         yield f"the sheet is {thickness:.3g} m thick and {width:.3g} m wide; is the thickness in mm? Lengths are in m"
     density = float(np.mean(sheet.density))
-    # Larger ones may be chosen for longer steps.
     if scene.solver.dynamic and density < LIGHTEST:
         yield f"the density is {density:.3g} kg/m^3; is it in g/cm^3? Rubber has about 1000 kg/m^3"
+    if scene.solver.dynamic and density > HEAVIEST:
+        yield f"the density is {density:.3g} kg/m^3, more than of any metal; is it for longer steps?"
     if modulus is not None and not SOFTEST <= modulus <= STIFFEST:
         meant = "MPa" if modulus < SOFTEST else "another unit"
         yield f"the shear modulus is {modulus:.3g} Pa; are the constants in {meant}? Rubber has 1e5 to 1e6 Pa"
         modulus = None
     scales = Scales.of(sheet, modulus, scene.solver.dynamic)
-    for part in (*scene.loads, *scene.contacts):
+    for part in (*scene.loads, *scene.contacts, *filter(None, [scene.damage])):
         yield from part.doubts(sheet, scales)
+    yield from built.law.doubts(scales)
     for name, of in (("initial_displacement", scales.of_length), ("initial_velocity", scales.of_speed)):
         if getattr(scene, name) is not None:
             yield from of(f"{name} reaches", float(np.linalg.norm(scene.initial(name), axis=1).max()))

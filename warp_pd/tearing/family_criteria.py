@@ -5,7 +5,7 @@ To write your own criterion, inherit from FamilyCriterion; docs/recipes/strength
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,7 +13,9 @@ from ..context import Context
 from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Law
+from ..interfaces.scales import DENSITIES, Scales
 from ..kernels.rupture import Criterion
 from ..kernels.tearing.family_criteria import mean_energy_density, mean_of_both_ends
 from ..laws.bond_associated import with_weights_of_intact_sheets
@@ -81,6 +83,12 @@ class CriticalStress(FamilyCriterion):
         positive("CriticalStress.principal", self.principal)
         one_of("CriticalStress.measure", self.measure, tuple(STRESSES))
 
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it is far from the modulus."""
+        return scales.of_stress(
+            f"CriticalStress.principal of {self.principal:g} Pa", self.principal, "is it in MPa? Stresses are in Pa"
+        )
+
     @property
     def reads(self) -> Mapping[str, str]:
         """The largest principal stress."""
@@ -110,6 +118,11 @@ class CriticalEnergyDensity(FamilyCriterion):
 
     def __post_init__(self) -> None:
         positive("CriticalEnergyDensity.density", self.density)
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether it is far from the modulus."""
+        what, meant = f"CriticalEnergyDensity.density of {self.density:g} J/m^3", "is it in MJ/m^3? It is in J/m^3"
+        return scales.of_stress(what, self.density, meant, DENSITIES)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The critical energy density."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, cast
 
@@ -12,6 +13,7 @@ from ..device.checks import InputError, by_point, one_of, positive
 from ..geometry.couplings import crack_segments
 from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Law, Rupture
+from ..interfaces.scales import DENSITIES, Scales, of_stretch
 from ..materials import largest_energy_density
 from ..parts.rupture import CriticalStretch
 from .cut_profiles import longest_between_cuts
@@ -95,6 +97,17 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.screened", self.screened, (True, False))
         one_of("TearingEnergy.every_step", self.every_step, (True, False))
         one_of("TearingEnergy.stiffens", self.stiffens, (True, False))
+
+    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
+        """Whether its energy, or the strength of intact material, cannot be meant."""
+        energy = by_point("TearingEnergy.energy", self.energy, sheet.points)
+        found = scales.of_tearing_energy("TearingEnergy.energy", float(np.min(energy)), float(np.max(energy)))
+        if self.strength is not None:
+            what, meant = f"TearingEnergy.strength of {self.strength:g} J/m^3", "is it in MJ/m^3? It is in J/m^3"
+            found += scales.of_stress(what, self.strength, meant, DENSITIES)
+        if self.stretch_at_break is not None:
+            found += of_stretch("TearingEnergy.stretch_at_break", self.stretch_at_break)
+        return found
 
     def law(self, force: Law, context: Context) -> Law:
         """The law whose material does not stiffen beyond the strength."""

@@ -15,6 +15,7 @@ from ..device.fields import Array, assign, to_host
 from ..device.launches import Stage
 from ..implicit.steps import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
+from ..interfaces.scales import BRANCHES, Scales
 from ..kernels.numeric import FunctionFactory
 from ..kernels.visco.in_step import maxwell_moduli, prony_moduli, relaxed
 from ..kernels.visco.maxwell import ElasticNetwork, branched_constants, branched_energy, maxwell_response
@@ -118,12 +119,17 @@ class ViscousForce(ElasticVisco):
     def __init__(self, law: Visco, context: Context, terms: Array, response: FunctionFactory, rows: int) -> None:
         super().__init__(law, context)
         self.terms, self.response = terms, response
+        self._given: Sequence[Prony | Maxwell] = (*law.prony, *law.branches)
         self.path = RowSums(self, response) if law.fast and RowSums.applies(self) else Reference(self, response)
         self._advanced: Stage | None = None
         shape, vec4 = (rows * self.families.members, self.points), context.types.parameters
         self.state = context.array("viscous_state", self.owner, vec4, shape=shape, per="bond", restart=True)
         self.viscous_work = context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True)
         self._no_time = context.array("no_time", self.owner, context.types.real, np.zeros(1), per="table")
+
+    def doubts(self, scales: Scales) -> Sequence[str]:
+        """Those of its terms or branches."""
+        return [doubt for term in self._given for doubt in term.doubts(scales)]
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; the state advances with the force."""
@@ -326,6 +332,10 @@ class Prony:
         if self.rate is not None:
             positive("Prony.rate", self.rate)
 
+    def doubts(self, scales: Scales) -> list[str]:
+        """Whether it is far from the material's modulus."""
+        return _of_branch(f"Prony(c10={self.c10:g}, time={self.time:g})", 2.0 * self.c10, scales)
+
     @property
     def constants(self) -> tuple[float, float, float, float]:
         """(c10, c20, relaxation time at the fixed rate or at 1/s, exponent, 0 for a fixed rate)."""
@@ -357,10 +367,19 @@ class Maxwell:
         positive("Maxwell.modulus", self.modulus)
         positive("Maxwell.time", self.time)
 
+    def doubts(self, scales: Scales) -> list[str]:
+        """Whether it is far from the material's modulus."""
+        return _of_branch(f"Maxwell(modulus={self.modulus:g}, time={self.time:g})", self.modulus, scales)
+
     @property
     def constants(self) -> tuple[float, float, float, float]:
         """(modulus, time, 0, 0)."""
         return (self.modulus, self.time, 0.0, 0.0)
+
+
+def _of_branch(what: str, modulus: float, scales: Scales) -> list[str]:
+    meant = "are modulus and time swapped? Moduli are in Pa, times in s"
+    return scales.of_stress(f"{what}: its modulus", modulus, meant, BRANCHES)
 
 
 class MaxwellInStep(InternalVariables):

@@ -7,29 +7,57 @@ import pytest
 from helpers import NEO, square
 from small_runs import simulate
 
+import warp_pd
 from warp_pd import (
+    ArrudaBoyce,
+    Bimodular,
     BodyForce,
     BodyPath,
+    BondAssociated,
+    BondBased,
+    BondNeoHookean,
     Box,
+    ByRegion,
+    Carroll,
+    CriticalEnergy,
+    CriticalEnergyDensity,
+    CriticalStress,
+    CriticalStretch,
+    CutsInTime,
     EnclosedGas,
     EnclosedVolume,
     Explicit,
+    ExtendedTube,
     Fixed,
     Free,
+    Gent,
+    HyperelasticBonds,
+    Maxwell,
     MooneyRivlin,
     Motion,
     NeoHookean,
     Newton,
+    Ogden,
     PointForce,
     Pressure,
+    Prony,
+    Punch,
     RigidBall,
     RigidBody,
     Simulation,
     Sphere,
+    TearingEnergy,
+    TensionField,
+    Visco,
     Yeoh,
 )
+from warp_pd.interfaces import Rupture
+from warp_pd.materials import PlaneStress
 from warp_pd.output.progress import Progress, duration_text
 from warp_pd.run.checks import count_text, foreseen, step_note
+
+# Classes to inherit from.
+BASES = {"BondCriterion", "FamilyCriterion", "Incompressible", "PlaneStress", "Rupture"}
 
 
 def notes(sheet=None, solver=None, **parts):
@@ -80,6 +108,7 @@ def test_what_a_run_never_reaches_is_noted():
 @pytest.mark.parametrize(("changes", "parts", "said"), [
     ({"size": 100.0}, {}, "the sheet is 100 m wide; are its points in mm"),
     ({"thickness": 1.0}, {}, "1 m thick and 0.1 m wide; is the thickness in mm"),
+    ({"density": 1.1e6}, {}, "the density is 1.1e+06 kg/m^3, more than of any metal"),
     ({"density": 1.1}, {}, r"the density is 1.1 kg/m^3; is it in g/cm^3"),
     ({}, {"material": NeoHookean(0.4, 40.0)}, "the shear modulus is 0.4 Pa; are the constants in MPa"),
     ({}, {"material": MooneyRivlin(0.2, 0.02)}, "the shear modulus is 0.44 Pa; are the constants in MPa"),
@@ -90,6 +119,69 @@ def test_sizes_that_cannot_be_meant_are_one_note(changes, parts, said):
     loads = [Fixed(sheet.edges()), Pressure(parts.pop("pressure", 1.0))]
     (note,) = notes(sheet, Explicit(1e-3), loads=loads, **parts)
     assert note.startswith("sizes: ") and said in note
+
+
+# Constants that are swapped or in another unit, and those that are meant; the sheet has a width of 0.1 m.
+RUBBER, HALF = Yeoh(2e5, 2e3, 1e2), range(45)
+CONSTANTS = [
+    (NeoHookean(2e8, 2e5), NeoHookean(2e5, 2e8), "NeoHookean.mu = 2e+08 is more than bulk; are its constants in the"),
+    (Gent(2e5, 30.0, 2e9), Gent(2e5, 2e9, 30.0), "Gent.lock = 2e+09 is more than 10000"),
+    (TensionField(Gent(2e5, 30.0, 50.0)), TensionField(Gent(2e5, 2e7, 50.0)), "Gent.mu = 200000 is more than bulk"),
+    (ByRegion(RUBBER, [(HALF, NeoHookean(2e8, 2e5))]), ByRegion(RUBBER, [(HALF, NeoHookean(2e5, 2e8))]), "NeoHookean"),
+    (MooneyRivlin(30.0, 2e5), MooneyRivlin(2e5, 2e4), "MooneyRivlin.c01 = 200000 is more than ten times c10"),
+    (Yeoh(91.0, 0.0, 2e5), RUBBER, "Yeoh.c30 = 200000 is more than ten times c10"),
+    (ArrudaBoyce(20.0, 2e5), ArrudaBoyce(2e5, 5.0), "ArrudaBoyce.lock = 200000 is more than 100"),
+    (Carroll(0.2, 2e5, 1e2), Carroll(2e5, 0.2, 1e2), "Carroll.b = 200000 is more than a hundredth of the others"),
+    (Ogden((1.3, 5.0), (6e5, 1e3)), Ogden((6e5, 1e3), (1.3, 5.0)), "Ogden.exponents = 600000 is more than 100"),
+    (ExtendedTube(0.2, 0.1, 0.2, 0.2), ExtendedTube(2e5, 0.1, 2e5, 0.2), "the shear modulus is 0.396 Pa"),
+    (Maxwell(0.8, 2e5), Maxwell(2e5, 0.8), "Maxwell(modulus=0.8, time=200000): its modulus is 2e-06 times the shear"),
+    (Prony(0.8, time=2e5), Prony(2e5, time=0.8), "Prony(c10=0.8, time=200000): its modulus is 4e-06 times the shear"),
+    (CriticalStress(2.0), CriticalStress(2e6), "CriticalStress.principal of 2 Pa is 5e-06 times the shear modulus"),
+    (CriticalStress(2e11), CriticalStress(3e5), "CriticalStress.principal of 2e+11 Pa is 5e+05 times the shear"),
+    (CriticalEnergyDensity(2.0), CriticalEnergyDensity(2e6), "CriticalEnergyDensity.density of 2 J/m^3 is 5e-06 times"),
+    (CriticalEnergy(5e6), CriticalEnergy(5e2), "CriticalEnergy.energy of 5e+06 J/m^2 over the shear modulus is 12.5 m"),
+    (TearingEnergy(5e6), TearingEnergy(5e3), "TearingEnergy.energy of 5e+06 J/m^2 over the shear modulus is 12.5 m"),
+    (TearingEnergy(0.1), TearingEnergy(50.0), "TearingEnergy.energy of 0.1 J/m^2 over the shear modulus is 2.5e-07 m"),
+    (TearingEnergy(5e3, 0.05, 2.0), TearingEnergy(5e3, 0.05, 1e4), "TearingEnergy.strength of 2 J/m^3 is 5e-06 times"),
+    (CutsInTime([Punch((0.05, 0.05), 0.02, 0.5)], TearingEnergy(5e6)), TearingEnergy(5e3), "TearingEnergy.energy of"),
+    (CriticalStretch(500.0), CriticalStretch(5.0), "CriticalStretch.stretch is 500; is it in percent"),
+    (Bimodular(0.5), Bimodular(5e5), "the shear modulus is 0.167 Pa; are the constants in MPa"),
+    (BondNeoHookean(0.2), BondNeoHookean(2e5), "the shear modulus is 0.2 Pa; are the constants in MPa"),
+]  # fmt: skip
+
+
+def parts_with(given):
+    """Arguments of a scene with a material, a viscous element or a criterion."""
+    if isinstance(given, Maxwell | Prony):
+        terms = {"branches" if isinstance(given, Maxwell) else "prony": (given,)}
+        return {"force": Visco(RUBBER, weights="plain", **terms)}
+    if isinstance(given, Bimodular):
+        return {"force": BondBased(given)}
+    if isinstance(given, BondNeoHookean):
+        return {"force": HyperelasticBonds(given)}
+    if isinstance(given, Rupture):
+        return {"force": Visco(RUBBER, weights="plain"), "damage": given}
+    return {"force": BondAssociated(given, weights="plain")}
+
+
+@pytest.mark.parametrize(("wrong", "right", "said"), CONSTANTS)
+def test_constants_that_cannot_be_meant_are_noted(wrong, right, said):
+    def sizes(given):
+        sheet = square(9).as_cloud() if isinstance(given, ByRegion) else square(9)
+        built = Simulation(sheet, solver=Explicit(1e-4), loads=[Fixed(sheet.edges())], **parts_with(given)).build("cpu")
+        return [note for note in foreseen(built) if note.startswith("sizes: ")]
+
+    (note,) = sizes(wrong)
+    assert said in note and len(note.splitlines()) == 1
+    assert sizes(right) == []
+
+
+def test_every_material_criterion_and_viscous_element_is_asked():
+    asked = {type(part).__name__ for part, _, _ in CONSTANTS}
+    every = [getattr(warp_pd, name) for name in warp_pd.__all__]
+    made = {kind.__name__ for kind in every if isinstance(kind, type) and {PlaneStress, Rupture} & set(kind.__mro__)}
+    assert made - BASES <= asked
+    assert {"Maxwell", "Prony", "TensionField", "ByRegion", "Bimodular", "BondNeoHookean"} <= asked
 
 
 # Scenes on a square of 0.1 m, which carries 0.4 N at a stretch of two, and whose shear waves move at 1 m/s.
