@@ -134,7 +134,7 @@ WRONG = {
     ),
     "no area": ('<path d="M0 0 H10 Z"/>', "path 0 has 2 corners: expected three or more"),
     "a dot": ('<path d="M1 1 L1 1 Z"/>', "path 0 has no extent"),
-    "nan": ('<path d="M0 0 H nan V10 H0 Z"/>', "path 0 has no extent, or a coordinate that is no number"),
+    "nan": ('<path d="M0 0 H nan V10 H0 Z"/>', "path cannot be read: expected a path of numbers"),
     "broken": ("<rect>", "the file cannot be read: line 1, column "),
 }
 

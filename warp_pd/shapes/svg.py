@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,14 +17,12 @@ import numpy as np
 from ..device.checks import InputError, one_of, positive, said, user_code
 from .curves import Spacing, spread_evenly, spread_on_curve
 from .file_checks import METERS, UNITS, existing_file, library_reads, meters
+from .svg_tree import PHYSICAL, PIXEL, Document, Drawn, unreadable
 
-# Physical units of lengths in SVG [m], and a user unit of a file without a viewBox (CSS Values and Units, section 6.2).
-PHYSICAL = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "q": 0.25e-3}
-PIXEL = 0.0254 / 96.0
 # Distance over the extent below which two points are one, and turn of a corner [rad].
 CLOSE, CORNER = 1e-9, math.radians(10.0)
-# What is read of one file, at most: bytes, characters of style sheets, elements with copies, points of its curves.
-MOST_BYTES, MOST_STYLE, MOST_ELEMENTS, MOST_POINTS = 20_000_000, 50_000, 100_000, 1_000_000
+# What is read of one file, at most: bytes, points of its curves.
+MOST_BYTES, MOST_POINTS = 20_000_000, 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,8 @@ def read_outline(
     """Read an outline from the closed paths of an SVG file: one boundary, and the holes in it.
 
     Transforms are applied. x points right and y up, with the origin of the user units, so SVG coordinates with positive
-    y (downwards) become negative y. Colours, stroke widths and clip paths are ignored, and hidden elements are skipped.
+    y (downwards) become negative y. Colours, strokes, markers and filters are ignored; elements that do not show are
+    skipped, and those that a clip path, a mask or the viewport of a nested svg cuts are refused.
 
     Args:
         path: The file.
@@ -98,149 +97,122 @@ def read_outline(
         InputError: if the file is missing or unreadable, the unit is missing, there is no closed path, paths are open
             or cross themselves or each other, there are several boundaries, or a hole contains an island.
     """
-    from svgelements import Matrix
-
     file = existing_file(path)
     tolerance = positive("tolerance", tolerance)
     if unit is None or (isinstance(unit, str) and unit not in (*METERS, "document")):
         raise InputError(f"unit = {said(unit)}: {UNITS}, or 'document' for the physical size of the file")
     where = f"path = {str(file)!r}"
     with library_reads(file):
-        _require_small(where, file)
-        root = _parsed(file)
-    scale = _document(where, root) if unit == "document" else meters(unit)
-    # From the library's pixels to the user units of the viewBox, then to metres.
-    to_meters = np.diag([scale, -scale, 1.0]) @ np.linalg.inv(_array(Matrix(root.viewbox_transform)))
+        document = _parsed(where, file)
+        scale = _document(where, document) if unit == "document" else meters(unit)
+        drawn = document.drawn()
+    to_meters = np.diag([scale, -scale, 1.0])
     curves: list[TracedCurve] = []
-    for name, path_of, matrix in _paths(where, root, part):
+    for name, each in _chosen(where, drawn, part):
         left = MOST_POINTS - sum(len(curve.points) for curve in curves)
-        with user_code(partial(_unreadable, where, name)):
-            curves += _closed(where, name, path_of, to_meters @ matrix, tolerance, left)
+        with user_code(partial(unreadable, where, name)):
+            found = _closed(where, name, each.path, to_meters @ each.matrix, tolerance, left)
+            _require_whole(where, name, each, found, to_meters, tolerance)
+        curves += found
     if not curves:
         raise InputError(f"{where}: no closed path: expected one or more")
     return _nested(where, curves)
 
 
-def _unreadable(where: str, name: str, error: Exception) -> str:
-    return f"{where}: {name} cannot be read: expected a path of numbers and commands of SVG"
-
-
-def _require_small(where: str, path: Path) -> None:
-    """Check what the library needs minutes or gigabytes for: large files, copies of copies, long style sheets."""
+def _parsed(where: str, path: Path) -> Document:
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise InputError(f"{where}: {size / 1e6:.3g} MB: expected at most {MOST_BYTES / 1e6:g} MB")
-    root = ElementTree.fromstring(path.read_bytes())
-    style = sum(len("".join(element.itertext())) for element in root.iter() if _tag(element) == "style")
-    if style > MOST_STYLE:
-        raise InputError(f"{where}: style sheets of {style} characters: expected at most {MOST_STYLE}")
-    named = {element.get("id"): element for element in root.iter()}
-    found = _Sizes(named, {}).of(root)
-    if found > MOST_ELEMENTS:
-        raise InputError(
-            f"{where}: {found:.3g} elements, with the copies by <use>: expected at most {MOST_ELEMENTS}; a copy must "
-            "not hold itself"
-        )
+    return Document(where, ElementTree.fromstring(path.read_bytes()))
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    """Numbers of elements that an element stands for, with those that <use> copies.
-
-    Attributes:
-        named: Elements by id.
-        known: Numbers found so far; infinite for an element that is being counted, and so holds itself.
-    """
-
-    named: dict[str | None, Any]
-    known: dict[Any, float]
-
-    def of(self, element: Any) -> float:
-        """The number for an element."""
-        if element not in self.known:
-            self.known[element] = math.inf
-            parts = list(element)
-            if _tag(element) == "use":
-                link = next((value for key, value in element.items() if key.endswith("href")), "")
-                parts += [self.named[link[1:]]] if link[1:] in self.named else []
-            self.known[element] = 1 + sum(self.of(part) for part in parts)
-        return self.known[element]
-
-
-def _tag(element: Any) -> str:
-    return str(element.tag).rpartition("}")[2]
-
-
-def _parsed(path: Path) -> Any:
-    from svgelements import SVG
-
-    with path.open("rb") as stream:
-        root = SVG.parse(stream, reify=False, ppi=96.0, on_error="raise")
-    if not isinstance(root, SVG):
-        raise InputError(f"path = {str(path)!r}: expected an SVG file")
-    return root
-
-
-def _array(matrix: Any) -> np.ndarray:
-    return np.array([[matrix.a, matrix.c, matrix.e], [matrix.b, matrix.d, matrix.f], [0.0, 0.0, 1.0]])
-
-
-def _document(where: str, root: Any) -> float:
+def _document(where: str, document: Document) -> float:
     """Meters per user unit of a document with a physical size."""
-    texts = [str(root.values["attributes"].get(name, "")).strip() for name in ("width", "height")]
+    texts, box = document.size(), document.box()
     found = [re.fullmatch(r"([\d.]+(?:e[+-]?\d+)?)\s*([a-z]+)", text.lower()) for text in texts]
     lengths = [float(f[1]) * PHYSICAL[f[2]] for f in found if f is not None and f[2] in PHYSICAL]
     said_size = f"{where}: width = {texts[0]!r}, height = {texts[1]!r}"
     if len(lengths) < 2:
         raise InputError(f"unit = 'document': {said_size}: expected lengths in {', '.join(PHYSICAL)}")
-    if root.viewbox is None:
+    if box is None:
         return PIXEL
-    scales = lengths[0] / root.viewbox.width, lengths[1] / root.viewbox.height
+    if not min(*lengths, *box[2:]) > 0.0:
+        raise InputError(f"unit = 'document': {said_size}: expected positive lengths, and a viewBox that has an extent")
+    scales = lengths[0] / box[2], lengths[1] / box[3]
     if not math.isclose(*scales, rel_tol=1e-4):
         raise InputError(f"unit = 'document': {said_size}: expected the ratio of the viewBox")
     return float(scales[0])
 
 
-def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.ndarray]]:
-    """Name, path and matrix to pixels of every visible shape."""
-    from svgelements import Image, Path, Shape, Text
-
-    shapes = [e for e in root.elements() if isinstance(e, Shape | Text | Image)]
+def _chosen(where: str, drawn: list[Drawn], part: str | None) -> list[tuple[str, Drawn]]:
+    """Name and shape of every element that shows, or of those with an id."""
     if part is not None:
-        names = [str(e.id) for e in shapes if e.id is not None]
-        shapes = [e for e in shapes if e.id == one_of("part", part, names)]
-    found = []
-    for number, element in enumerate(shapes):
-        name = f"{element.values.get('tag', 'element')} {element.id or number}"
-        if not isinstance(element, Shape):
+        part = one_of("part", part, [each.id for each in drawn if each.id is not None])
+        drawn = [each for each in drawn if each.id == part]
+    found = [(f"{each.tag} {each.id or number}", each) for number, each in enumerate(drawn)]
+    for name, each in found:
+        if each.path is None:
             raise InputError(
                 f"{where}: {name}: expected only paths and shapes; convert text to paths and remove images"
             )
-        found.append((name, Path(element.segments(transformed=False)), _array(element.transform)))
     return found
 
 
-def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float, most: int) -> list[TracedCurve]:
-    """The closed curves of a path [m], of at most `most` points. Raises InputError if one is open."""
+def _require_whole(
+    where: str, name: str, each: Drawn, curves: list[TracedCurve], to_meters: np.ndarray, tolerance: float
+) -> None:
+    """Raise InputError if a clip path or the viewport of a nested svg cuts the curves of a shape."""
+    import shapely
+
+    shape = _area([curve.points for curve in curves])
+    for region in each.regions:
+        # Every subpath of a region is closed.
+        areas = [
+            _area([np.concatenate(pieces) for _, pieces in _subpaths(where, region.name, path, matrix, tolerance)])
+            for path, matrix in ((path, to_meters @ matrix) for path, matrix in region.shapes)
+        ]
+        # Curves are within the tolerance of their polygons on either side.
+        if not shapely.union_all(areas).buffer(2.0 * tolerance).covers(shape):
+            raise InputError(f"{where}: {region.name} cuts {name}: expected shapes as they show")
+
+
+def _area(rings: list[np.ndarray]) -> Any:
+    """The area between rings, of which every other one is a hole."""
+    import shapely
+
+    area = shapely.Polygon()
+    for ring in rings:
+        area = area.symmetric_difference(shapely.make_valid(shapely.Polygon(ring))) if len(ring) > 2 else area
+    return area
+
+
+def _subpaths(
+    where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float, most: int = MOST_POINTS
+) -> Iterator[tuple[list[Any], list[np.ndarray]]]:
+    """Segments of each subpath, and points along each of them [m], at most `most` in all."""
     from svgelements import Move
 
-    stretch = float(np.linalg.norm(matrix[:2, :2], 2))
-    wanted = sum(_count(segment, tolerance / stretch) for segment in path if not isinstance(segment, Move))
+    fine = tolerance / float(np.linalg.norm(matrix[:2, :2], 2))
+    wanted = sum(_count(segment, fine) for segment in path if not isinstance(segment, Move))
     if not wanted <= most:
         raise InputError(
             f"{where}: {name} takes {wanted:.3g} points: expected at most {most} (larger tolerance or unit)"
         )
-    curves = []
     for subpath in path.as_subpaths():
         segments = [s for s in subpath if not isinstance(s, Move) and s.start is not None and s.end is not None]
-        placed = [_flattened(segment, tolerance / stretch) @ matrix[:2, :2].T + matrix[:2, 2] for segment in segments]
-        if not placed:
-            continue
-        small = CLOSE * float(np.ptp(np.concatenate(placed), axis=0).max())
-        longer = [k for k, piece in enumerate(placed) if np.ptp(piece, axis=0).max() > small]
+        if segments:
+            yield segments, [_flattened(segment, fine) @ matrix[:2, :2].T + matrix[:2, 2] for segment in segments]
+
+
+def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float, most: int) -> list[TracedCurve]:
+    """The closed curves of a path [m], of at most `most` points. Raises InputError if one is open."""
+    curves = []
+    for every, pieces in _subpaths(where, name, path, matrix, tolerance, most):
+        small = CLOSE * float(np.ptp(np.concatenate(pieces), axis=0).max())
+        longer = [k for k, piece in enumerate(pieces) if np.ptp(piece, axis=0).max() > small]
         if not longer:
             raise InputError(f"{where}: {name} has no extent, or a coordinate that is no number: expected a curve")
-        placed, segments = [placed[k] for k in longer], [segments[k] for k in longer]
+        placed, segments = [pieces[k] for k in longer], [every[k] for k in longer]
         start, end = placed[0][0], placed[-1][-1]
         if np.linalg.norm(end - start) > small:
             ends = [np.array2string(place, precision=6, separator=", ") for place in (start, end)]
