@@ -24,7 +24,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.contact.body_checks import passes, sweeps
+from warp_pd.contact.body_checks import created, passes, sweeps
 
 
 def notes(contact, duration=0.04, points=11, damage=None):
@@ -139,3 +139,24 @@ def test_bodies_that_overlap_are_noted(apart, overlap):
     assert len(found) == overlap
     said = "'b0' and contact = RigidBody 'b1' overlap: rigid bodies do not interact with each other (at 0 s)"
     assert all(said in note for note in found)
+
+
+def test_energy_that_contact_creates_is_noted_with_its_body_and_time():
+    """A ball that presses the sheet into a box throws points that both of them push."""
+    box = RigidBody(Box((0.06, 0.06, 0.04)), BodyPath.still((0.05, 0.05, -0.0202)), name="box")
+    path = BodyPath.straight((0.05, 0.05, 0.0202), (0.0, 0.0, -0.5), duration=0.04)
+    ball = RigidBody(Sphere(0.04), path, name="ball")
+    found = [note for note in notes([box, ball]) if "created" in note]
+    assert any("RigidBody 'box' created an energy of" in note and " s: box_loss fell" in note for note in found)
+    assert not any("created" in note for note in notes(ball))
+
+
+@pytest.mark.parametrize(("losses", "at_rest", "energy"), [
+    ((0.0, 0.3, 0.299, 0.5), False, None), ((0.0, 0.3, 0.1, 0.5), False, 0.2), ((0.0, 0.0, -0.01, 0.0), True, 0.01),
+    ((0.0, 0.0, -0.01, 0.0), False, None), ((0.0, -1e-6, 0.0, 0.0), True, None), ((0.0,), True, None),
+])  # fmt: skip
+def test_a_loss_that_falls_is_energy_created(losses, at_rest, energy):
+    history = [{"time": 0.1 * k, "half_step_kinetic": 1.0, "strain": 5.0, "box_loss": x} for k, x in enumerate(losses)]
+    found = created(history, "box", at_rest)
+    assert (found and found[0]) == (energy and pytest.approx(energy))
+    assert found is None or found[2:] == (0.1, 0.2)

@@ -22,7 +22,7 @@ from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
-from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, passes, sweeps, torn_since
+from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, created, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, BodyMotion, BodyPath
 from .body_shapes import BodyShape, Sphere, in_frame, on_device, signed_distances
 
@@ -324,9 +324,26 @@ class BuiltBody(BuiltContact):
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes on a body that never touched the sheet, and on friction at edges that the spacing cannot resolve."""
+        """Notes on a body that never touched the sheet, created energy, or rubs with edges that are not resolved."""
         if untouched := self._untouched(history):
             return [untouched]
+        return [*self._created(history), *self._caught(history)]
+
+    def _created(self, history: History) -> list[str]:
+        name, motion = self.part.name, self.part.motion
+        at_rest = not motion.free and motion.speed(1.0) == 0.0
+        found = created(history, name, at_rest) if f"{name}_loss" in history[0] else None
+        if found is None:
+            return []
+        energy, there, begin, end = found
+        return [
+            f"{self.label} created an energy of {energy:.3g} J, where there were {there:.3g} J, most of it from "
+            f"{begin:.4g} to {end:.4g} s: {name}_loss fell. A point that two bodies push may get such energy: expected "
+            "room for the sheet between them; what came later is not to be trusted"
+        ]
+
+    def _caught(self, history: History) -> list[str]:
+        """A note if a body with friction slid with edges that the spacing cannot resolve."""
         part, least = self.part, ROUNDED * self.context.whole.spacing
         slid = self._rubs and history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
         if not slid or part.shape.edge_radius() >= least:
