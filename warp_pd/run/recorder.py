@@ -181,6 +181,10 @@ class FramePoints:
 RESTARTS, SECONDS_BETWEEN = 40, 1.0
 # Seconds between two reports within a frame, and steps after which the time left is known.
 SECONDS_SHOWN, STEPS_TIMED = 2.0, 100
+# Error of the time left, as it was told, from which it is told again: seconds, and as a share of the longer one.
+FAR_OFF = 10.0, 0.5
+# Share of the time left that frames must have taken before it is checked: other programs slow a machine for moments.
+ENOUGH = 0.05
 # Errors of a measure that asks for what does not exist, and so fails in every frame; others, such as a division by
 # zero, may be those of the first alone.
 ALWAYS = (AttributeError, ImportError, LookupError, NameError, TypeError)
@@ -226,7 +230,10 @@ class FineHistory:
 
 
 class TimeLeft:
-    """Reports the progress between frames, and once how long the run takes, unless its steps adapt."""
+    """Reports the progress between frames, and how long the run takes, unless its steps adapt.
+
+    That is told once, and again where frames have become much slower or faster.
+    """
 
     def __init__(self, built: Built, reporter: Progress) -> None:
         self._built, self._reporter, solver = built, reporter, built.simulation.solver
@@ -234,6 +241,10 @@ class TimeLeft:
         self._timed: tuple[float, float] | None = None
         self._told = adapts_steps(solver) or not solver.dynamic
         self._shown_at = perf_counter()
+        # Clock at the end of the run, as it was told. Clock at the begin of the frame; seconds and time [s] of frames
+        # since the last check.
+        self._ends: float | None = None
+        self.begin_frame(again=True)
 
     def show(self, now: float, dt: float, steps: int, since: float) -> None:
         """Show the progress after `steps` steps of a frame, begun at the clock `since` [s]; not too often."""
@@ -257,12 +268,36 @@ class TimeLeft:
             # The first steps take longer.
             self._timed = now, clock
             return
-        from ..output.progress import duration_text
-
         begun, at = self._timed
         self._told = True
-        seconds = (self._built.simulation.solver.duration - now) * (clock - at) / (now - begun)
-        self._reporter.say(f"about {duration_text(max(1.0, seconds))} to go on this machine")
+        self._tell((self._built.simulation.solver.duration - now) * (clock - at) / (now - begun), clock)
+
+    def begin_frame(self, again: bool = False) -> None:
+        """A frame begins; with `again` it is computed again, in other steps than those before."""
+        self._frame_at = perf_counter()
+        if again:
+            self._seconds, self._time = 0.0, 0.0
+
+    def end_frame(self, before: float, now: float) -> None:
+        """A frame from `before` to `now` [s] is computed: tell the time left again if it is far from what was told."""
+        clock = perf_counter()
+        self._seconds += clock - self._frame_at
+        self._time += now - before
+        if self._ends is not None:
+            told = max(0.0, self._ends - clock)
+            if self._seconds < max(TIMED, ENOUGH * told) or self._time <= 0.0:
+                return
+            left = (self._built.simulation.solver.duration - now) * self._seconds / self._time
+            least, share = FAR_OFF
+            if left > least and abs(left - told) > max(least, share * max(left, told)):
+                self._tell(left, clock, " at the pace of the last frames")
+        self._seconds, self._time = 0.0, 0.0
+
+    def _tell(self, seconds: float, clock: float, how: str = "") -> None:
+        from ..output.progress import duration_text
+
+        self._ends = clock + seconds
+        self._reporter.say(f"about {duration_text(max(1.0, seconds))} to go on this machine{how}")
 
 
 @dataclass(eq=False)
@@ -386,6 +421,8 @@ class Recorder:
         self.repeated += 1
         if self.fine is not None:
             self.fine.forget()
+        if self._left is not None:
+            self._left.begin_frame(again=True)
         self.start_clock()
 
     def frame(self, index: int, now: float, steps: int, dt: float, strict: bool = False) -> None:
@@ -410,6 +447,8 @@ class Recorder:
         self.step_seconds += perf_counter() - self._clock
         self.start_clock()
         taken = communicator.root(lambda: self._take(index, now, dt, strict))
+        if self._left is not None:
+            self._left.end_frame(self.time, now)
         for part in self.built.parts:
             part.end_frame()
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
@@ -417,6 +456,8 @@ class Recorder:
             self.fine.forget()
         if index > 0 and self._left is not None:
             self._left.foretell(now)
+        if self._left is not None:
+            self._left.begin_frame()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
 

@@ -289,6 +289,33 @@ def test_progress_tells_the_steps_and_the_time_left(monkeypatch):
     assert any("steps/s, " in line and line.endswith(" left") for line in lines)
 
 
+@pytest.mark.parametrize(("paces", "said"), [
+    ([1.0] * 20, ["about 18 s"]),
+    ([1.0] * 4 + [1.6] + [1.0] * 15, ["about 18 s"]),
+    ([1.0] * 4 + [8.0] * 16, ["about 18 s", "about 2 min at the pace of the last frames"]),
+])  # fmt: skip
+def test_the_time_left_is_told_again_where_frames_have_become_slow(paces, said, monkeypatch):
+    """As where frames are computed again with half the step: the attempts that failed do not count."""
+    from types import SimpleNamespace
+
+    from warp_pd.run import recorder
+
+    clock, lines = [0.0], []
+    monkeypatch.setattr(recorder, "perf_counter", lambda: clock[0])
+    solver = Explicit(20.0, frames=20)
+    built = SimpleNamespace(simulation=SimpleNamespace(solver=solver), context=SimpleNamespace(device="cpu"))
+    left = recorder.TimeLeft(built, SimpleNamespace(say=lines.append))
+    for frame, pace in enumerate(paces):
+        left.begin_frame()
+        if pace > 2.0 and frame == 4:
+            clock[0] += 3.0
+            left.begin_frame(again=True)
+        clock[0] += pace
+        left.end_frame(frame, frame + 1.0)
+        left.foretell(frame + 1.0)
+    assert [line.replace(" to go on this machine", "") for line in lines] == said
+
+
 def stop_later():
     """A `keep_going` that ends the run at its third call."""
     calls = []
