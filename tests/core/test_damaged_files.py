@@ -191,6 +191,14 @@ def copies(levels):
         (f'{SVG}<circle cx="1" cy="1" r="1e12"/></svg>', "points: expected at most"),
         (copies(40), "with the copies by <use>: expected at most 100000"),
         (f'{SVG}<g id="a"><use href="#a"/></g></svg>', "must not hold itself"),
+        (
+            f'{SVG}<clipPath id="c">'
+            + '<circle r="1"/>' * 1000
+            + "</clipPath>"
+            + '<g clip-path="url(#c)"/>' * 101
+            + "</svg>",
+            "more shapes that clip others",
+        ),
         (f"{SVG}<style>{'a' * 10**6}</style></svg>", "style sheets of 1000000"),
         ("<svg>" + " " * 21_000_000 + "</svg>", "21 MB: expected at most 20 MB"),
     ],

@@ -157,7 +157,7 @@ REFUSED = {
         "g is clipped in a clip path",
     ),
     "garbage in a path": ('<path d="M0 0 H9 V9 Z X H1"/>', "path cannot be read: expected a path of numbers"),
-    "mask": (f'<g id="m" mask="url(#x)">{SQUARE}</g>', "g m has a mask"),
+    "mask": (f'<g id="m" mask="url(#x)">{SQUARE}</g>', "the mask of g m cuts rect 0: expected shapes as they show"),
     "animation": ('<rect width="5" height="5"><animate/></rect>', "animate in the drawing"),
     "other file": (
         '<use id="u" href="a.svg#b"/>',
@@ -199,3 +199,9 @@ def test_what_is_not_read_is_named(tmp_path, name):
     with pytest.raises(InputError) as error:
         read(tmp_path, body, *head)
     assert text in str(error.value) and "\n" not in str(error.value), error.value
+
+
+def test_a_part_is_read_beside_what_is_not(tmp_path):
+    """Only the shapes that are asked for must be read as they show."""
+    body = f'<g mask="url(#m)">{UNIT}</g><text>hello</text><rect id="k" x="10" y="20" width="30" height="40"/>'
+    assert read(tmp_path, body, part="k").boundary.points.max(axis=0).tolist() == [40.0, -20.0]

@@ -122,6 +122,8 @@ class Document:
     where: str
     root: Any
     _named: dict[str, Any] = field(default_factory=dict)
+    _paths: dict[Any, Any] = field(default_factory=dict)
+    _clipping: int = 0
 
     def __post_init__(self) -> None:
         if tag_of(self.root) != "svg":
@@ -264,7 +266,7 @@ class Document:
         if shown in ("visible", "hidden", "collapse"):
             place = replace(place, visible=shown == "visible")
         if style.get("mask", "none").strip() not in ("none", ""):
-            raise InputError(f"{self.where}: {name} has a mask: expected shapes as they show")
+            place = replace(place, regions=(*place.regions, Region(f"the mask of {name}", [])))
         clip = style.get("clip-path", "none").strip()
         if clip not in ("none", ""):
             if place.clips:
@@ -285,6 +287,9 @@ class Document:
         parts = [] if inner is None else list(self._parts(element, inner))
         if any(part.path is None or part.regions for part in parts):
             raise InputError(f"{self.where}: {_called(element)}: expected only shapes")
+        self._clipping += len(parts)
+        if self._clipping > MOST_ELEMENTS:
+            raise InputError(f"{self.where}: more shapes that clip others: expected at most {MOST_ELEMENTS}")
         return Region(_called(element), [(part.path, part.matrix) for part in parts])
 
     def _matrix(self, name: str, text: str) -> np.ndarray:
@@ -345,12 +350,14 @@ class Document:
         tag, name = tag_of(element), _called(element)
         if tag == "text" and not "".join(element.itertext()).strip():
             return
-        path = None
-        if tag in SHAPES:
+        # Copies share their path.
+        key = element, place.size
+        if tag in SHAPES and key not in self._paths:
             with user_code(partial(unreadable, self.where, name)):
-                path = self._path(element, style, place)
-            if path is None:
-                return
+                self._paths[key] = self._path(element, style, place)
+        path = self._paths.get(key)
+        if path is None and tag in SHAPES:
+            return
         yield Drawn(tag, element.get("id"), path, place.matrix, place.regions)
 
     def _path(self, element: Any, style: dict[str, str], place: _Place) -> Any:
@@ -500,6 +507,7 @@ class _Styles:
                 rank = (ids, len(words) - ids, int(tag != "*"), number)
                 self._rules.append((rank, tag, set(words), properties))
         self._rules.sort(key=lambda rule: rule[0])
+        self._known: dict[Any, dict[str, str]] = {}
 
     def _declared(self, text: str) -> dict[str, str]:
         """Properties of a block of declarations that place or hide shapes."""
@@ -512,7 +520,9 @@ class _Styles:
 
     def of(self, element: Any) -> dict[str, str]:
         """Attributes of an element, with the properties that styles give it."""
-        found = dict(element.attrib)
+        if element in self._known:
+            return self._known[element]
+        found = self._known[element] = dict(element.attrib)
         # Words that are attributes of something else.
         for name in NOT_READ:
             found.pop(name, None)
