@@ -10,6 +10,7 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
+    MooneyRivlin,
     Motion,
     NeoHookean,
     Nodal,
@@ -26,6 +27,7 @@ from warp_pd.device import graph
 from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
+from warp_pd.run.checks import foreseen
 from warp_pd.scenes import running_crack
 from warp_pd.tearing import damage_field
 from warp_pd.tearing.cut_profiles import CutEnds
@@ -553,3 +555,28 @@ def test_lopsided_families_of_a_sheet_that_tears_are_noted():
         rupture = build(sheet, horizon=horizon, damage=TearingEnergy(4.0)).rupture
         notes = rupture.notes([{"mean_damage": 0.0}], None)
         assert sum("reach further along one axis" in note for note in notes) == said
+
+
+@pytest.mark.parametrize(("height", "strength", "softens"), [
+    (0.012, None, True), (0.06, None, False), (0.012, 2e4, False),
+])  # fmt: skip
+def test_a_sheet_that_softens_before_its_crack_moves_is_noted_before_and_after_a_run(height, strength, softens):
+    """A strip of height H stores Gc / H where its crack moves: above the strength if H is less than some 6 lengths.
+
+    A strength that is given, and that the spacing resolves, is meant.
+    """
+    sheet = Sheet.rectangle(0.06, height, thickness=8e-4, density=1000.0, points=(21, round(height / 3e-3) + 1))
+    sheet = sheet.cut((-0.01, 0.5 * height + 1.5e-3), (0.02, 0.5 * height + 1.5e-3))
+    edges = sheet.edges("bottom"), sheet.edges("top")
+    pull = [
+        Motion(edge, [0.0, 0.02], x=0.0, y=[0.0, sign * 0.5 * height], z=0.0)
+        for edge, sign in zip(edges, (-1, 1), strict=True)
+    ]
+    criterion = TearingEnergy(1500.0, strength=strength, spared=sheet.edges("bottom", "top"))
+    law = BondAssociated(TensionField(MooneyRivlin(1.85e5)))
+    scene = Simulation(sheet, law, Explicit(0.02, frames=20, damping=100.0), pull, damage=criterion)
+    result = scene.run(device="cpu", precision=32)
+    before = [note for note in foreseen(result.built) if "before a crack moves" in note]
+    after = [note for note in result.summary["notes"] if "intact material had a mean damage" in note]
+    assert (len(before), len(after)) == (softens, softens)
+    assert all("which needs a spacing of" in note for note in (*before, *after))

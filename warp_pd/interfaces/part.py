@@ -116,6 +116,10 @@ class BuiltPart(Protocol):
         """
         return 0.0
 
+    def doubts(self, scales: Scales) -> Sequence[str]:
+        """Sizes that cannot be meant and that only the built part knows, for a note; by default none."""
+        return ()
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes for the user on a finished run, one line each.
 
@@ -191,10 +195,6 @@ class BuiltLaw(BuiltPart, Protocol):
     def force_path(self) -> str:
         """Name of its force path, for the plan."""
         return "reference"
-
-    def doubts(self, scales: Scales) -> Sequence[str]:
-        """Sizes of what it adds to its material that cannot be meant, for a note; by default none."""
-        return ()
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""

@@ -223,7 +223,10 @@ class Damaged(BuiltRupture):
 
     def damage_row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage."""
-        damage = self.context.whole_array(self.damage)
+        return self.means(self.context.whole_array(self.damage))
+
+    def means(self, damage: np.ndarray) -> dict[str, float]:
+        """Largest and mean damage of all points, (N,)."""
         return {"largest_damage": float(damage.max()), "mean_damage": float(damage.mean(dtype=np.float64))}
 
 

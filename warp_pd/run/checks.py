@@ -108,7 +108,8 @@ def _unlikely_sizes(built: Built, modulus: float | None) -> Iterator[str]:
     scales = Scales.of(sheet, modulus, scene.solver.dynamic)
     for part in (*scene.loads, *scene.contacts, *filter(None, [scene.damage])):
         yield from part.doubts(sheet, scales)
-    yield from built.law.doubts(scales)
+    for made in built.parts:
+        yield from made.doubts(scales)
     for name, of in (("initial_displacement", scales.of_length), ("initial_velocity", scales.of_speed)):
         if getattr(scene, name) is not None:
             yield from of(f"{name} reaches", float(np.linalg.norm(scene.initial(name), axis=1).max()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from ..families import notes_on_reach
 from ..geometry.couplings import crack_segments, gradient_couplings, points_near
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Columns, History
+from ..interfaces.scales import Scales
 from ..kernels.tearing.damage_field import NEAR as SEVERED_NEAR
 from ..kernels.tearing.damage_field import OtherFamilies, field_struct
 from ..kernels.tearing.damage_step import (
@@ -82,6 +83,10 @@ SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 16, 50
 CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
+# Damage below which a point starts intact; mean damage of these points from which a note says that the sheet softens
+# before its crack moves; severed points from which a crack has moved; and G / Gc below which a strip as high as the
+# sheet reaches its strength too early, and which a remedy aims at.
+SOFT, MUCH_SOFT, MOVED, EARLY, LATE = 0.02, 0.15, 4, 0.8, 1.25
 
 
 def finds_at_once(context: Context) -> bool:
@@ -119,6 +124,9 @@ class DamageField(Damaged):
         self._own = slice(0, context.sheet.size) if self._ghosts is None else self._ghosts.own
         self._cuts: CutEnds | None = None
         self._at_start, ahead = self._profile(whole)
+        self._intact_at_start = self._at_start < SOFT
+        self._cracked = bool(self._at_start.any() and self._intact_at_start.any())
+        self._softened, self._moves = 0.0, False
         self._least = context.here(self._at_start)
         self._at_begin: tuple[np.ndarray, ...] = ()
         self._declare(self._least)
@@ -245,7 +253,7 @@ class DamageField(Damaged):
         """Declare the damage at which points are severed; `ahead` are those beyond the ends of cracks."""
         context, sheet, real = self.context, self.context.sheet, self.context.types.real
         spacing = np.full(sheet.size, sheet.spacing) if sheet.spacings is None else sheet.spacings
-        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
+        severed_at = self._severing(sheet)
         ahead = ahead & (profile + GROWN > severed_at)
         self._ahead = context.array("ahead_of_cut", self.owner, wp.uint8, ahead)
         self._severed_at = context.array(
@@ -253,6 +261,11 @@ class DamageField(Damaged):
         )
         reach = (SEVERED_NEAR * spacing / self.law.families.horizon) ** 2
         self._reach = context.array("severed_reach", self.owner, real, reach)
+
+    def _severing(self, sheet: Sheet) -> np.ndarray:
+        """Damage at which the points of a sheet that starts without damage are severed, (N,)."""
+        spacing = np.full(sheet.size, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        return np.asarray(SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2)
 
     def assign(self, damage: np.ndarray) -> None:
         """Set the damage of all points, (N,)."""
@@ -498,7 +511,37 @@ class DamageField(Damaged):
 
     def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage, and the energy of the field since the start [J]."""
-        return {**self.damage_row(totals, elapsed), "fracture": totals["fracture"] - self._fracture_at_start}
+        damage = self.context.whole_array(self.damage)
+        if self._cracked and not self._moves:
+            severed = damage > np.maximum(self._severing(self.context.whole), self._at_start + GROWN)
+            self._moves = bool(np.count_nonzero(severed) >= MOVED)
+            self._softened = self._softened if self._moves else float(damage[self._intact_at_start].mean())
+        return {**self.means(damage), "fracture": totals["fracture"] - self._fracture_at_start}
+
+    def doubts(self, scales: Scales) -> Sequence[str]:
+        """Whether a flat sheet with a crack may reach its strength before the crack moves."""
+        height = self._height()
+        if not self._cracked or self.constants.strong or height is None:
+            return ()
+        reached = self.constants.reached(height)
+        if reached >= EARLY:
+            return ()
+        return [
+            f"the length of the damage field is {self.length:.3g} m, and the sheet {height:.3g} m wide: between clamps "
+            f"that far apart all of it softens at {reached:.2g} Gc, before a crack moves; "
+            f"{self.constants.remedy(self._longest())}"
+        ]
+
+    def _height(self) -> float | None:
+        """Smaller extent of a flat sheet [m]; None of a curved one."""
+        points = self.context.whole.points
+        return float(np.ptp(points, axis=0).min()) if points.shape[1] == 2 else None
+
+    def _longest(self) -> float:
+        """Length with which a sheet as high as this one tears by its crack, at most half of the present one [m]."""
+        height = self._height()
+        most = 1.0 if height is None else self.constants.reached(height) / LATE
+        return self.length * min(most, 0.5)
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
@@ -513,7 +556,13 @@ class DamageField(Damaged):
 
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         gained = history[-1]["mean_damage"] - self._at_start.mean()
-        if gained > MUCH_DAMAGE:
+        if self._softened > MUCH_SOFT and not self.constants.strong:
+            when = "when its crack began to move" if self._moves else "and no crack has moved"
+            said.append(
+                f"intact material had a mean damage of {self._softened:.2g} {when}: the load is that of a strength of "
+                f"{self.limit:.3g} J/m^3, and lower than that of the crack; {self.constants.remedy(self._longest())}"
+            )
+        elif gained > MUCH_DAMAGE:
             said.append(
                 f"the mean damage grew by {gained:.0%}: most of the sheet, not only a tear, exceeds its strength of "
                 f"{self.limit:.3g} J/m^3"

@@ -126,6 +126,23 @@ class FieldConstants:
         # A power overflows with an error of Python, a product does not.
         return 0.5 * (whole + float(np.sqrt(max(whole * whole - 4.0 * BIAS[1] * self._horizon**2, 0.0))))
 
+    @property
+    def strong(self) -> bool:
+        """Whether a strength is given, and intact material has it."""
+        wanted = self.wanted_length()
+        return self._strength is not None and (wanted is None or wanted >= self.resolved)
+
+    def reached(self, height: float) -> float:
+        """G / Gc at which a strip in pure shear between clamps `height` apart [m] reaches the strength, by G = H W."""
+        return height * self.limit / self._least_energy
+
+    def remedy(self, longest: float) -> str:
+        """What a length of at most `longest` [m] needs."""
+        if longest >= self.resolved:
+            return f"expected a length of at most {longest:.2g} m"
+        spacing = self._spacing * longest / self.resolved
+        return f"expected a length of at most {longest:.2g} m, which needs a spacing of {spacing:.2g} m"
+
     def resolving_length(self) -> float:
         """Length that follows from the strength [m] on a sheet whose spacing just resolves that length."""
         strength = self._strength or self.limit
