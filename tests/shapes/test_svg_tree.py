@@ -104,6 +104,7 @@ PLACES = {
         f'{SQUARE}<rect height="5"/><circle/><ellipse rx="3" ry="0"/><path d=""/><svg width="0">{UNIT}</svg>',
         WHERE,
     ),
+    "scaled to nothing": (f'{SQUARE}<g transform="scale(0)">{UNIT}</g>', WHERE),
     "clip that does not cut": (
         f'<clipPath id="c"><rect width="100" height="100"/></clipPath><g clip-path="url(#c)">{SQUARE}</g>',
         WHERE,
@@ -181,6 +182,14 @@ REFUSED = {
     ),
     "media": ("<style>@media print{rect{display:none}}</style>", "the style sheet sets display of 'rect': expected"),
     "import": ('<style>@import "a.css";</style>', "style sheets import another file"),
+    "link": (
+        '<link xmlns="http://www.w3.org/1999/xhtml" rel="stylesheet" href="a.css"/>',
+        "style sheets import another file",
+    ),
+    "sheet in another file": ("<?xml-stylesheet href='a.css'?>", "its style sheet is another file"),
+    "too deep": ("<g>" * 3000 + "</g>" * 3000, "the file cannot be read: its elements are nested too deeply"),
+    "infinite": ('<rect id="r" x="1e999" width="5" height="5"/>', "rect r: x = '1e999': expected a length"),
+    "infinite scale": ('<g transform="scale(1e999)"/>', "g has transform = 'scale(1e999)': expected matrix"),
     "important": ('<rect style="display:none !important"/>', "style display: none !important: expected a plain value"),
     "length": ('<rect id="r" x="2em" width="5" height="5"/>', "rect r: x = '2em': expected a length in px, %, mm,"),
     "per cent of nothing": ('<rect width="5%" height="5"/>', "rect: width = '5%': expected a number; the drawing", ""),

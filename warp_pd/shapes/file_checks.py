@@ -49,8 +49,8 @@ def _reason(path: Path, error: Exception) -> str:
     """Why a library could not read a file, and what would be read."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror.lower()
-    if isinstance(error, EOFError):
-        return "the file ends too early"
+    if isinstance(error, EOFError | RecursionError):
+        return "the file ends too early" if isinstance(error, EOFError) else "its elements are nested too deeply"
     expected = f"expected a complete {path.suffix.lower() or 'mesh'} file of a common version"
     if isinstance(error, SyntaxError) and hasattr(error, "position"):
         line, column = error.position

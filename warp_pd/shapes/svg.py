@@ -123,7 +123,10 @@ def _parsed(where: str, path: Path) -> Document:
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise InputError(f"{where}: {size / 1e6:.3g} MB: expected at most {MOST_BYTES / 1e6:g} MB")
-    return Document(where, ElementTree.fromstring(path.read_bytes()))
+    content = path.read_bytes()
+    if b"<?xml-stylesheet" in content:
+        raise InputError(f"{where}: its style sheet is another file: expected it in the file")
+    return Document(where, ElementTree.fromstring(content))
 
 
 def _document(where: str, document: Document) -> float:

@@ -180,7 +180,7 @@ class Document:
         if text is None:
             return None
         numbers = _numbers(text) or []
-        if len(numbers) != 4 or min(numbers[2:]) < 0.0 or not np.isfinite(numbers).all():
+        if len(numbers) != 4 or min(numbers[2:]) < 0.0:
             raise InputError(f"{self.where}: {_called(element)}: viewBox = {said(text)}: expected x, y, width, height")
         return tuple(numbers)
 
@@ -192,7 +192,7 @@ class Document:
             raise InputError(
                 f"{self.where}: {name}: {of} = {said(text)}: expected a number; the drawing has no viewBox"
             )
-        if found is None or unit not in FACTORS:
+        if found is None or unit not in FACTORS or not math.isfinite(float(found[1])):
             raise InputError(
                 f"{self.where}: {name}: {of} = {said(text)}: expected a length in px, %, {', '.join(PHYSICAL)}"
             )
@@ -261,7 +261,10 @@ class Document:
             origin = style.get("transform-origin", "0 0").strip()
             if origin not in ("0", "0 0", "0px 0px") or "transform-box" in style:
                 raise InputError(f"{self.where}: {name} has transform-origin = {said(origin)}: expected 0 0")
-            place = place.moved(self._matrix(name, transform))
+            matrix = self._matrix(name, transform)
+            if np.linalg.det(matrix) == 0.0:
+                return None
+            place = place.moved(matrix)
         shown = style.get("visibility", "inherit").strip().lower()
         if shown in ("visible", "hidden", "collapse"):
             place = replace(place, visible=shown == "visible")
@@ -419,8 +422,9 @@ def _called(element: Any) -> str:
 
 
 def _numbers(text: str) -> list[float] | None:
-    """The numbers of a list; None if there is something else in it."""
-    return None if re.sub(NUMBER, "", text).strip(" \t\r\n,") else [float(word) for word in re.findall(NUMBER, text)]
+    """The numbers of a list; None if there is something else in it, or one too large."""
+    numbers = [float(word) for word in re.findall(NUMBER, text)]
+    return None if re.sub(NUMBER, "", text).strip(" \t\r\n,") or not np.isfinite(numbers).all() else numbers
 
 
 def unreadable(where: str, name: str, error: Exception) -> str:
@@ -485,13 +489,15 @@ class _Styles:
         self._where = where
         # Rank, tag, words ".class" and "#id", and properties of each rule.
         self._rules: list[tuple[tuple[int, ...], str, set[str], dict[str, str]]] = []
-        texts = ["".join(element.itertext()) for element in root.iter() if tag_of(element) == "style"]
+        # A sheet may be an element of XHTML.
+        sheets = [element for element in root.iter() if str(element.tag).rpartition("}")[2] in ("style", "link")]
+        texts = ["".join(element.itertext()) for element in sheets]
         size = sum(map(len, texts))
         if size > MOST_STYLE:
             raise InputError(f"{where}: style sheets of {size} characters: expected at most {MOST_STYLE}")
-        media = any(element.get("media") for element in root.iter() if tag_of(element) == "style")
+        media = any(element.get("media") for element in sheets)
         text = re.sub(r"/\*.*?\*/|<!--|-->", " ", "\n".join(texts), flags=re.DOTALL)
-        if "@import" in text:
+        if "@import" in text or any(element.get("rel") == "stylesheet" for element in sheets):
             raise InputError(f"{where}: style sheets import another file: expected them whole")
         for number, (selectors, body) in enumerate(re.findall(r"([^{}]+)\{([^{}]*)\}", text)):
             properties = self._declared(body)
