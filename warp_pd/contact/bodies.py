@@ -330,9 +330,8 @@ class BuiltBody(BuiltContact):
         return [*self._created(history), *self._caught(history)]
 
     def _created(self, history: History) -> list[str]:
-        name, motion = self.part.name, self.part.motion
-        at_rest = not motion.free and motion.speed(1.0) == 0.0
-        found = created(history, name, at_rest) if f"{name}_loss" in history[0] else None
+        name = self.part.name
+        found = created(history, name) if f"{name}_loss" in history[0] else None
         if found is None:
             return []
         energy, there, begin, end = found
