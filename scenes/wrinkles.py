@@ -70,7 +70,7 @@ def build(
         return wavelength(across[middle], moved) if np.ptp(moved[:, 2]) > FLAT * thickness else None
 
     # With the tension of a strip whose width is free.
-    expected = predicted(MU * thickness * (1.0 + strain - (1.0 + strain) ** -2))
+    expected = predicted(MU * thickness * strain * (3.0 + 3.0 * strain + strain**2) / (1.0 + strain) ** 2)
     coarse = bool(bending and expected < WAVE * spacing)
     return Simulation(
         sheet,
