@@ -799,3 +799,15 @@ def test_off_as_programs_write_it(tmp_path, header, more):
     assert mesh.notes[0].endswith("1 faces of fewer than three corners were left out")
     (tmp_path / "a.off").write_text(f"{header} 4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
     assert np.array_equal(read_mesh(tmp_path / "a.off", unit="m").vertices, SQUARE)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.off", "OFF 4 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"),
+    ],
+)
+def test_a_text_may_begin_with_the_mark_of_its_encoding(tmp_path, name, text):
+    (tmp_path / name).write_text(text, encoding="utf-8-sig")
+    assert np.array_equal(read_mesh(tmp_path / name, unit="m").vertices, SQUARE)

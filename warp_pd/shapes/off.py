@@ -80,7 +80,7 @@ def _face(words: list[str]) -> list[int]:
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number and words of each line that has any, without comments."""
-    with open(path, encoding="utf-8", errors="replace") as file:
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
             if words := line.partition("#")[0].split():
                 yield number, words

@@ -52,7 +52,7 @@ def read_wavefront(path: Path) -> Faces:
 def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number and words of each statement; a backslash continues it on the next line."""
     held: list[str] = []
-    with open(path, encoding="utf-8", errors="replace") as file:
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
             text = line.partition("#")[0].rstrip()
             held += text.removesuffix("\\").split()
