@@ -86,7 +86,7 @@ MUCH_DAMAGE = 0.3
 # Damage below which a point starts intact; mean damage of these points from which a note says that the sheet softens
 # before its crack moves; severed points from which a crack has moved; and G / Gc below which a strip as high as the
 # sheet reaches its strength too early, and which a remedy aims at.
-SOFT, MUCH_SOFT, MOVED, EARLY, LATE = 0.02, 0.15, 4, 0.8, 1.25
+SOFT, MUCH_SOFT, MOVED, EARLY, LATE = 0.02, 0.15, 4, 0.72, 1.25
 
 
 def finds_at_once(context: Context) -> bool:
@@ -126,7 +126,6 @@ class DamageField(Damaged):
         self._at_start, ahead = self._profile(whole)
         self._intact_at_start = self._at_start < SOFT
         self._cracked = bool(self._at_start.any() and self._intact_at_start.any())
-        self._softened, self._moves = 0.0, False
         self._least = context.here(self._at_start)
         self._at_begin: tuple[np.ndarray, ...] = ()
         self._declare(self._least)
@@ -191,6 +190,7 @@ class DamageField(Damaged):
         """Declare the arrays of the field, whose damage at the start is `profile`, and of the list of points."""
         context, owner, n, real = self.context, self.owner, self.context.sheet.size, self.context.types.real
         self.field = context.array("damage_field", owner, real, profile, restart=True, own_exchange=True)
+        self._softened = context.array("softened", owner, wp.float64, shape=2, per="once", restart=True)
         self._other = context.array("damage_after_sweep", owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", owner, real, shape=n)
         self._driving = context.array("driving", owner, real, shape=n, own_exchange=True)
@@ -512,10 +512,8 @@ class DamageField(Damaged):
     def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage, and the energy of the field since the start [J]."""
         damage = self.context.whole_array(self.damage)
-        if self._cracked and not self._moves:
-            severed = damage > np.maximum(self._severing(self.context.whole), self._at_start + GROWN)
-            self._moves = bool(np.count_nonzero(severed) >= MOVED)
-            self._softened = self._softened if self._moves else float(damage[self._intact_at_start].mean())
+        if self._cracked:
+            self._look_for_softening(damage)
         return {**self.means(damage), "fracture": totals["fracture"] - self._fracture_at_start}
 
     def doubts(self, scales: Scales) -> Sequence[str]:
@@ -543,6 +541,15 @@ class DamageField(Damaged):
         most = 1.0 if height is None else self.constants.reached(height) / LATE
         return self.length * min(most, 0.5)
 
+    def _look_for_softening(self, damage: np.ndarray) -> None:
+        """Keep the mean damage of what starts intact, and whether a crack has moved, until one has."""
+        if self._softened.numpy()[1] == 0.0:
+            severed = damage > np.maximum(self._severing(self.context.whole), self._at_start + GROWN)
+            if np.count_nonzero(severed) >= MOVED:
+                self._softened.assign([self._softened.numpy()[0], 1.0])
+            else:
+                self._softened.assign([float(damage[self._intact_at_start].mean(dtype=np.float64)), 0.0])
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
         said = self.constants.notes() + notes_on_reach(self.context.whole, self.law.families.horizon)
@@ -556,10 +563,11 @@ class DamageField(Damaged):
 
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         gained = history[-1]["mean_damage"] - self._at_start.mean()
-        if self._softened > MUCH_SOFT and not self.constants.strong:
-            when = "when its crack began to move" if self._moves else "and no crack has moved"
+        softened, moves = self._softened.numpy()
+        if softened > MUCH_SOFT and not self.constants.strong:
+            when = "when its crack began to move" if moves else "and no crack has moved"
             said.append(
-                f"intact material had a mean damage of {self._softened:.2g} {when}: the load is that of a strength of "
+                f"intact material had a mean damage of {softened:.2g} {when}: the load is that of a strength of "
                 f"{self.limit:.3g} J/m^3, and lower than that of the crack; {self.constants.remedy(self._longest())}"
             )
         elif gained > MUCH_DAMAGE:
