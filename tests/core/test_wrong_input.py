@@ -108,12 +108,13 @@ def test_a_balance_that_is_off_is_a_note():
 
     row = {"kinetic": 1.0, "strain": 1.0, "rupture": 0.0, "balance_error": 0.0}
     history = [row, {**row, "rupture": 0.5, "balance_error": -0.03}, {**row, "rupture": 0.4}]
-    notes = _energy_notes(type("Recorder", (), {"history": history}))
+    built = simulated(sheet=square(5)).build("cpu")
+    notes = _energy_notes(type("Recorder", (), {"history": history, "built": built}))
     assert notes == [
         "energy: the balance is off by -3 %; try smaller steps",
         "energy: breaking bonds added 0.1 J between two frames; expected only losses",
     ]
-    assert not _energy_notes(type("Recorder", (), {"history": [row, row]}))
+    assert not _energy_notes(type("Recorder", (), {"history": [row, row], "built": built}))
 
 
 @pytest.mark.parametrize("join", [lambda a, b: a, lambda a, b: np.concatenate([a, b]), lambda a, b: np.unique(b)[:3]])

@@ -244,7 +244,7 @@ def test_relaxation_advises_a_path_where_loads_tear_for_long(monkeypatch):
     grips = {**parts, "loads": [*parts["loads"][:3], Motion(sheet.edges("top"), [0.0, 1.0], y=[0.0, 0.05])]}
     for given, advised in ((parts, True), (grips, False)):
         said = []
-        monkeypatch.setattr(Progress, "say", lambda self, *lines, said=said: said.extend(lines))
+        monkeypatch.setattr(Progress, "note", lambda self, *lines, said=said: said.extend(lines))
         simulation = simulate(
             sheet, Relaxation(load_steps=4, most_steps=1900), material=material, weights="corrected", **given
         )

@@ -109,11 +109,7 @@ class BuiltPart(Protocol):
         return None
 
     def added_frequency(self) -> float:
-        """Upper bound of the frequency from the part alone [rad/s].
-
-        It is added to the frequency of the stable step, whose estimate does not include forces that begin later, such
-        as contact.
-        """
+        """Upper bound of the frequency of forces that begin later, such as contact, for the stable step [rad/s]."""
         return 0.0
 
     def doubts(self, scales: Scales) -> Sequence[str]:
