@@ -331,8 +331,8 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
     """Kernels that build the lists of pairs.
 
     Args:
-    layout: Layout of the families.
-    pieces: Whether the sheet has several pieces.
+        layout: Layout of the families.
+        pieces: Whether the sheet has several pieces.
     """
     types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3

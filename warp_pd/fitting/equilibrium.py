@@ -84,7 +84,7 @@ class Equilibrium:
     @property
     def displacement(self) -> np.ndarray:
         """Displacement of the current state from the stress-free state [m], shape (N, 3)."""
-        return np.asarray(doubles(self.level.displacement))
+        return doubles(self.level.displacement)
 
     def held_at(self, factor: float) -> np.ndarray:
         """Displacement of held components at a load factor [m], shape (N, 3); zero elsewhere."""
@@ -125,7 +125,7 @@ class Equilibrium:
 
     def residual(self) -> np.ndarray:
         """Unbalanced force on free components at the last evaluation [N], shape (N, 3)."""
-        return np.asarray(doubles(self.level.residual))
+        return doubles(self.level.residual)
 
     def frame(self) -> Frame:
         """The current state as a frame for measures."""
@@ -191,7 +191,7 @@ class Equilibrium:
             self._internal_stage = True
         assign(level.vector, direction)
         context.run("internal product")
-        return np.asarray(doubles(level.image))
+        return doubles(level.image)
 
     def _skew_part(self) -> Callable[[np.ndarray], np.ndarray]:
         """K^T - K of the loads whose tangent is not symmetric, on free components."""

@@ -229,14 +229,16 @@ class FollowerPressure(BuiltLoad):
         """Tangent matrix for a flat sheet without broken bonds, otherwise None."""
         if self.context.sheet.frames is not None or self.law.intact is not None:
             return None
-        factor = 1.0
-        if self._schedule is not None and self.context.clock.scheduled is not None:
-            factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
         families = self.law.families
-        pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)
+        pressure = self._factor() * self._unit_pressure * families.rows_of_points(families.areas)
         from ..families.point_gradient import surface_vector_matrix
 
         return surface_vector_matrix(self._gradient, displacement, pressure)
+
+    def _factor(self) -> float:
+        """The present value of the schedule [-]."""
+        scheduled = self.context.clock.scheduled
+        return 1.0 if self._schedule is None or scheduled is None else float(scheduled.numpy()[self._schedule, 0])
 
     @functools.cached_property
     def _gradient(self) -> tuple[Any, Any]:
@@ -266,9 +268,7 @@ class FollowerPressure(BuiltLoad):
     def _area_vector(self, displacement: np.ndarray) -> np.ndarray:
         """Resultant on points over the pressure, less that on triangles [m^2], at a displacement [m], (N, 3)."""
         context, sheet = self.context, self.context.sheet
-        factor = 1.0
-        if self._schedule is not None and context.clock.scheduled is not None:
-            factor = float(context.clock.scheduled.numpy()[self._schedule, 0])
+        factor = self._factor()
         if factor == 0.0:
             return np.zeros(3)
         at: Any = wp.array(displacement, dtype=context.types.vec3, device=context.device)

@@ -454,9 +454,9 @@ class Recorder:
         communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
         if self.fine is not None and not communicator.is_root:
             self.fine.forget()
-        if index > 0 and self._left is not None:
-            self._left.foretell(now)
         if self._left is not None:
+            if index > 0:
+                self._left.foretell(now)
             self._left.begin_frame()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()

@@ -115,7 +115,7 @@ class Corrector(StaticSystem):
 
     def position(self) -> np.ndarray:
         """The current displacement [m], shape (N, 3)."""
-        return np.asarray(doubles(self.levels[0].displacement))
+        return doubles(self.levels[0].displacement)
 
     def tangent_at(self, factor: float, sign: float) -> np.ndarray | None:
         """Derivative of the displacement by the load factor [m] at the current equilibrium; None if it is singular.
@@ -226,7 +226,7 @@ class Corrector(StaticSystem):
     def _solve(self, force: np.ndarray) -> np.ndarray:
         """Displacement x [m] with K x = force [N], both of shape (N, 3)."""
         self.solvers[0].solve(force, ACCURACY)
-        return np.asarray(doubles(self.levels[0].direction))
+        return doubles(self.levels[0].direction)
 
 
 def mean_product(a: np.ndarray, b: np.ndarray) -> float:

@@ -146,7 +146,7 @@ class LinearSolver:
         assign(side, r)
         hierarchy.cycle(self.index)
         self.products += hierarchy.products_per_cycle(self.index)
-        return np.asarray(doubles(solution).ravel())
+        return doubles(solution).ravel()
 
     # Warp ----------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
@@ -543,12 +544,18 @@ class DamageField(Damaged):
 
     def _look_for_softening(self, damage: np.ndarray) -> None:
         """Keep the mean damage of what starts intact, and whether a crack has moved, until one has."""
-        if self._softened.numpy()[1] == 0.0:
-            severed = damage > np.maximum(self._severing(self.context.whole), self._at_start + GROWN)
-            if np.count_nonzero(severed) >= MOVED:
-                self._softened.assign([self._softened.numpy()[0], 1.0])
-            else:
-                self._softened.assign([float(damage[self._intact_at_start].mean(dtype=np.float64)), 0.0])
+        softened, moves = self._softened.numpy()
+        if moves:
+            return
+        if np.count_nonzero(damage > self._severed_anew) >= MOVED:
+            self._softened.assign([softened, 1.0])
+        else:
+            self._softened.assign([float(damage[self._intact_at_start].mean(dtype=np.float64)), 0.0])
+
+    @functools.cached_property
+    def _severed_anew(self) -> np.ndarray:
+        """Damage above which a point of the whole sheet is severed and was not at the start, (N,)."""
+        return np.asarray(np.maximum(self._severing(self.context.whole), self._at_start + GROWN))
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
