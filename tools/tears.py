@@ -227,7 +227,10 @@ def strips_table(rows: Sequence[Row]) -> list[str]:
 
 
 def strips_at_a_glance(rows: Sequence[Row]) -> list[str]:
-    """Lowest to largest G / Gc after ten spacings, a line a material, a column a horizon and number of rows."""
+    """Lowest to largest G / Gc after ten spacings, a line a material, a column a horizon and number of rows.
+
+    What is released is that of strips of 40 rows and more: coarser ones soften as a whole before they tear.
+    """
 
     def between(some: Sequence[Row], number: str) -> str:
         values = [row[number] for row in some if row.get(number) is not None]
@@ -238,7 +241,8 @@ def strips_at_a_glance(rows: Sequence[Row]) -> list[str]:
     for material in sorted({kind_of_strip(row)[0] for row in rows}):
         of_material = [row for row in rows if kind_of_strip(row)[0] == material]
         cells = [between([r for r in of_material if kind_of_strip(r)[1:] == grid], "onset_10") for grid in grids]
-        lines.append([material, *cells, between(of_material, "released_ratio")])
+        fine = [row for row in of_material if kind_of_strip(row)[2] >= 40]
+        lines.append([material, *cells, between(fine, "released_ratio")])
     return table(["material", *(f"{horizon:g}: {points}" for horizon, points in grids), "released"], lines)
 
 
