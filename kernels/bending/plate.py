@@ -12,7 +12,7 @@ the second derivative of the position along two sides, and what a straight avera
     E = D A / 2 [nu k_ll k_mm + (1 - nu) k_lm k_lm + STIFFENING sum (n . r)^2 / |e|^4],    k_lm = n . g_lm,
 
 less the values of k and n . r of the stress-free sheet, with indices raised by its metric. See docs/bending.md.
-The force is minus the gradient of E, including that of n; `change` kernels have its derivative along a direction.
+The force is minus the gradient of E, including that of n; kernels/bending/tangent.py has its derivative.
 
 With damage, E of a triangle is multiplied by what is left of its stiffness: the least g = (1 - d)^2 of its corners
 (kernels/tearing/damage_field.py), and 0 for good once a bond within the fit of one of them is broken, since a fit
@@ -73,10 +73,8 @@ class BendingKernels:
         keep: Copies a displacement.
         slopes: Gradient of a displacement at each point.
         moments: Gradient of the energy of each triangle by the slopes and sides of its corners.
-        change: Its derivative along a direction.
         turning: Step along a direction that turns or stretches a side of a triangle at a point by its length.
         gather: Adds the triangles' gradients by slopes up at each point, those by positions to the force.
-        gather_change: The same of the change.
         spread: Adds the force of the slopes to the points that they were fitted to.
         energy: Energy at each point, a third of each of its triangles.
         weaken: Reduces what is left of the stiffness of triangles, and sums the energy lost; None without damage.
@@ -87,10 +85,8 @@ class BendingKernels:
     keep: Kernel
     slopes: Kernel
     moments: Kernel
-    change: Kernel
     turning: Kernel
     gather: Kernel
-    gather_change: Kernel
     spread: Kernel
     energy: Kernel
     weaken: Kernel | None = None
@@ -380,38 +376,6 @@ def bending(
         put_vector(pulls, PULLS, t, b.normal * (m[3] - m[5]) + wp.cross(b.second, turn))
         put_vector(pulls, PULLS + 3, t, b.normal * (m[4] + m[5]) + wp.cross(turn, b.first))
 
-    @kernel(per="face")
-    def moments_change(
-        plate: Plate,
-        displacement: wp.array(dtype=vec3),
-        slope: wp.array2d(dtype=real),
-        direction: wp.array(dtype=vec3),
-        slope_change: wp.array2d(dtype=real),
-        first: int,
-        pulls: wp.array2d(dtype=real),
-        changes: wp.array2d(dtype=real),
-    ):
-        t = wp.tid() + first
-        b = bent(plate, t, displacement, slope)
-        d_first, d_second, d_vectors = changed(plate, t, direction, slope_change)
-        n, m, over = b.normal, b.moment, b.over
-        d_product = wp.cross(d_first, b.second) + wp.cross(b.first, d_second)
-        d_length = wp.dot(n, d_product)
-        d_n = (d_product - n * d_length) * over
-        d_m = moments_of(plate, t, b.vectors * d_n + d_vectors * n)
-        along = wp.transpose(b.vectors) * m
-        d_along = wp.transpose(b.vectors) * d_m + wp.transpose(d_vectors) * m
-        turn = (along - n * wp.dot(n, along)) * over
-        d_turn = (
-            d_along - n * (wp.dot(n, d_along) + wp.dot(d_n, along)) - d_n * wp.dot(n, along) - turn * d_length
-        ) * over
-        put_couples(plate, t, n, m, pulls)
-        put_couples(plate, t, d_n, d_m, changes)
-        first_pull = d_n * (m[3] - m[5]) + n * (d_m[3] - d_m[5]) + wp.cross(d_second, turn) + wp.cross(b.second, d_turn)
-        second_pull = d_n * (m[4] + m[5]) + n * (d_m[4] + d_m[5]) + wp.cross(d_turn, b.first) + wp.cross(turn, d_first)
-        put_vector(changes, PULLS, t, first_pull)
-        put_vector(changes, PULLS + 3, t, second_pull)
-
     @wp.func
     def steps_of(side: vec3, change: vec3):
         """Length of a side over that of a change, at most FAR."""
@@ -448,33 +412,24 @@ def bending(
         else:
             return vector_at(values, PULLS + 3 * (corner - 1), t)
 
-    def declare_gather(change: bool) -> Kernel:
-        @kernel(gathers=("pulls", "changes"), name="gather_change" if change else "gather")
-        def gather(
-            plate: Plate,
-            pulls: wp.array2d(dtype=real),
-            changes: wp.array2d(dtype=real),
-            sign: real,
-            first: int,
-            moment: wp.array2d(dtype=real),
-            force: wp.array(dtype=vec3),
-        ):
-            i = wp.tid() + first
-            total, push, kind = mat32(), vec3(), plate.kind[i]
-            for k in range(plate.counts[kind][2]):
-                place = step_of(plate.around, k * plate.around.shape[1] + kind)
-                t, corner = plate.first_triangle[i] + place / 3, place % 3
-                if wp.static(change):
-                    total += wp.outer(vector_at(changes, NORMAL, t), couple_at(pulls, corner, t))
-                    total += wp.outer(vector_at(pulls, NORMAL, t), couple_at(changes, corner, t))
-                    push += pulled(changes, corner, t)
-                else:
-                    total += wp.outer(vector_at(pulls, NORMAL, t), couple_at(pulls, corner, t))
-                    push += pulled(pulls, corner, t)
-            put_matrix(moment, i, total)
-            force[i] = force[i] + sign * push
-
-        return gather
+    @kernel(gathers=("pulls",))
+    def gather(
+        plate: Plate,
+        pulls: wp.array2d(dtype=real),
+        sign: real,
+        first: int,
+        moment: wp.array2d(dtype=real),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total, push, kind = mat32(), vec3(), plate.kind[i]
+        for k in range(plate.counts[kind][2]):
+            place = step_of(plate.around, k * plate.around.shape[1] + kind)
+            t, corner = plate.first_triangle[i] + place / 3, place % 3
+            total += wp.outer(vector_at(pulls, NORMAL, t), couple_at(pulls, corner, t))
+            push += pulled(pulls, corner, t)
+        put_matrix(moment, i, total)
+        force[i] = force[i] + sign * push
 
     @kernel(gathers=("moment",))
     def spread(plate: Plate, moment: wp.array2d(dtype=real), sign: real, first: int, force: wp.array(dtype=vec3)):
@@ -504,8 +459,7 @@ def bending(
 
     weaken, share_lost = damage_of_bending(bits, curved, softened, tracked) if breakable else (None, None)
     return BendingKernels(
-        Plate, keep, slopes, moments, moments_change, turning, declare_gather(False), declare_gather(True), spread,
-        energy, weaken, share_lost,
+        Plate, keep, slopes, moments, turning, gather, spread, energy, weaken, share_lost,
     )  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 from typing import Any
 
@@ -11,22 +10,18 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.fields import Array, assign
+from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import pack
 from ..implicit.steps import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
-from ..kernels.effects import Kernel
 from ..statics.fictitious_mass import fictitious_mass
-from ..statics.krylov import factorised
-from ..statics.tangent import Prediction, Solve, SparseTangent, Tangent, tangent_of
+from ..statics.tangent import Tangent, tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 
-OWNER, NEWTON = "bending", "Newton"
-# Points up to which the tangent is factorised on the host: shorter waves are too stiff for 3x3 blocks.
-DIRECT_POINTS = 100_000
+OWNER = "bending"
 # Points that are held in all three components, or in a rigid inclusion.
 HELD, RIGID = 7, 8
 # Strain of the differences that give the modulus of a law.
@@ -126,16 +121,13 @@ class BendingForce(BuiltLaw):
         return np.broadcast_to(np.asarray(each, float), sheet.size), poisson
 
     def _tables(self) -> Any:
-        sheet, triangles, planes = self.context.sheet, self.context.sheet.triangles, self.slopes.planes
-        x, curved = sheet.positions, len(planes) > 1
-        sides = np.stack([x[triangles[:, k]] - x[triangles[:, 0]] for k in (1, 2)], axis=2)
-        corners = range(3) if curved else range(1)
-        # A side keeps its length in the planes of its corners.
-        flat = np.stack([np.einsum("fcb,fcm->fbm", planes[triangles[:, c] % len(planes)], sides) for c in corners])
-        flat *= np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None]
+        sheet, triangles = self.context.sheet, self.context.sheet.triangles
+        sides, flat = self._sides(), self.flat_sides()
+        curved = len(self.slopes.planes) > 1
+        flat = flat if curved else flat[:1]
         area = 0.5 * np.linalg.norm(np.cross(sides[:, :, 0], sides[:, :, 1]), axis=1)
         t = self.context.types
-        values = self._point_tables(len(x), t)
+        values = self._point_tables(sheet.size, t)
         steps = triangles - triangles[:, :1]
         stiffness = self.stiffness[triangles].mean(axis=1) * area
         shapes = np.moveaxis(flat, 0, 1).reshape(len(area), -1) / sheet.spacing
@@ -158,6 +150,17 @@ class BendingForce(BuiltLaw):
                 "bending_left", OWNER, t.real, np.ones(len(triangles)), per="face", restart=True
             )
         return plate
+
+    def _sides(self) -> np.ndarray:
+        """The two sides of each triangle [m], columns, (F, 3, 2)."""
+        x, triangles = self.context.sheet.positions, self.context.sheet.triangles
+        return np.stack([x[triangles[:, k]] - x[triangles[:, 0]] for k in (1, 2)], axis=2)
+
+    def flat_sides(self) -> np.ndarray:
+        """These in the plane of each corner, where they keep their length [m], (3, F, 2, 2)."""
+        sides, triangles, planes = self._sides(), self.context.sheet.triangles, self.slopes.planes
+        flat = np.stack([np.einsum("fcb,fcm->fbm", planes[triangles[:, c] % len(planes)], sides) for c in range(3)])
+        return flat * (np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None])
 
     def _point_tables(self, size: int, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
         """Tables of the kinds of points."""
@@ -265,23 +268,16 @@ class BendingForce(BuiltLaw):
         self._add_bending(stage, displacement, out)
 
     def _add_bending(self, stage: Stage, displacement: Array, out: Array) -> None:
+        n = self.context.sheet.size
         self.add_slopes(stage, displacement, self.slope)
         stage.launch(
             OWNER, self.kernels.moments, len(self.context.sheet.triangles), plate=self.plate,
             displacement=displacement, slope=self.slope, pulls=self.pulls,
         )  # fmt: skip
-        self.add_sums(stage, self.kernels.gather, None, out)
-
-    def add_sums(self, stage: Stage, gather: Kernel, changes: Array | None, force: Array) -> None:
-        """Add the launches that add the force of what triangles store, or its change, to `force`."""
         stage.launch(
-            OWNER, gather, self.context.sheet.size, plate=self.plate, pulls=self.pulls, changes=changes, sign=-1.0,
-            moment=self.moment, force=force,
-        )  # fmt: skip
-        stage.launch(
-            OWNER, self.kernels.spread, self.context.sheet.size, plate=self.plate, moment=self.moment, sign=-1.0,
-            force=force,
-        )  # fmt: skip
+            OWNER, self.kernels.gather, n, plate=self.plate, pulls=self.pulls, sign=-1.0, moment=self.moment, force=out
+        )
+        stage.launch(OWNER, self.kernels.spread, n, plate=self.plate, moment=self.moment, sign=-1.0, force=out)
 
     def add_slopes(self, stage: Stage, displacement: Array, slope: Array) -> None:
         """Add the launch of the slopes of a displacement."""
@@ -330,185 +326,9 @@ def _(law: BendingForce, stage: Stage) -> Array | None:
 
 @tangent_of.register
 def _(law: BendingForce, context: Context, geometric: bool) -> Tangent:
+    from .tangent import BendingTangent
+
     return BendingTangent(law, tangent_of(law.law, context, geometric))
-
-
-class BendingTangent(Tangent):
-    """The tangent of a law and of bending.
-
-    Attributes:
-        force: The law with bending.
-        law: Tangent of the law alone.
-    """
-
-    direct_points = DIRECT_POINTS
-
-    def __init__(self, force: BendingForce, law: Tangent) -> None:
-        self.force, self.law, self.inverse_blocks = force, law, law.inverse_blocks
-        self.symmetric, self.predicts = law.symmetric, law.can_predict
-        self._stage: str | None = None
-        context, t = force.context, force.context.types
-        self._here, self._along, self._out = (
-            context.array(f"bending_{name}", NEWTON, t.vec3, shape=context.sheet.size)
-            for name in ("here", "along", "image")
-        )
-        self._slope, self._slope_change = (force.slope_array(f"tangent_{name}") for name in ("slope", "change"))
-        self._changes = force.triangle_array("changes")
-
-    def is_slack(self) -> bool:
-        """False: a sheet without stress resists bending."""
-        return False
-
-    def modulus(self) -> float:
-        """Size of the moduli in the plane [Pa], without bending."""
-        return self.law.modulus()
-
-    def mean_tension(self) -> float:
-        """Mean tension of the sheet [Pa]."""
-        return self.law.mean_tension()
-
-    def min_tension(self, relative: float) -> float:
-        """Minimum isotropic tension [Pa] that the tangent of the law needs at a relative residual."""
-        return self.law.min_tension(relative)
-
-    def add_linearise(
-        self, stage: Stage, displacement: Array, tension: Array, inertia: Array | None = None,
-        predicted: Prediction | None = None,
-    ) -> None:  # fmt: skip
-        """Add the launches that compute the tangent at a displacement; see `Tangent`."""
-        self.law.add_linearise(stage, displacement, tension, inertia, predicted)
-        force = self.force
-        n = force.context.sheet.size
-        stage.launch(NEWTON, force.kernels.keep, n, displacement=displacement, kept=self._here)
-        force.add_slopes(stage, self._here, self._slope)
-
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
-        self.law.add_product(stage, direction, change)
-        self.add_bending(stage, direction, change)
-
-    def add_turning(self, stage: Stage, direction: Array) -> Array | None:
-        """Add the launch of the law, and with predicted stresses one of how far sides of triangles turn."""
-        longest = self.law.add_turning(stage, direction)
-        if not self.predicts:
-            return longest
-        force, context = self.force, self.force.context
-        shortest = context.array("longest_turn", NEWTON, context.types.real, shape=context.sheet.size)
-        stage.launch(
-            NEWTON, force.kernels.turning, context.sheet.size, plate=force.plate, displacement=self._here,
-            direction=direction, of_law=longest, longest=shortest,
-        )  # fmt: skip
-        return shortest
-
-    def add_bending(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that add the part of bending."""
-        force = self.force
-        force.add_slopes(stage, direction, self._slope_change)
-        stage.launch(
-            NEWTON, force.kernels.change, len(force.context.sheet.triangles), plate=force.plate,
-            displacement=self._here, slope=self._slope, direction=direction, slope_change=self._slope_change,
-            pulls=force.pulls, changes=self._changes,
-        )  # fmt: skip
-        force.add_sums(stage, force.kernels.gather_change, self._changes, change)
-
-    def sparse(self) -> SparseTangent:
-        """The tangent as a sparse matrix, from the next linearisation on."""
-        return BendingMatrix(self, self.law.sparse())
-
-    @functools.cached_property
-    def _columns(self) -> MatrixColumns:
-        return MatrixColumns(self.force)
-
-    def matrix(self) -> Any:
-        """K of bending alone [N/m], sparse, shape (3 N, 3 N)."""
-        context, columns = self.force.context, self._columns
-        if self._stage is None:
-            # Of this tangent: natural modes have one of their own, after Newton's.
-            self._stage = f"columns of bending {len(context.stages)}"
-            stage = context.stage(self._stage, "every column of the stiffness of bending")
-            self.add_bending(stage, self._along, self._out)
-        run = context.sequence(self._stage).run
-        blocks = np.zeros((len(columns.other), 3, 3))
-        for colour, entries in enumerate(columns.of_colour):
-            chosen = columns.colours == colour
-            for c in range(3):
-                along = np.zeros((len(chosen), 3))
-                along[chosen, c] = 1.0
-                assign(self._along, along)
-                self._out.zero_()
-                run()
-                blocks[entries, :, c] = -self._out.numpy()[columns.point[entries]]
-        return columns.assembled(blocks)
-
-
-class MatrixColumns:
-    """Points whose columns of the stiffness have no row in common are of one colour: one product fills them all.
-
-    See Curtis, Powell and Reid, J. Inst. Maths Applics 13, 1974.
-
-    Attributes:
-        point, other: Rows and columns of the 3x3 blocks, (E,).
-        colours: Colour of each point, (N,).
-        of_colour: Blocks in the columns of each colour.
-    """
-
-    def __init__(self, force: BendingForce) -> None:
-        from scipy import sparse
-
-        triangles, slopes, n = force.context.sheet.triangles, force.slopes, force.context.sheet.size
-        faces = np.repeat(np.arange(len(triangles)), 3)
-        corners = sparse.csr_matrix(
-            (np.ones(len(faces), np.float32), (faces, triangles.ravel())), shape=(len(triangles), n)
-        )
-        ends = np.append(slopes.point, np.arange(n)), np.append(slopes.other, np.arange(n))
-        fits = sparse.csr_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(n, n))
-        of_triangle = corners @ fits
-        self.pattern = (of_triangle.T @ of_triangle).tocsr()
-        self.pattern.sort_indices()
-        self.point = np.repeat(np.arange(n), np.diff(self.pattern.indptr))
-        self.other = self.pattern.indices
-        self.colours = self._coloured()
-        order = np.argsort(self.colours[self.other], kind="stable")
-        counts = np.bincount(self.colours[self.other])
-        self.of_colour = np.split(order, np.cumsum(counts)[:-1])
-
-    def _coloured(self) -> np.ndarray:
-        """The first free colour of each point in turn."""
-        conflicts = (self.pattern @ self.pattern).tocsr()
-        colours = np.full(conflicts.shape[0], -1)
-        begins, others = conflicts.indptr, conflicts.indices
-        for i in range(len(colours)):
-            taken = np.zeros(len(colours) + 1 if i == 0 else colours[:i].max() + 3, bool)
-            taken[colours[others[begins[i] : begins[i + 1]]]] = True
-            taken[-1] = False
-            colours[i] = int(np.argmin(taken))
-        return colours
-
-    def assembled(self, blocks: np.ndarray) -> Any:
-        """The matrix of these blocks."""
-        from scipy import sparse
-
-        n = len(self.colours)
-        return sparse.bsr_matrix((blocks, self.other, self.pattern.indptr), shape=(3 * n, 3 * n))
-
-
-class BendingMatrix:
-    """The tangent as a sparse matrix on the host, for a direct factorisation.
-
-    Attributes:
-        free: Mask of free components, shape (3 N,).
-    """
-
-    def __init__(self, tangent: BendingTangent, law: SparseTangent) -> None:
-        self._tangent, self._law, self.free = tangent, law, law.free
-
-    def matrix(self) -> Any:
-        """K of the free components [N/m], a SciPy sparse matrix."""
-        return (self._law.matrix() + self._tangent.matrix().tocsr()[self.free][:, self.free]).tocsc()
-
-    def factorise(self, added: np.ndarray | None = None) -> Solve | None:
-        """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
-        return factorised(self.matrix(), self.free, added)
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

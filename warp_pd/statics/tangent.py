@@ -323,6 +323,37 @@ def stored_on(device: Any) -> bool:
     return bool(device.is_cpu)
 
 
+class HostBlocks:
+    """Rows of 3x3 blocks on the device as a sparse matrix of the free components on the host.
+
+    Args:
+        starts: First block of each row, (N + 1,).
+        columns: Columns of the blocks, (blocks,).
+        blocks: The blocks [N/m], (blocks,) mat33.
+        free: Mask of free components, (3 N,).
+    """
+
+    def __init__(self, starts: Array, columns: Array, blocks: Array, free: np.ndarray) -> None:
+        self._starts, self._columns, self._blocks, self._free = starts, columns, blocks, free
+
+    @functools.cached_property
+    def _entries(self) -> csc_matrix:
+        """Matrix of the free components whose values are the places of its entries in `blocks`, counted from 1."""
+        from scipy import sparse
+
+        n, starts, columns = self._free.size, self._starts.numpy(), self._columns.numpy()
+        places = np.arange(1, 9 * len(columns) + 1).reshape(-1, 3, 3)
+        whole = sparse.bsr_matrix((places, columns, starts), shape=(n, n)).tocsc()
+        return whole[:, self._free].tocsr()[self._free].tocsc()
+
+    def matrix(self) -> csc_matrix:
+        """The matrix, without entries that are zero."""
+        found = self._entries.astype(np.float64)
+        found.data = self._blocks.numpy().ravel()[self._entries.data - 1].astype(np.float64)
+        found.eliminate_zeros()
+        return found
+
+
 class TangentMatrix:
     """The tangent as a sparse matrix of 3x3 blocks, assembled on the device.
 
@@ -346,6 +377,7 @@ class TangentMatrix:
         self.starts = context.array("matrix_starts", OWNER, wp.int32, starts, per="table")
         self.columns = context.array("matrix_columns", OWNER, wp.int32, columns, per="table")
         self.blocks = context.array("matrix", OWNER, context.types.mat33, shape=len(columns), per="once")
+        self._host = HostBlocks(self.starts, self.columns, self.blocks, self.free)
         members, t = force.families.members, context.types
         row = wp.types.vector(length=ROW, dtype=t.real)
         stiffness = context.array("stiffness", OWNER, row, shape=(force.points, members), intermediate=True)
@@ -402,22 +434,9 @@ class TangentMatrix:
         blocks[own[:, None], np.arange(3), np.arange(3)] += np.where(free, 0.0, stiffness)
         return sparse.bsr_matrix((blocks, columns, starts), shape=(free.size, free.size))
 
-    @functools.cached_property
-    def _free_entries(self) -> csc_matrix:
-        """Matrix of the free components whose values are the places of its entries in `blocks`, counted from 1."""
-        from scipy import sparse
-
-        n, starts, columns = self.free.size, self.starts.numpy(), self.columns.numpy()
-        places = np.arange(1, 9 * len(columns) + 1).reshape(-1, 3, 3)
-        whole = sparse.bsr_matrix((places, columns, starts), shape=(n, n)).tocsc()
-        return whole[:, self.free].tocsr()[self.free].tocsc()
-
     def matrix(self) -> csc_matrix:
         """K of the free components [N/m], shape (free, free)."""
-        found = self._free_entries.astype(np.float64)
-        found.data = self.blocks.numpy().ravel()[self._free_entries.data - 1].astype(np.float64)
-        found.eliminate_zeros()
-        return found
+        return self._host.matrix()
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
