@@ -46,7 +46,6 @@ class TriangleFunctions:
         vectors: (first, second, d0, d1, d2) -> the six vectors g and r, from its sides and what the slopes of its
             corners make of them.
         moments_of: (plate, t, strains) -> derivatives of its energy by the six strains.
-        changed: (plate, t, displacement, slope) -> what a displacement adds to its sides and vectors.
         added_to_sides: (corners, displacement) -> what it adds to the sides.
         sides_by: (plate, t, first, second) -> its sides, from what a displacement adds to them.
         bent_by: (plate, t, first, second, vectors) -> its state, from what a displacement adds to these.
@@ -57,7 +56,6 @@ class TriangleFunctions:
     corners_of: wp.Function
     vectors: wp.Function
     moments_of: wp.Function
-    changed: wp.Function
     added_to_sides: wp.Function
     sides_by: wp.Function
     bent_by: wp.Function
@@ -300,7 +298,7 @@ def triangle_functions(bits: int, curved: bool, breakable: bool) -> TriangleFunc
         first, second, found = changed(plate, t, displacement, slope)
         return bent_by(plate, t, first, second, found)
 
-    return TriangleFunctions(plane, corners_of, vectors, moments_of, changed, added_to_sides, sides_by, bent_by, bent)
+    return TriangleFunctions(plane, corners_of, vectors, moments_of, added_to_sides, sides_by, bent_by, bent)
 
 
 @functools.cache
@@ -320,7 +318,7 @@ def bending(
     real, vec3, vec2, mat32, vec6 = types.real, types.vec3, types.vec2, types.mat32, types.vec6
     half, far = wp.constant(real(0.5)), wp.constant(real(FAR))
     Plate, of = plate_tables(bits), triangle_functions(bits, curved, breakable)
-    plane, moments_of, changed, bent = of.plane, of.moments_of, of.changed, of.bent
+    plane, bent = of.plane, of.bent
     matrix_at, put_matrix, vector_at, put_vector = components(bits)
     point_of, vec2_of, step_of = entry_of(vec3, 1), entry_of(vec2, 2), entry_of(wp.int32, 2)
     real_of, put_real = entry_of(real, 2), put_entry(real, 2)

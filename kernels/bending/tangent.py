@@ -5,8 +5,8 @@ with a^m . s_l = delta_ml, the normal changes by dn = -sum_m a^m (n . ds_m). The
 
     dk_a = n . sum_p C_ap du_p,    C_ap = B_ap - sum_m (a^m . v_a) S_mp,
 
-if v_a = sum_p B_ap u_p and s_m = sum_p S_mp u_p, over the points p of the triangle's fits. The force on p is -f_p n with
-f_p = sum_a m_a C_ap and the moments m = M k. The derivative of that gives, with A_p = sum_m S_mp a^m and
+if v_a = sum_p B_ap u_p and s_m = sum_p S_mp u_p, over the points p of the triangle's fits. The force on p is -f_p n,
+with f_p = sum_a m_a C_ap and the moments m = M k. The derivative of that gives, with A_p = sum_m S_mp a^m and
 w = sum_a m_a v_a,
 
     K_pq = (C_p . M C_q - (n . w) A_p . A_q) n n^T - f_q n A_p^T - f_p A_q n^T.
