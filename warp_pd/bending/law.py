@@ -160,7 +160,8 @@ class BendingForce(BuiltLaw):
         """These in the plane of each corner, where they keep their length [m], (3, F, 2, 2)."""
         sides, triangles, planes = self._sides(), self.context.sheet.triangles, self.slopes.planes
         flat = np.stack([np.einsum("fcb,fcm->fbm", planes[triangles[:, c] % len(planes)], sides) for c in range(3)])
-        return flat * (np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None])
+        flat *= np.linalg.norm(sides, axis=1)[None, :, None] / np.linalg.norm(flat, axis=2)[:, :, None]
+        return flat
 
     def _point_tables(self, size: int, t: Any) -> dict[str, tuple[Any, np.ndarray]]:
         """Tables of the kinds of points."""
