@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .device.fields import Array, FieldRegister, Stored
-from .device.launches import Call, Stage, complete_later
+from .device.launches import Call, Stage
 from .families.partition import Partition
 from .geometry.sheet import Sheet
 from .geometry.triangulation import CoarseLattice
@@ -96,9 +96,7 @@ class Communicator:
 
     def add_exchanges(self, stages: Sequence[Stage], fields: FieldRegister) -> None:
         """Let the stages of a simulation exchange what they need, once all are composed."""
-        for stage in stages:
-            if any(launch.completing for launch in stage.launches()):
-                stage.items = complete_later(stage.items)
+        return None
 
     def register_fields(self, fields: list[Stored]) -> None:
         """Register the fields that the root may request."""

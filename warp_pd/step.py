@@ -27,8 +27,10 @@ class Phase(enum.Enum):
     PROJECT = "contact: points out of bodies"
     CLOCK = "time, and the schedules that depend on it"
     RUPTURE = "bonds that exceed the criterion break"
+    UNDAMAGED_FORCE = "internal force of undamaged families, by a law that has a kernel of their own"
+    SEVERING = "bonds break by a damage field that was found beside this force"
     INTERNAL_VARIABLES = "internal variables of the force law"
-    INTERNAL_FORCE = "internal force"
+    INTERNAL_FORCE = "internal force, apart from that of undamaged families"
     BOND_WORK = "work of each bond"
     EXTERNAL_FORCE = "external force"
     DAMPING = "damping of this step"
@@ -45,7 +47,9 @@ class Phase(enum.Enum):
 
 # Phases without a place in relaxation, and in Newton's method, which takes the forces alone and sets prescribed
 # components itself. Both break bonds in equilibrium, in stages of their own.
-NOT_IN_RELAXATION = (Phase.FOLLOW, Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
+NOT_IN_RELAXATION = (
+    Phase.FOLLOW, Phase.PROJECT, Phase.SEVERING, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE,
+)  # fmt: skip
 NOT_IN_EQUILIBRIUM = (*NOT_IN_RELAXATION, Phase.RIGID_DRIFT, Phase.RIGID_KICK)
 
 
@@ -61,6 +65,7 @@ def begin(parts: Acting, stage: Stage) -> None:
     """Forces that belong to the displacement, before the first step or after a restart."""
     parts.add(Phase.RESTORE, stage)
     parts.add(Phase.SCHEDULES, stage)
+    parts.add(Phase.UNDAMAGED_FORCE, stage)
     with stage.one_launch():
         parts.add(Phase.INTERNAL_FORCE, stage)
         parts.add(Phase.EXTERNAL_FORCE, stage)
@@ -77,6 +82,8 @@ def explicit_step(parts: Acting, step: Stage) -> None:
         parts.add(Phase.PROJECT, step)
     parts.add(Phase.CLOCK, step)
     parts.add(Phase.RUPTURE, step)
+    parts.add(Phase.UNDAMAGED_FORCE, step)
+    parts.add(Phase.SEVERING, step)
     parts.add(Phase.INTERNAL_VARIABLES, step)
     with step.one_launch():
         parts.add(Phase.INTERNAL_FORCE, step)
@@ -95,6 +102,7 @@ def relaxation_step(parts: Acting, step: Stage) -> None:
         parts.add(Phase.RIGID_DRIFT, step)
         parts.add(Phase.DRIFT, step)
     parts.add(Phase.CLOCK, step)
+    parts.add(Phase.UNDAMAGED_FORCE, step)
     with step.one_launch():
         parts.add(Phase.INTERNAL_FORCE, step)
         parts.add(Phase.EXTERNAL_FORCE, step)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
@@ -130,7 +130,6 @@ class Launch:
         every: Interval of repetitions of a repeated stage in which it runs.
         since: First repetition in which it runs.
         late: The same launch after those that lead the next repetition, if it then has other arguments.
-        completing: The same launch after the next one that fills a list, which it then completes.
         pieces: The launches of the pointwise stages that share it, if several do.
     """
 
@@ -152,7 +151,6 @@ class Launch:
     every: int = 1
     since: int = 0
     late: Launch | None = None
-    completing: Launch | None = None
     pieces: tuple[Launch, ...] = ()
 
     @property
@@ -311,24 +309,16 @@ class Stage:
         span: Span | None = None,
         only_if: Array | None = None,
         grouped: bool = False,
-        completing: Mapping[str, Any] | None = None,
         **arguments: Any,
     ) -> None:
-        """Add a launch; `begin` is the value of `first` for the first thread.
-
-        `completing`: arguments that differ where it runs after the next launch that fills a list, see `Launch`.
-        """
+        """Add a launch; `begin` is the value of `first` for the first thread."""
         expected = {a.label for a in kernel.kernel.adj.args} - {"first"}
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
-        made = Launch(
+        self.items.append(Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
             block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
             grouped=grouped, every=self._every,
-        )  # fmt: skip
-        if completing is not None:
-            after = {**arguments, **completing}
-            made.completing = replace(made, arguments=after, touched=touched(kernel.effects, after))
-        self.items.append(made)
+        ))  # fmt: skip
 
     def pointwise(
         self,
@@ -433,27 +423,3 @@ def _joined(first: Item, second: Item) -> Launch | None:
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
         touched=first.touched | second.touched, late=late, pieces=(*(first.pieces or (first,)), second),
     )  # fmt: skip
-
-
-def complete_later(items: Sequence[Item]) -> list[Item]:
-    """Move launches that may complete a list behind the launch that fills it, which then need not wait for them."""
-    found = list(items)
-    for item in items:
-        if not isinstance(item, Launch) or item.completing is None:
-            continue
-        begin, added = found.index(item), item.completing.touched.writes - item.touched.writes
-        end = next((k for k in range(begin, len(found)) if found[k].touched.writes & added), None)
-        if end is None:
-            continue
-        filling = found[end].touched
-        moved: list[Item] = [item]
-        others: list[Item] = []
-        for other in found[begin + 1 : end]:
-            follows = any(other.touched.must_wait_for(earlier.touched) for earlier in moved)
-            (moved if follows else others).append(other)
-        # The launch that fills the list may read what it completes the list for, at its own points.
-        mine, seen = item.touched, filling.reads & item.touched.writes
-        rest = Touched(filling.reads - seen, filling.gathers, filling.writes)
-        if not any(rest.must_wait_for(touched) for touched in (mine, *(other.touched for other in moved[1:]))):
-            found[begin : end + 1] = [*others, found[end], item.completing, *moved[1:]]
-    return found

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from ..device.checks import InputError
 from ..device.fields import FieldRegister, Stored
-from ..device.launches import Call, Item, Launch, Stage, complete_later
+from ..device.launches import Call, Item, Launch, Stage
 from ..families.partition import Partition
 from ..kernels.effects import Pointwise
 from .overlap import has_streams, overlap_exchanges
@@ -186,7 +186,7 @@ def add_exchanges(
     stages: Sequence[Stage], fields: FieldRegister, exchange: Callable[[Sequence[Stored], Partition], Call],
     partition: Partition,
 ) -> None:  # fmt: skip
-    """Insert halo exchanges into all stages; launches that may complete a list go behind the one that fills it."""
+    """Insert halo exchanges into all stages."""
     exchanges, owned = Exchanges(stages, fields), partition.owned
     exchanges.leave_ghosts_out(owned)
     found = exchanges.find()
@@ -206,9 +206,7 @@ def add_exchanges(
             if stage.wraparound is not None:
                 stage.wraparound = exchanges.on_own(stage.wraparound, owned)
             if has_streams(stage.device):
-                items = overlap_exchanges(
-                    complete_later(items), added, partition, exchanges.of_points, exchanges.numbered
-                )
+                items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
             rounds.append(items)
         if len(rounds) > 1:
             # Repetitions with different launches have different exchanges.

@@ -207,7 +207,7 @@ class FamilyBlocks(Reference):
             return None
         return cls(law, near, BondForces(law))
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+    def add_others(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""
         for strip in self.forces.strips:
             self.add_families(stage, Selected(strip.begin, strip.end), displacement, force)
@@ -280,23 +280,31 @@ class UndamagedLattice(Reference):
         found = undamaged_stencil(law.families, inverse, weights)
         return None if found is None else cls(law, near, *found)
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches of each strip."""
+    def add_undamaged(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launch of the undamaged families of the first strip, which need not wait for an exchange."""
+        self._add_strip(stage, self.forces.strips[0], displacement, force)
+
+    def add_others(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of each strip, without that of `add_undamaged`."""
+        for number, strip in enumerate(self.forces.strips):
+            if number > 0:
+                self._add_strip(stage, strip, displacement, force)
+            self._add_others(stage, strip, displacement, force)
+
+    def _add_strip(self, stage: Stage, strip: Strip, displacement: Array, force: Array) -> None:
+        """Add the launch of the undamaged families of a strip."""
         law = self.law
         listed = (self.others, self.count) if law.layout.breakable else (None, None)
-        block_dim = TUNING.lattice_block * law.context.bits // 32
-        for strip in self.forces.strips:
-            # First: it need not wait for an exchange.
-            stage.launch(
-                law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin, block_dim=block_dim,
-                family_class=law.struct.family_class, inner=self.inner, intact=law.intact, displacement=displacement,
-                places=self.places,
-                # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
-                turns=self.stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
-                unit_force=law.unit_force * law.families.areas[self.inner],
-                bond_force=self.forces.array, force=force, others=listed[0], other_count=listed[1],
-            )  # fmt: skip
-            self._add_others(stage, strip, displacement, force)
+        stage.launch(
+            law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin,
+            block_dim=TUNING.lattice_block * law.context.bits // 32,
+            family_class=law.struct.family_class, inner=self.inner, intact=law.intact, displacement=displacement,
+            places=self.places,
+            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
+            turns=self.stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            unit_force=law.unit_force * law.families.areas[self.inner],
+            bond_force=self.forces.array, force=force, others=listed[0], other_count=listed[1],
+        )  # fmt: skip
 
     def _add_others(self, stage: Stage, strip: Strip, displacement: Array, force: Array) -> None:
         """Add the launches of the other families of a strip, and the gather of its forces."""

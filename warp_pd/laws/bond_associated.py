@@ -205,7 +205,12 @@ class BondAssociatedForce(BondAssociatedLaw):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        self.path.add_force(stage, displacement, out)
+        self.path.add_undamaged(stage, displacement, out)
+        self.add_others(stage, displacement, out)
+
+    def add_others(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches of the force after that of undamaged families."""
+        self.path.add_others(stage, displacement, out)
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
@@ -213,12 +218,18 @@ class BondAssociatedForce(BondAssociatedLaw):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase, and those of what the material remembers."""
-        super().add(phase, stage)
+        state = self.context.state
+        if phase is Phase.UNDAMAGED_FORCE:
+            self.path.add_undamaged(stage, state.displacement, state.force)
+        elif phase is Phase.INTERNAL_FORCE:
+            self.add_others(stage, state.displacement, state.force)
+        else:
+            super().add(phase, stage)
         if self.remembered is not None and phase in (Phase.RUPTURE, Phase.FRAME):
             from ..kernels.bond_associated import remembered
 
             kernel = remembered(self.layout, self.material.functions, self.remembered)
-            self.add_launch(stage, kernel, self.context.state.displacement, largest=self.struct.remembered)
+            self.add_launch(stage, kernel, state.displacement, largest=self.struct.remembered)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the point fields shown in frames: means over each point's bonds."""

@@ -76,8 +76,11 @@ class Reference:
         """
         return cls(law)
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+    def add_undamaged(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launch of undamaged families, of a path that has a kernel for them, at a displacement [m]."""
+
+    def add_others(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of all other families, which complete the internal force [N], (N,) vec3."""
         self.add_pairs(stage, displacement, NOT_VISCOUS)
         self.law.add_gather(stage, self.law.pairs, force)
 

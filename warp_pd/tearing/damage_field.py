@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
@@ -44,6 +43,7 @@ from ..parts.rupture import AT_REST, Damaged
 from ..step import Phase
 from .cut_profiles import CutEnds, damage_of_cuts, initial_damage
 from .damage_ghosts import LAYERS, DamageGhosts
+from .early_softening import EarlySoftening
 from .field_constants import relaxations, screen_of
 
 if TYPE_CHECKING:
@@ -84,10 +84,6 @@ SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 16, 50
 CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
-# Damage below which a point starts intact; mean damage of these points from which a note says that the sheet softens
-# before its crack moves; severed points from which a crack has moved; and G / Gc below which a strip as high as the
-# sheet reaches its strength too early, and which a remedy aims at.
-SOFT, MUCH_SOFT, MOVED, EARLY, LATE = 0.02, 0.15, 4, 0.72, 1.25
 
 
 def finds_at_once(context: Context) -> bool:
@@ -125,8 +121,6 @@ class DamageField(Damaged):
         self._own = slice(0, context.sheet.size) if self._ghosts is None else self._ghosts.own
         self._cuts: CutEnds | None = None
         self._at_start, ahead = self._profile(whole)
-        self._intact_at_start = self._at_start < SOFT
-        self._cracked = bool(self._at_start.any() and self._intact_at_start.any())
         self._least = context.here(self._at_start)
         self._at_begin: tuple[np.ndarray, ...] = ()
         self._declare(self._least)
@@ -191,7 +185,8 @@ class DamageField(Damaged):
         """Declare the arrays of the field, whose damage at the start is `profile`, and of the list of points."""
         context, owner, n, real = self.context, self.owner, self.context.sheet.size, self.context.types.real
         self.field = context.array("damage_field", owner, real, profile, restart=True, own_exchange=True)
-        self._softened = context.array("softened", owner, wp.float64, shape=2, per="once", restart=True)
+        severed_anew = np.maximum(self._severing(context.whole), self._at_start + GROWN)
+        self._early = EarlySoftening(owner, context, self.constants, self._at_start, severed_anew)
         self._other = context.array("damage_after_sweep", owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", owner, real, shape=n)
         self._driving = context.array("driving", owner, real, shape=n, own_exchange=True)
@@ -210,7 +205,7 @@ class DamageField(Damaged):
         # before it, and whether this also lists the points.
         at_once, self._looks = finds_at_once(context), n <= FEW_POINTS
         beside = self._ghosts is not None or (at_once and n >= MANY_POINTS)
-        self._beside = beside and self.law.other_families is not None
+        self._beside = beside and not context.at_rest and self.law.other_families is not None
         self._at_once = at_once and not self._beside
         self._arrived = context.array("arrived_sweepers", owner, wp.int32, shape=1, per="once")
         self._found: Array | None = None
@@ -298,6 +293,10 @@ class DamageField(Damaged):
                 self._add_empty(stage)
         if phase is Phase.RESTORE:
             self._add_rousing(stage)
+        if phase is Phase.SEVERING and self._beside:
+            with stage.every(self._every):
+                self._add_severing(stage, self.law.other_families)
+                self._add_empty(stage)
         if phase is Phase.FRAME:
             self._add_energy(stage)
 
@@ -308,12 +307,13 @@ class DamageField(Damaged):
         )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find damage and break bonds."""
+        """Add the launches that find damage and, unless there is more to do beside, break bonds."""
         with stage.every(self._every):
             if self._at_once:
                 self._add_finding(stage, self.sweeps)
-            else:
-                self._add_sweeps(stage)
+                return
+            self._add_sweeps(stage)
+            if not self._beside:
                 self._add_severing(stage)
                 self._add_empty(stage)
 
@@ -429,12 +429,11 @@ class DamageField(Damaged):
                 **self._shared(self._sweepers),
             )  # fmt: skip
 
-    def _add_severing(self, stage: Stage) -> None:
-        """Add the launch that breaks bonds of listed points."""
+    def _add_severing(self, stage: Stage, others: Any = None) -> None:
+        """Add the launch that breaks bonds of listed points, and adds families to a list of `others` that is full."""
         stage.launch(
-            self.owner, finish_kernel(self._of), self._threads, others=OtherFamilies(),
-            completing={"others": self.law.other_families} if self._beside else None,
-            **self.arguments(), **self._shared(self._threads),
+            self.owner, finish_kernel(self._of), self._threads, others=others or OtherFamilies(), **self.arguments(),
+            **self._shared(self._threads),
         )  # fmt: skip
 
     def _shared(self, stride: int) -> dict[str, Any]:
@@ -513,49 +512,12 @@ class DamageField(Damaged):
     def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage, and the energy of the field since the start [J]."""
         damage = self.context.whole_array(self.damage)
-        if self._cracked:
-            self._look_for_softening(damage)
+        self._early.look(damage)
         return {**self.means(damage), "fracture": totals["fracture"] - self._fracture_at_start}
 
     def doubts(self, scales: Scales) -> Sequence[str]:
-        """Whether a flat sheet with a crack may reach its strength before the crack moves."""
-        height = self._height()
-        if not self._cracked or self.constants.strong or height is None:
-            return ()
-        reached = self.constants.reached(height)
-        if reached >= EARLY:
-            return ()
-        return [
-            f"the length of the damage field is {self.length:.3g} m, and the sheet {height:.3g} m wide: between clamps "
-            f"that far apart all of it softens at {reached:.2g} Gc, before a crack moves; "
-            f"{self.constants.remedy(self._longest())}"
-        ]
-
-    def _height(self) -> float | None:
-        """Smaller extent of a flat sheet [m]; None of a curved one."""
-        points = self.context.whole.points
-        return float(np.ptp(points, axis=0).min()) if points.shape[1] == 2 else None
-
-    def _longest(self) -> float:
-        """Length with which a sheet as high as this one tears by its crack, at most half of the present one [m]."""
-        height = self._height()
-        most = 1.0 if height is None else self.constants.reached(height) / LATE
-        return self.length * min(most, 0.5)
-
-    def _look_for_softening(self, damage: np.ndarray) -> None:
-        """Keep the mean damage of what starts intact, and whether a crack has moved, until one has."""
-        softened, moves = self._softened.numpy()
-        if moves:
-            return
-        if np.count_nonzero(damage > self._severed_anew) >= MOVED:
-            self._softened.assign([softened, 1.0])
-        else:
-            self._softened.assign([float(damage[self._intact_at_start].mean(dtype=np.float64)), 0.0])
-
-    @functools.cached_property
-    def _severed_anew(self) -> np.ndarray:
-        """Damage above which a point of the whole sheet is severed and was not at the start, (N,)."""
-        return np.asarray(np.maximum(self._severing(self.context.whole), self._at_start + GROWN))
+        """Whether a sheet with a crack may reach its strength before the crack moves."""
+        return self._early.expected()
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the length and strength in use, and on damage spread over much of the sheet."""
@@ -570,13 +532,8 @@ class DamageField(Damaged):
 
             said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         gained = history[-1]["mean_damage"] - self._at_start.mean()
-        softened, moves = self._softened.numpy()
-        if softened > MUCH_SOFT and not self.constants.strong:
-            when = "when its crack began to move" if moves else "and no crack has moved"
-            said.append(
-                f"intact material had a mean damage of {softened:.2g} {when}: the load is that of a strength of "
-                f"{self.limit:.3g} J/m^3, and lower than that of the crack; {self.constants.remedy(self._longest())}"
-            )
+        if early := self._early.found():
+            said += early
         elif gained > MUCH_DAMAGE:
             said.append(
                 f"the mean damage grew by {gained:.0%}: most of the sheet, not only a tear, exceeds its strength of "

@@ -149,7 +149,7 @@ class ViscousForce(ElasticVisco):
         }  # fmt: skip
         self.path.add_pairs(stage, displacement, given)
 
-    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+    def add_others(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         if self.in_step is not None:
             self.add_pairs(stage, displacement, self._no_time, self.in_step.trial_terms, self.in_step.trial_state)
