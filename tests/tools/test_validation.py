@@ -9,6 +9,8 @@ from validation import __main__, bulges, comparison, crack_paths, cracks, page, 
 
 from warp_pd import BondAssociated, Fixed, Maxwell, Motion, NeoHookean, Newton, Sheet, Simulation
 from warp_pd.fitting import nominal_stress
+from warp_pd.geometry.couplings import distance_from_segments
+from warp_pd.tearing.cut_profiles import damage_of_cuts
 from warp_pd.visco.uniform import maxwell_stress
 
 
@@ -116,6 +118,28 @@ def test_largest_tangential_stress_is_where_the_shear_stress_vanishes():
         x = -np.deg2rad(crack_paths.largest_tangential_stress(angle))
         assert np.sin(x) + np.tan(np.deg2rad(angle)) * (3.0 * np.cos(x) - 1.0) == pytest.approx(0.0, abs=1e-12)
     assert crack_paths.largest_tangential_stress(89.999) == pytest.approx(np.rad2deg(np.arccos(1.0 / 3.0)), abs=1e-2)
+
+
+@pytest.mark.parametrize("angle", crack_paths.ANGLES)
+def test_a_kink_is_seen_from_where_the_damage_of_the_cut_ends(angle, monkeypatch):
+    """A new crack that leaves the damage of a cut by 50 degrees, straight."""
+
+    def left(sheet, travels, load_steps, length, *_):
+        damage, _, cuts = damage_of_cuts(sheet, length)
+        begins = cuts.shortened(length, sheet.spacing).reshape(2, 2)
+        along = np.subtract(*begins[::-1]) / np.linalg.norm(np.subtract(*begins[::-1]))
+        turn = np.array([[np.cos(x := np.deg2rad(50.0)), np.sin(x)], [-np.sin(x), np.cos(x)]])
+        new = [[begins[0], begins[0] - 0.01 * turn @ along], [begins[1], begins[1] + 0.01 * turn @ along]]
+        apart = distance_from_segments(sheet.points[:, :2], np.array(new), 2.0 * length)
+        return np.maximum(damage, np.maximum(1.0 - apart / (2.0 * length), 0.0) ** 2), None
+
+    monkeypatch.setattr(crack_paths, "torn", left)
+    from_damage, from_tip = crack_paths.grown.__wrapped__(203, angle, None)
+    assert from_damage == pytest.approx(50.0, abs=3.0)
+    assert from_tip > 60.0
+    monkeypatch.setattr(crack_paths, "torn", lambda sheet, *_: (0.0 * sheet.points[:, 0], None))
+    with pytest.raises(comparison.UnfinishedError, match="did not grow"):
+        crack_paths.grown.__wrapped__(61, angle, None)
 
 
 def test_fits_of_the_page_are_those_of_the_laws():

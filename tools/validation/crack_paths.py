@@ -11,6 +11,7 @@ from study import whole
 from validation.comparison import Comparison, UnfinishedError
 from warp_pd import BondAssociated, Fixed, Motion, NeoHookean, Newton, Sheet, Simulation, TearingEnergy
 from warp_pd.geometry.triangulation import joined_points
+from warp_pd.tearing.cut_profiles import CutEnds
 
 MU, BULK, DENSITY, THICKNESS = 1e3, 1e5, 1000.0, 1e-3
 # Small against MU times any length here, as the sheets of both sources hardly stretch [J/m^2].
@@ -20,8 +21,8 @@ WIDE = 0.1
 # An inclined crack: angles to the line across the load, half its length, length of the damage field [m].
 ANGLES = (15.0, 30.0, 45.0, 60.0)
 HALF, FIELD = 0.015, 1.9e-3
-# Distances from the tip, in lengths of the field, between which the new crack has its direction: farther away it turns
-# until it is across the load. It need not grow beyond GROWN. Damage of the band that counts as the crack.
+# Distances from its start, in lengths of the field, between which the new crack is seen: farther away it turns
+# until it is across the load. It need not grow beyond GROWN from the tip. Damage of the band that counts as the crack.
 NEAR, FAR, GROWN, CRACKED = 1.0, 3.0, 6.0, 0.6
 # Pull over that at which the largest tangential stress has the intensity of TEARING_ENERGY.
 OVERLOAD = 1.35
@@ -81,9 +82,9 @@ def torn(
 def grown(
     points: int, angle: float, device: str | None, turn: float = 0.0, horizon: float = 1.5
 ) -> tuple[float, float]:
-    """Angles between an inclined crack and its growth [degrees], means of both tips: seen from the tip; its own line.
+    """Angles between an inclined crack and its growth [degrees], means of both ends.
 
-    The damage of a cut ends before its tip, and so does what grows from it: its line need not meet the tip.
+    Seen from where the damage of the cut ends, where growth begins, and from the tip of the cut.
 
     Args:
         points: Along each edge of the square sheet.
@@ -94,20 +95,32 @@ def grown(
     """
     sheet = Sheet.filled(WIDE, WIDE, thickness=THICKNESS, density=DENSITY, points=(points, points), turn=turn)
     along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    tips = {sign: 0.5 * WIDE + sign * HALF * along for sign in (-1.0, 1.0)}
-    distance = {sign: np.hypot(*(sheet.points[:, :2] - tip).T) / FIELD for sign, tip in tips.items()}
-    far = np.flatnonzero(np.minimum(distance[-1.0], distance[1.0]) > GROWN)
+    apart = {sign: sheet.points[:, :2] - 0.5 * WIDE - sign * HALF * along for sign in (-1.0, 1.0)}
+    far = np.flatnonzero(np.minimum(*(np.hypot(*of_tip.T) for of_tip in apart.values())) > GROWN * FIELD)
     strain = OVERLOAD * (TEARING_ENERGY / (3.0 * MU * np.pi * HALF)) ** 0.5 / intensity(angle)
-    damage, _ = torn(sheet.cut(tuple(tips[-1.0]), tuple(tips[1.0])), [strain * WIDE], [5], FIELD, far, device, horizon)
-    found = []
-    for sign, tip in tips.items():
-        place = sign * (sheet.points[:, :2] - tip)
-        new = place[(distance[sign] > NEAR) & (distance[sign] < FAR) & (place @ along > 0.0) & (damage > CRACKED)]
-        middle = new.mean(axis=0)
-        line = np.linalg.svd(new - middle)[2][0]
-        found.append([angle - np.rad2deg(np.arctan2(y, x)) for x, y in (middle, line * np.sign(line @ middle))])
-    from_tip, own = np.mean(found, axis=0)
-    return float(from_tip), float(own)
+    sheet = sheet.cut(tuple(0.5 * WIDE - HALF * along), tuple(0.5 * WIDE + HALF * along))
+    damage, _ = torn(sheet, [strain * WIDE], [5], FIELD, far, device, horizon)
+    recess = CutEnds.of(sheet, FIELD).recesses(FIELD, sheet.spacing).max()
+    from_damage, from_tip = (
+        np.mean([angle - new_line(sign * of_tip + back * along, damage, along) for sign, of_tip in apart.items()])
+        for back in (recess, 0.0)
+    )
+    return float(from_damage), float(from_tip)
+
+
+def new_line(places: np.ndarray, damage: np.ndarray, along: np.ndarray) -> float:
+    """Direction of the middle of the new crack [degrees].
+
+    Args:
+        places: Of the points, from where the crack began [m], (N, 2).
+        damage: Of the points, (N,).
+        along: Direction in which the old crack points, (2,).
+    """
+    distance = np.hypot(*places.T) / FIELD
+    new = places[(distance > NEAR) & (distance < FAR) & (places @ along > 0.0) & (damage > CRACKED)]
+    if not len(new):
+        raise UnfinishedError(f"a sheet of {len(places)} points: its crack did not grow {NEAR:g} lengths of the field")
+    return float(np.rad2deg(np.arctan2(*new.mean(axis=0)[::-1])))
 
 
 def kinks(points: int, device: str | None) -> Sequence[float]:
@@ -116,17 +129,17 @@ def kinks(points: int, device: str | None) -> Sequence[float]:
 
 
 def what_moves_kinks(points: int, device: str | None) -> Mapping[str, float]:
-    """The crack of 30 degrees, which grows across a turned grid; the formula a length of the field from the tip."""
+    """The crack of 30 degrees, which grows across a turned grid; the tip of the cut; the formula away from the tip."""
     # No weights balance a turned grid at a horizon of 1.5 spacings.
     turned = {
         f"at 30 degrees, horizon 2.015, grid turned by {turn:g} degrees": grown(points, 30.0, device, turn, 2.015)[0]
         for turn in (0.0, 20.0)
     }
-    own = {f"its own line at {angle:g} degrees": grown(points, angle, device)[1] for angle in ANGLES}
+    seen = {f"from the tip of the cut at {angle:g} degrees": grown(points, angle, device)[1] for angle in ANGLES}
     away = {
         f"formula {1e3 * FIELD:g} mm from the tip at {angle:g} degrees": away_from_tip(angle, FIELD) for angle in ANGLES
     }
-    return {**turned, **own, **away}
+    return {**turned, **seen, **away}
 
 
 def largest_tangential_stress(angle: float) -> float:
