@@ -55,17 +55,12 @@ class FamilyMechanics:
         visit_earlier: Like `visit`, for the displacement at a time `back` before now; its arguments are (family,
             displacement, velocity, back, i, j, undamaged).
         family_scale: (family, i, total) -> factor on its weights, whose sum is `total`; 1 in the variational form.
-        add_to_members: (family, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
-        finish_forces: (family, i, scale, bond_force) multiplies each sum of `add_to_members` by `scale`
-            times c_k, and rotates it from the frame of i to global axes.
     """
 
     gradient_over: wp.Function
     visit: wp.Function
     visit_earlier: wp.Function
     family_scale: wp.Function
-    add_to_members: wp.Function
-    finish_forces: wp.Function
 
 
 @functools.cache
@@ -107,31 +102,6 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
             return scale
         else:
             return real(1.0)
-
-    @wp.func
-    def add_to_members(
-        family: Family,
-        i: int,
-        j: int,
-        A1: vec3,
-        A2: vec3,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        """Adds (A1, A2) X_k to the entries of the members k of D_ij."""
-        for word in range(family.words):
-            members = f.common(family, i, j, word) & f.intact_members(family, i, word)
-            while members != wp.uint32(0):
-                k = word * word_size + lowest_bit(members)
-                members = without_lowest_bit(members)
-                xi = f.bond(family, i, k)
-                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
-
-    @wp.func
-    def finish_forces(family: Family, i: int, scale: real, bond_force: wp.array2d(dtype=vec3)):
-        for k in range(family.members):
-            if f.is_intact(family, i, k):
-                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
     def declare_visit(name, earlier):
         @wp.func(name=name)
@@ -201,7 +171,46 @@ def family_mechanics(layout: Layout, form: str) -> FamilyMechanics:
     ):
         return visit_now(family, field, field, real(0.0), i, j, undamaged)
 
-    return FamilyMechanics(gradient_over, visit, visit_earlier, family_scale, add_to_members, finish_forces)
+    return FamilyMechanics(gradient_over, visit, visit_earlier, family_scale)
+
+
+@functools.cache
+def forces_on_members(layout: Layout) -> tuple[wp.Function, wp.Function]:
+    """Functions that sum the force of a family on its members, in the variational form.
+
+    Returns:
+        (family, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij; (family, i, scale, bond_force)
+        multiplies each sum by `scale` times c_k, and rotates it from the frame of i to global axes.
+    """
+    real, vec3 = layout.types.real, layout.types.vec3
+    f = family_functions(layout)
+    Family, word_size = f.struct, WORD
+
+    @wp.func
+    def add_to_members(
+        family: Family,
+        i: int,
+        j: int,
+        A1: vec3,
+        A2: vec3,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        for word in range(family.words):
+            members = f.common(family, i, j, word) & f.intact_members(family, i, word)
+            while members != wp.uint32(0):
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                xi = f.bond(family, i, k)
+                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
+
+    @wp.func
+    def finish_forces(family: Family, i: int, scale: real, bond_force: wp.array2d(dtype=vec3)):
+        for k in range(family.members):
+            if f.is_intact(family, i, k):
+                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
+
+    return add_to_members, finish_forces
 
 
 @functools.cache
@@ -372,6 +381,7 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
     stress, _ = material(bits)
     Constants = constants_of(stress)
     law, motion = family_mechanics(layout, "variational"), kinematics(bits, layout.curved)
+    add_to_members, finish_forces = forces_on_members(layout)
     viscous = response is not None
     advance, left = response(bits) if response is not None else None, stiffness_left(bits)
 
@@ -404,8 +414,8 @@ def reference_force(layout: Layout, material: PairFactory, response: FunctionFac
                 else:
                     S = stress(G, f.of_bond(family, i, j, constants))
                 A1, A2 = motion.stress_on_members(H1, H2, S, weight, inverse, tilt)
-                law.add_to_members(family, i, j, A1, A2, bond_force)
-        law.finish_forces(family, i, unit, bond_force)
+                add_to_members(family, i, j, A1, A2, bond_force)
+        finish_forces(family, i, unit, bond_force)
         if wp.static(viscous):
             if wp.static(layout.softened):
                 work *= wp.float64(left(damage[i]))

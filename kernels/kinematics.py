@@ -100,50 +100,7 @@ def kinematics(bits: int, curved: bool = False) -> Kinematics:
         s = wp.sqrt(real(1.0) + wp.dot(slope, slope))
         return slope / wp.sqrt(s * (real(1.0) + s))
 
-    if curved:
-
-        @wp.func
-        def level(H1: vec3, H2: vec3, tilt: vec2):
-            along = tilt[0] * H1 + tilt[1] * H2
-            return H1 - tilt[0] * along, H2 - tilt[1] * along
-
-        @wp.func
-        def rest(tilt: vec2):
-            """Columns of O."""
-            rise = wp.sqrt(real(2.0) - wp.dot(tilt, tilt))
-            shear = -tilt[0] * tilt[1]
-            return (
-                vec3(real(1.0) - tilt[0] * tilt[0], shear, rise * tilt[0]),
-                vec3(shear, real(1.0) - tilt[1] * tilt[1], rise * tilt[1]),
-            )
-
-        @wp.func
-        def green(H1: vec3, H2: vec3, tilt: vec2):
-            O1, O2 = rest(tilt)
-            shear = wp.dot(O1, H2) + wp.dot(O2, H1) + wp.dot(H1, H2)
-            return mat22(
-                real(2.0) * wp.dot(O1, H1) + wp.dot(H1, H1), shear, shear, real(2.0) * wp.dot(O2, H2) + wp.dot(H2, H2)
-            )
-
-        @wp.func
-        def gradient(H1: vec3, H2: vec3, tilt: vec2):
-            O1, O2 = rest(tilt)
-            return O1 + H1, O2 + H2
-
-    else:
-
-        @wp.func
-        def level(H1: vec3, H2: vec3, tilt: vec2):
-            return H1, H2
-
-        @wp.func
-        def green(H1: vec3, H2: vec3, tilt: vec2):
-            shear = H1[1] + H2[0] + wp.dot(H1, H2)
-            return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
-
-        @wp.func
-        def gradient(H1: vec3, H2: vec3, tilt: vec2):
-            return vec3(real(1.0) + H1[0], H1[1], H1[2]), vec3(H2[0], real(1.0) + H2[1], H2[2])
+    level, green, gradient = curved_strain(bits) if curved else flat_strain(bits)
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
@@ -156,3 +113,60 @@ def kinematics(bits: int, curved: bool = False) -> Kinematics:
         green, gradient, determines_gradient, inverse_shape, remaining_inverse, stress_on_members, times, columns,
         tilt_of, level,
     )  # fmt: skip
+
+
+def flat_strain(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions `level`, `green` and `gradient` of a flat sheet."""
+    types = numeric(bits)
+    real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
+
+    @wp.func
+    def level(H1: vec3, H2: vec3, tilt: vec2):
+        return H1, H2
+
+    @wp.func
+    def green(H1: vec3, H2: vec3, tilt: vec2):
+        shear = H1[1] + H2[0] + wp.dot(H1, H2)
+        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
+
+    @wp.func
+    def gradient(H1: vec3, H2: vec3, tilt: vec2):
+        return vec3(real(1.0) + H1[0], H1[1], H1[2]), vec3(H2[0], real(1.0) + H2[1], H2[2])
+
+    return level, green, gradient
+
+
+def curved_strain(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions `level`, `green` and `gradient` of a curved sheet."""
+    types = numeric(bits)
+    real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
+
+    @wp.func
+    def level(H1: vec3, H2: vec3, tilt: vec2):
+        along = tilt[0] * H1 + tilt[1] * H2
+        return H1 - tilt[0] * along, H2 - tilt[1] * along
+
+    @wp.func
+    def rest(tilt: vec2):
+        """Columns of O."""
+        rise = wp.sqrt(real(2.0) - wp.dot(tilt, tilt))
+        shear = -tilt[0] * tilt[1]
+        return (
+            vec3(real(1.0) - tilt[0] * tilt[0], shear, rise * tilt[0]),
+            vec3(shear, real(1.0) - tilt[1] * tilt[1], rise * tilt[1]),
+        )
+
+    @wp.func
+    def green(H1: vec3, H2: vec3, tilt: vec2):
+        O1, O2 = rest(tilt)
+        shear = wp.dot(O1, H2) + wp.dot(O2, H1) + wp.dot(H1, H2)
+        return mat22(
+            real(2.0) * wp.dot(O1, H1) + wp.dot(H1, H1), shear, shear, real(2.0) * wp.dot(O2, H2) + wp.dot(H2, H2)
+        )
+
+    @wp.func
+    def gradient(H1: vec3, H2: vec3, tilt: vec2):
+        O1, O2 = rest(tilt)
+        return O1 + H1, O2 + H2
+
+    return level, green, gradient

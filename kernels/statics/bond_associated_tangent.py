@@ -24,7 +24,7 @@ import functools
 
 import warp as wp
 
-from ..bond_associated import family_mechanics
+from ..bond_associated import family_mechanics, forces_on_members
 from ..effects import Kernel, kernel
 from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
@@ -265,6 +265,7 @@ def matrix_free(layout: Layout, held: bool) -> tuple[Kernel, Kernel]:
     mat32, mat33, word_size = types.mat32, types.mat33, WORD
     f, law, motion = family_functions(layout), family_mechanics(layout, "variational"), kinematics(bits, layout.curved)
     Family, visit, level, times, columns = f.struct, law.visit, motion.level, motion.times, motion.columns
+    add_to_members, _ = forces_on_members(layout)
     block_of, inverse_of = block_functions(bits)
     columns_of = columns_of_gradient(bits)
     shape_of, levelled = shape_functions(layout)
@@ -301,7 +302,7 @@ def matrix_free(layout: Layout, held: bool) -> tuple[Kernel, Kernel]:
                 P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
                 R1, R2 = level(P1, P2, tilt)
                 A1, A2 = columns(R1, R2, inverse)
-                law.add_to_members(family, i, j, A1, A2, bond_force)
+                add_to_members(family, i, j, A1, A2, bond_force)
         for k in range(family.members):
             if f.is_intact(family, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))

@@ -439,8 +439,14 @@ def on_device(
     sizes = shape.sizes()
     made.size = wp.vec4d(*sizes, *[0.0] * (4 - len(sizes)))
     surface = shape.surface()
-    if surface is None:
-        return made, None
+    return (made, None) if surface is None else _mesh_on_device(made, sizes[0], surface, device, spacing, remembered)
+
+
+def _mesh_on_device(
+    made: Any, size: float, surface: tuple[np.ndarray, np.ndarray], device: wp.Device, spacing: float,
+    remembered: Mapping[str, Array] | None,
+) -> tuple[Any, Any]:  # fmt: skip
+    """`on_device` of a mesh of this size [m]."""
     vertices, triangles = surface
     mesh = wp.Mesh(
         points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=device),
@@ -449,13 +455,13 @@ def on_device(
         bvh_constructor="sah",
     )
     of: Any = distances.MeshSurface()
-    of.size, of.mesh, of.tree = sizes[0], mesh.id, _face_tree(vertices[triangles].astype(np.float32), device)
+    of.size, of.mesh, of.tree = size, mesh.id, _face_tree(vertices[triangles].astype(np.float32), device)
     a, b, c = vertices[triangles].swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     of.triangles = wp.array(np.stack([a, b - a, c - a, normal], axis=1), dtype=wp.vec3d, device=device)
     of.normals = wp.array(side_and_corner_normals(vertices, triangles), dtype=wp.vec3d, device=device)
-    of.far, of.close, of.unsure, of.trust = FAR * spacing, CLOSE * spacing, UNSURE * sizes[0], TRUST
+    of.far, of.close, of.unsure, of.trust = FAR * spacing, CLOSE * spacing, UNSURE * size, TRUST
     for struct in (of, made):
         with_values(struct, remembered or {})
     made.surface = wp.array([of], dtype=distances.MeshSurface, device=device)

@@ -5,11 +5,11 @@ The corrected weights of a rectangle are solved on a small one and valid for eve
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.kept import Kept
 from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import crosses
@@ -122,8 +122,8 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
     return touched, lost
 
 
-# Lattices whose weights a process remembers.
-REMEMBERED = 16
+# Coarser and larger lattices of one process ask for the same weights.
+SOLVED = Kept()
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,33 +178,15 @@ def rectangle_corrected(
     depth = max(2 * reach, 3)
     step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (2,))
     lengths = (min(columns, 2 * (depth + reach) + 1), min(rows, 2 * (depth + reach) + 1))
-    given = tuple(None if array is None else _Values(array) for array in (step, offsets, influence, common))
-    table, solved = _solved(lengths, reach, depth, *given)
+    table, solved = SOLVED.result(_solved, lengths, reach, depth, step, offsets, influence, common)
     return RectangleWeights(table, columns, rows, depth, solved)
 
 
-class _Values:
-    """An array as a key: equal if its values are."""
-
-    def __init__(self, array: np.ndarray) -> None:
-        self.array = array
-        self._key = (array.shape, array.dtype.str, np.ascontiguousarray(array).tobytes())
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Values) and self._key == other._key
-
-
-@functools.lru_cache(maxsize=REMEMBERED)
 def _solved(
-    lengths: tuple[int, int], reach: int, depth: int, spacing: _Values, members: _Values, weighted: _Values,
-    shared: _Values | None,
+    lengths: tuple[int, int], reach: int, depth: int, step: np.ndarray, offsets: np.ndarray, influence: np.ndarray,
+    common: np.ndarray | None,
 ) -> tuple[np.ndarray, CorrectedWeights]:  # fmt: skip
     """Weights by kind of place, and the solution; further runs of a process on the same lattice share them."""
-    step, offsets, influence = spacing.array, members.array, weighted.array
-    common = None if shared is None else shared.array
     place = np.indices(lengths).reshape(2, -1)
 
     target = place[:, :, None] + offsets.T[:, None, :]
@@ -237,6 +219,4 @@ def _solved(
     )
     first = np.unique(kind, return_index=True)[1]
     table = solved.weights[first].reshape(clip[0].max() + 1, clip[1].max() + 1, -1)
-    for array in (table, solved.weights, solved.left):
-        array.setflags(write=False)
     return table, solved

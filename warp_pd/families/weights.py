@@ -386,9 +386,13 @@ def closest_balanced(
     problem = _Dual(matrix, matrix.T.tocsr(), plain, gap, floor, blocks)
     nothing = np.zeros(len(gap))
     _, ratio, balanced = _maximise(problem, nothing, nothing)
-    if balanced:
-        return ratio
-    multiplier, ratio, _ = _maximise(problem, nothing, np.full(len(gap), SOFTNESS))
+    return ratio if balanced else _softened(problem)
+
+
+def _softened(problem: _Dual) -> np.ndarray:
+    """Ratios, shape (U,), where no positive weights balance all points."""
+    size = len(problem.gap)
+    multiplier, ratio, _ = _maximise(problem, np.zeros(size), np.full(size, SOFTNESS))
     # Most points can be balanced all the same: stay soft only where much is left.
     left = np.abs(SOFTNESS * multiplier)
     for fraction in (0.3, 0.1, 0.03):

@@ -21,15 +21,19 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
     Returns neighbours, int32, and couplings [-], both of shape (K, N), or of the points `of` alone, shape (N,). Missing
     neighbours are the point itself with zero coupling.
     """
-    from scipy.sparse import coo_array
-
     of = np.arange(shape.size, dtype=np.int32) if of is None else of
     if shape.whole_lattice is not None:
         return _of_lattice(shape.whole_lattice, of)
-    points, triangles = shape.positions, np.asarray(shape.triangles)
-    size = shape.size
-    if not len(triangles):
+    if not len(shape.triangles):
         return of[None], np.zeros((1, len(of)))
+    return _of_triangles(shape.positions, np.asarray(shape.triangles), of)
+
+
+def _of_triangles(points: np.ndarray, triangles: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Couplings of points that triangles connect."""
+    from scipy.sparse import coo_array
+
+    size = len(points)
     edges = directed_edges(triangles)
     facing = points[np.concatenate([triangles[:, 2], triangles[:, 0], triangles[:, 1]])]
     a, b = points[edges[:, 0]] - facing, points[edges[:, 1]] - facing

@@ -26,6 +26,7 @@ from ..families.tables import in_blocks
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import local_spacings
 from ..kernels.families import family_functions
+from ..kernels.numeric import Numeric
 
 if TYPE_CHECKING:
     from ..families.lattice import RectangleWeights
@@ -382,6 +383,8 @@ def _report(solved: CorrectedWeights, sheet: Sheet, at: np.ndarray | None) -> di
 
 # Tables are read with indices of 32 bits.
 MAX_ENTRIES = 2**32
+# (name, values, type) -> a table on the device.
+Put = Callable[[str, np.ndarray | None, Any], Any]
 
 
 def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
@@ -408,33 +411,43 @@ def family_struct(
     K^-1, shape (R, n, 3), is None for laws without intersections, for which no masks are stored either. Weights, shape
     (R, n), are divided by the reference area.
     """
-    types = context.types
     s: Any = family_functions(context.layout).struct()
     s.members, s.words = families.members, families.words
     s.horizon, s.inverse_horizon = families.horizon, 1.0 / families.horizon
-    family_areas = families.member_areas.sum(axis=1)
-    real = wp.dtype_to_numpy(types.real)
 
     def put(name: str, values: np.ndarray | None, dtype: Any) -> Any:
         return context.array(name, owner, dtype, values, per="table")
 
-    if families.shift is not None and families.family_class is not None:
-        s.stencil_shift = put("stencil_shift", families.shift, wp.int32)
-        s.stencil_reverse = put("stencil_reverse", families.reverses, wp.int32)
-        s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
-        s.stencil_influence = put("stencil_influence", families.influence, types.real)
-        if families.common.size:
-            s.stencil_common = put("stencil_common", families.common, wp.uint32)
-        s.family_class = put("family_class", families.family_class, wp.int32)
-        s.class_initial = put("class_initial", pack(families.exists), wp.uint32)
-        if inverse is not None:
-            s.class_shape = put("class_shape", inverse, types.vec3)
-        s.class_weight = put("class_weight", weights, types.real)
-        s.class_area = put("class_area", families.areas, types.real)
-        s.class_family_area = put("class_family_area", family_areas, types.real)
-        return s
+    fill = _put_stencil if families.layout == "lattice" else _put_tables
+    fill(s, put, context.types, families, inverse, weights)
+    return s
+
+
+def _put_stencil(
+    s: Any, put: Put, types: Numeric, families: Families, inverse: np.ndarray | None, weights: np.ndarray
+) -> None:
+    """Copy the tables of a lattice: those of its stencil, and those by row."""
+    s.stencil_shift = put("stencil_shift", families.shift, wp.int32)
+    s.stencil_reverse = put("stencil_reverse", families.reverses, wp.int32)
+    s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
+    s.stencil_influence = put("stencil_influence", families.influence, types.real)
+    if families.common.size:
+        s.stencil_common = put("stencil_common", families.common, wp.uint32)
+    s.family_class = put("family_class", families.family_class, wp.int32)
+    s.class_initial = put("class_initial", pack(families.exists), wp.uint32)
+    if inverse is not None:
+        s.class_shape = put("class_shape", inverse, types.vec3)
+    s.class_weight = put("class_weight", weights, types.real)
+    s.class_area = put("class_area", families.areas, types.real)
+    s.class_family_area = put("class_family_area", families.member_areas.sum(axis=1), types.real)
+
+
+def _put_tables(
+    s: Any, put: Put, types: Numeric, families: Families, inverse: np.ndarray | None, weights: np.ndarray
+) -> None:
+    """Copy the tables of a cloud or a grid, by member and row."""
     assert families.neighbours is not None
-    rows = len(families.exists)
+    rows, real = len(families.exists), wp.dtype_to_numpy(types.real)
     if rows * s.members >= MAX_ENTRIES:
         raise InputError(
             f"{rows} families of up to {s.members} members: expected fewer than 2^32 entries in each table; "
@@ -445,7 +458,7 @@ def family_struct(
     s.initials = put("initials", pack(families.exists).T, wp.uint32)
     s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
-    s.family_areas = put("family_areas", family_areas, types.real)
+    s.family_areas = put("family_areas", families.member_areas.sum(axis=1), types.real)
     s.influences = put("influences", _by_member(families.influence, real), types.real)
     s.rows = rows
     if families.centres is not None and families.steps is not None:
@@ -467,7 +480,6 @@ def family_struct(
         s.chords = put("chords", _by_member(families.chords, real, (1, 0, 2)), types.vec3)
         if inverse is not None:
             s.tilts = put("tilts", _by_member(families.tilts(inverse), real, (1, 0, 2)), types.vec2)
-    return s
 
 
 def moments_of(families: Families) -> np.ndarray:

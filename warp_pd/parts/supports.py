@@ -251,26 +251,31 @@ class MovedPoints(BuiltPart):
 
     def check_begin(self, horizon: float) -> None:
         """Check that no motion begins more than a horizon [m] from a point: no step can close the gap."""
+        for constraint, motion in self._moving:
+            self._check_begin(constraint, motion, horizon)
+
+    def _check_begin(self, constraint: Constraint, motion: Schedule, horizon: float) -> None:
         there = self.context.initial_displacement
         if self.context.placement is not None:
             there = there - self.context.placement
-        for constraint, motion in self._moving:
-            begin, points = motion.at(0.0), constraint.points
-            moved = constraint.displacement(self.context.clamped_positions[points], 0.0)
-            apart = np.abs(moved - there[points])
-            for c in (c for c in range(3) if constraint.components & (1 << c)):
-                jump = float(apart[:, c].max(initial=0.0))
-                if jump > horizon:
-                    turned = "" if constraint.turn is None else f" and angle {constraint.turn.angle.at(0.0)[0]:.6g} rad"
-                    raise InputError(
-                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m{turned} at t = 0, {jump:.3g} m from its "
-                        f"points; expected at most the horizon, {horizon:.3g} m"
-                    )
+        begin, points = motion.at(0.0), constraint.points
+        moved = constraint.displacement(self.context.clamped_positions[points], 0.0)
+        apart = np.abs(moved - there[points])
+        for c in (c for c in range(3) if constraint.components & (1 << c)):
+            jump = float(apart[:, c].max(initial=0.0))
+            if jump > horizon:
+                turned = "" if constraint.turn is None else f" and angle {constraint.turn.angle.at(0.0)[0]:.6g} rad"
+                raise InputError(
+                    f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m{turned} at t = 0, {jump:.3g} m from its "
+                    f"points; expected at most the horizon, {horizon:.3g} m"
+                )
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that gives moved points their velocity."""
-        if phase is not Phase.PRESCRIBE or not self._moving:
-            return
+        if phase is Phase.PRESCRIBE and self._moving:
+            self._prescribe(stage)
+
+    def _prescribe(self, stage: Stage) -> None:
         context, state = self.context, self.context.state
         points = np.unique(np.concatenate([constraint.points for constraint, _ in self._moving]))
         schedules = np.full((len(points), 3), -1, np.int32)

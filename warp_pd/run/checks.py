@@ -233,6 +233,14 @@ class ShapeWatch:
 
     def notes(self, surface: Surface, last: Frame | None, found: dict[str, Any]) -> list[str]:
         """Notes on what `look` found, and on waves of the last frame."""
+        notes = self._notes_on(surface, found) if found else []
+        if last is not None and _untorn(surface, last) and not self.built.contacts:
+            faces = np.asarray(surface.faces)
+            notes += _waves(np.asarray(surface.points, np.float64), last.positions(surface), faces)
+        return notes
+
+    def _notes_on(self, surface: Surface, found: dict[str, Any]) -> list[str]:
+        """Notes on what `look` found."""
         law, advice, notes = self.built.law, "", []
         if law.goes_slack and law.weights == "plain":
             advice = "; take the weights 'corrected': plain ones do not hold a free edge of a TensionField"
@@ -250,9 +258,6 @@ class ShapeWatch:
                 f"area: the untorn sheet has less than half of its stress-free area ({spans['area']}), down to "
                 f"{-100.0 * found['area']['worst']:.2g} %{advice}"
             )
-        if last is not None and _untorn(surface, last) and not self.built.contacts:
-            faces = np.asarray(surface.faces)
-            notes += _waves(np.asarray(surface.points, np.float64), last.positions(surface), faces)
         return notes
 
 
@@ -342,9 +347,14 @@ class Soundness:
         bad = built.checks.first_not_finite()
         if bad is None and np.isfinite(totals.get("strain", 0.0)):
             # Implicit steps have no stable step, and may be long.
-            if self.stable_dt is not None:
-                self._require_slow(index, now, dt)
+            moved = 0.0 if self.stable_dt is None else built.checks.top_speed() * dt
+            if moved > built.law.families.horizon:
+                raise self._too_fast(index, now, dt)
             return
+        raise self._not_finite(bad, index, now, dt)
+
+    def _not_finite(self, bad: int | None, index: int, now: float, dt: float) -> DivergedError:
+        built = self.built
         sheet = built.context.whole
         where = "the strain energy" if bad is None else f"point {bad} at {sheet.points[bad].tolist()}"
         last, load_duration = self.last_time or 0.0, built.simulation.load_duration
@@ -354,18 +364,17 @@ class Soundness:
             between = f"became NaN or Inf between t = {last:.6g} s and t = {now:.6g} s (frame {index})"
         else:
             between = f"became NaN or Inf beyond {format_time(last, load_duration)}"
-        raise DivergedError(f"diverged: {where} {between}; likely cause: {self.cause(dt, now)}")
+        return DivergedError(f"diverged: {where} {between}; likely cause: {self.cause(dt, now)}")
 
-    def _require_slow(self, index: int, now: float, dt: float) -> None:
+    def _too_fast(self, index: int, now: float, dt: float) -> DivergedError:
         built = self.built
-        if built.checks.top_speed() * dt > built.law.families.horizon:
-            speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
-            fastest = int(speed.argmax())
-            when = format_time(now, built.simulation.load_duration)
-            raise DivergedError(
-                f"diverged: point {fastest} moves more than a horizon in one step at {when} "
-                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
-            )
+        speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
+        fastest = int(speed.argmax())
+        when = format_time(now, built.simulation.load_duration)
+        return DivergedError(
+            f"diverged: point {fastest} moves more than a horizon in one step at {when} "
+            f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
+        )
 
     def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
         """Raise DivergedError if the sheet has more energy than was ever put in."""
