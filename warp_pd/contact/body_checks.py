@@ -229,11 +229,13 @@ def passes(before: np.ndarray, now: np.ndarray, corners: np.ndarray, torn: np.nd
     if torn is not None:
         corners = corners[~of_any_corner(torn, corners)]
     before, now = before[corners], now[corners]
+    crossed = np.linalg.det(before) * np.linalg.det(now) < 0.0
+    return bool(crossed.any()) and _crosses_inside(before[crossed], now[crossed])
+
+
+def _crosses_inside(before: np.ndarray, now: np.ndarray) -> bool:
+    """Whether the centre crosses the plane of a triangle inside it, for triangles (F, 3, 3) whose planes it crosses."""
     side = np.linalg.det(before)
-    crossed = side * np.linalg.det(now) < 0.0
-    if not crossed.any():
-        return False
-    before, now, side = before[crossed], now[crossed], side[crossed]
     low, high = np.zeros(len(side)), np.ones(len(side))
     for _ in range(BISECTIONS):
         part = 0.5 * (low + high)

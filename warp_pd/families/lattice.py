@@ -50,13 +50,8 @@ def lattice_families(
     row, column = np.divmod(first, lattice.columns)
     to_x, to_y = column[:, None] + ox, row[:, None] + oy
     exists = (to_x >= 0) & (to_x < lattice.columns) & (to_y >= 0) & (to_y < lattice.rows)
-    severed_rows = np.zeros(len(first), bool)
-    if severed is not None:
-        touched, lost = severed
-        at = np.minimum(np.searchsorted(touched, first), len(touched) - 1)
-        here = np.where(touched[at] == first, at, -1) if len(touched) else np.full(len(first), -1)
-        exists[here >= 0] &= ~lost[here[here >= 0]]
-        severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
+    lost = np.zeros_like(exists) if severed is None else _lost_of(first, *severed)
+    exists &= ~lost
     areas, reference_area = sheet.areas, float(sheet.areas.mean())
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
@@ -73,7 +68,7 @@ def lattice_families(
         shift=(oy * lattice.columns + ox).astype(np.int32),
         steps=np.column_stack([ox, oy]),
         first=first,
-        severed=severed_rows,
+        severed=lost.any(axis=1),
         factors=None if factors is None else factors[first],
     )
 
@@ -106,6 +101,14 @@ def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) 
     code[touched] += 1 + which.ravel()
     _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
     return first, family_class.ravel().astype(np.int32)
+
+
+def _lost_of(first: np.ndarray, touched: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Mask of the members that the points `first` lost, (R, n), of those that the points `touched` did."""
+    found = np.zeros((len(first), lost.shape[1]), bool)
+    _, here, at = np.intersect1d(first, touched, return_indices=True)
+    found[here] = lost[at]
+    return found
 
 
 def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

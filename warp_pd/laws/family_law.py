@@ -114,17 +114,15 @@ class FamilyLaw(BuiltLaw):
         Raises:
             InputError: for a curved or graded sheet that the law does not support.
         """
-        if context.sheet.frames is not None and not self.takes_curved:
-            raise InputError(
-                f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
-            )
+        self.owner = type(law).__name__
+        for given, taken, expected in (
+            (context.sheet.frames, self.takes_curved, "BondAssociated, Visco or BondBased on a curved sheet"),
+            (context.sheet.spacings, self.takes_graded, "BondAssociated or Visco on a sheet of graded spacing"),
+        ):
+            if given is not None and not taken:
+                raise InputError(f"force = {self.owner}: expected {expected}")
         if context.partition is not None and not self.divides:
             refuse_partition(law)
-        if context.sheet.spacings is not None and not self.takes_graded:
-            raise InputError(
-                f"force = {type(law).__name__}: expected BondAssociated or Visco on a sheet of graded spacing"
-            )
-        self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families
         self.horizon_ratio = law.horizon
         self.struct = family_struct(families, context, self.owner, inverse, weights)
@@ -138,9 +136,7 @@ class FamilyLaw(BuiltLaw):
         known = capabilities(law.material)
         varies = {"by_point": known.by_point, "remembers": known.remembers, "regions (ByRegion)": known.regions or None}
         for name in [name for name, value in varies.items() if value is not None and not self.takes_regions]:
-            raise InputError(
-                f"force = {type(law).__name__}: expected a material without {name}, or the force BondAssociated"
-            )
+            raise InputError(f"force = {self.owner}: expected a material without {name}, or the force BondAssociated")
         self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
         self.slack_stiffness = known.slack_stiffness
         constants = padded_constants(law.material)

@@ -78,19 +78,11 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
     Raises:
         InputError: if weights cannot be corrected for this horizon or so large a cloud, or leave much unbalanced.
     """
-    return _copy_of_report(TABLES.result(_balanced_weight_tables, sheet, horizon, influence, weights))
 
+    def at(tried: float) -> Tables:
+        return TABLES.result(_weight_tables, sheet, tried, influence, weights)
 
-def _copy_of_report(tables: Tables) -> Tables:
-    """Tables that are kept, with a report that a run may write to."""
-    report = tables[3]
-    return *tables[:3], None if report is None else dict(report)
-
-
-def _balanced_weight_tables(
-    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str
-) -> Tables:  # fmt: skip
-    return _balanced(sheet, horizon, "plain", lambda tried: _weight_tables(sheet, tried, influence, weights))
+    return _balanced(sheet, horizon, "plain", at)
 
 
 def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
@@ -171,10 +163,11 @@ def _corrected(
 
 def _balanced(sheet: Sheet, horizon: float, instead: str, at: Callable[[float], Tables]) -> Tables:
     """The tables that `at` makes for the horizon. Raises InputError if corrected weights leave too much unbalanced."""
-    found = at(horizon)
-    if found[3] is not None and found[3]["left"] > LEFT_REFUSED:
-        raise _unbalanced(sheet, horizon, found[3], instead, at)
-    return found
+    *tables, report = at(horizon)
+    if report is not None and report["left"] > LEFT_REFUSED:
+        raise _unbalanced(sheet, horizon, report, instead, at)
+    # Tables may be kept, and a run may write to its report.
+    return *tables, None if report is None else dict(report)
 
 
 def _unbalanced(

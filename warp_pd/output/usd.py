@@ -139,8 +139,7 @@ def _fill(stage: Usd.Stage, frames: Path, seconds_per_frame: float | None) -> No
         code = Usd.TimeCode(index)
         # USD keeps the triangles until a crack cuts some.
         if not same_arrays(faces, before):
-            mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
-            mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(faces.astype(np.int32).ravel()), code)
+            _set_faces(mesh, faces, code)
             before = faces
             used[:] = False
             used[faces] = True
@@ -224,15 +223,17 @@ def _define_body(stage: Usd.Stage, body: Body) -> None:
         shape = UsdGeom.Mesh.Define(stage, path)
         shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         shape.CreatePointsAttr(_vectors(body.vertices))
-        shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(body.triangles), 3, np.int32)))
-        shape.CreateFaceVertexIndicesAttr(
-            Vt.IntArray.FromNumpy(np.ascontiguousarray(body.triangles, np.int32).ravel())
-        )  # fmt: skip
+        _set_faces(shape, body.triangles, Usd.TimeCode.Default())
     shape.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default()))
     shape.AddTranslateOp()
     shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
     shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_STEEL)]))
     _bind_material(shape, "/World/Materials/Steel", roughness=0.25)
+
+
+def _set_faces(mesh: UsdGeom.Mesh, faces: NDArray[np.integer], code: Usd.TimeCode) -> None:
+    mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
+    mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(faces.astype(np.int32).ravel()), code)
 
 
 def _path_of(body: Body) -> str:

@@ -68,14 +68,11 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
     if not str(out):
         raise InputError("out = '': expected a writable folder")
     folder = Path(out)
-    if resume and not folder.is_dir():
-        raise InputError(
-            f"resume from {str(folder)!r}: the folder does not exist; expected the folder of an earlier run"
-        )
-    if resume and not (folder / RESTART).is_file():
-        raise InputError(
-            f"resume from {str(folder / RESTART)!r}: the file does not exist; expected the folder of an earlier run"
-        )
+    for path, kind in ((folder, "folder"), (folder / RESTART, "file")) if resume else ():
+        if not path.exists():
+            raise InputError(
+                f"resume from {str(path)!r}: the {kind} does not exist; expected the folder of an earlier run"
+            )
     with _writing_in(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -62,6 +62,7 @@ class StaticSystem(BuiltSolver):
     hierarchy: Hierarchy | None
     rounds: StaticRounds
     kept: Snapshot
+    has_inertia: bool = False
     moves: bool = False
     moved: Array | None = None
 
