@@ -68,7 +68,7 @@ def lattice_families(
         shift=(oy * lattice.columns + ox).astype(np.int32),
         steps=np.column_stack([ox, oy]),
         first=first,
-        severed=lost.any(axis=1),
+        severed=np.asarray(lost.any(axis=1)),
         factors=None if factors is None else factors[first],
     )
 

@@ -163,11 +163,11 @@ def _corrected(
 
 def _balanced(sheet: Sheet, horizon: float, instead: str, at: Callable[[float], Tables]) -> Tables:
     """The tables that `at` makes for the horizon. Raises InputError if corrected weights leave too much unbalanced."""
-    *tables, report = at(horizon)
+    families, inverse, weights, report = at(horizon)
     if report is not None and report["left"] > LEFT_REFUSED:
         raise _unbalanced(sheet, horizon, report, instead, at)
     # Tables may be kept, and a run may write to its report.
-    return *tables, None if report is None else dict(report)
+    return families, inverse, weights, None if report is None else dict(report)
 
 
 def _unbalanced(
