@@ -28,7 +28,7 @@ from ..bond_associated import family_mechanics, forces_on_members
 from ..effects import Kernel, kernel
 from ..families import WORD, Layout, family_functions, lowest_bit, without_lowest_bit
 from ..kinematics import kinematics
-from ..numeric import FunctionFactory, constants_of
+from ..numeric import FunctionFactory, constants_of, numeric
 from ..rupture import stiffness_left
 from .blocks import block_functions, columns_of_gradient
 
@@ -253,6 +253,60 @@ def shape_functions(layout: Layout) -> tuple[wp.Function, wp.Function]:
     return shape_of, levelled
 
 
+# Adds up rows of one family, and multiplies them with the moments of two members. On a CPU the 8 numbers of a third of
+# a row stay together: the compiler would take single numbers apart and join them again in every pass of the loop.
+_PAIR_BLOCK = """
+    #if defined(__CUDA_ARCH__)
+        struct Lanes {{
+            {real} v[8] = {{}};
+            {real}& operator[](int c) {{ return v[c]; }}
+        }};
+    #else
+        typedef {real} Lanes __attribute__((vector_size(8 * sizeof({real})), aligned(sizeof({real}))));
+    #endif
+    Lanes sums[3] = {{}};
+    const char* rows = (const char*)stiffness.data + (long long)i * stiffness.strides[0];
+    for (unsigned left = members; left; left &= left - 1) {{
+        #if defined(__CUDA_ARCH__)
+            const {real}* row = (const {real}*)(rows + (begin + __ffs((int)left) - 1) * stiffness.strides[1]);
+            for (int c = 0; c < 24; ++c) sums[c / 8][c % 8] += row[c];
+        #else
+            const Lanes* row = (const Lanes*)(rows + (begin + __builtin_ctz(left)) * stiffness.strides[1]);
+            for (int c = 0; c < 3; ++c) sums[c] += row[c];
+        #endif
+    }}
+    const {real} a = arm[0] * other[0], b = arm[1] * other[1];
+    const {real} both = arm[0] * other[1] + arm[1] * other[0], skew = arm[0] * other[1] - arm[1] * other[0];
+    {real} part[6];
+    for (int c = 0; c < 6; ++c) part[c] = a * sums[0][c] + b * sums[1][c] + both * sums[2][c];
+    const {real} x = skew * sums[0][6], y = skew * sums[0][7], z = skew * sums[1][6];
+    {real}* block = ({real}*)(matrix.data + entry);
+    block[0] += part[0]; block[1] += part[3] + x; block[2] += part[5] - z;
+    block[3] += part[3] - x; block[4] += part[1]; block[5] += part[4] + y;
+    block[6] += part[5] + z; block[7] += part[4] - y; block[8] += part[2];
+"""
+
+
+@functools.cache
+def pair_adder(bits: int) -> wp.Function:
+    """Function (stiffness, i, begin, members, arm, other, matrix, entry): adds the block of two members of a family.
+
+    `members` are bits of one word of the masks of the family of i, which begins with member `begin`; `arm` and `other`
+    are the moments of the two.
+    """
+    types = numeric(bits)
+    vec2, mat33 = types.vec2, types.mat33
+    Row = wp.types.vector(length=ROW, dtype=types.real)
+
+    @wp.func_native(_PAIR_BLOCK.format(real="double" if bits == 64 else "float"))
+    def add_pair(
+        stiffness: wp.array2d(dtype=Row), i: int, begin: int, members: wp.uint32, arm: vec2, other: vec2,
+        matrix: wp.array(dtype=mat33), entry: int,
+    ): ...  # fmt: skip
+
+    return add_pair
+
+
 @functools.cache
 def matrix_free(layout: Layout, held: bool) -> tuple[Kernel, Kernel]:
     """Kernels of a device that stores no stiffness; `held`: whether any component is.
@@ -418,10 +472,10 @@ def turning(layout: Layout) -> Kernel:
 def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
     """Kernels of a device that stores the stiffness.
 
-    `stiffen` fills `stiffness` [points, members] with E_ij of every intersection (see the head of this file), and
-    `of_centre` [points, members + 1] with the blocks that couple members and centre of every family. `assemble` sums
-    these to the 3x3 blocks of the stiffness, row by row, each row in ascending order of `columns`, from the diagonal
-    on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
+    `stiffen` fills `moments` [points, members] with c_k xi_k, `stiffness` [points, members] with E_ij of every
+    intersection (see the head of this file), and `of_centre` [points, members + 1] with the blocks that couple members
+    and centre of every family. `assemble` sums these to the 3x3 blocks of the stiffness, row by row, each row in
+    ascending order of `columns`, from the diagonal on; `mirror` of kernels/statics/tangent_matrix.py fills the others.
     """
     types = layout.types
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
@@ -429,7 +483,7 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
     f, block_of = family_functions(layout), block_functions(layout.bits)[0]
     Family, (shape_of, levelled) = f.struct, shape_functions(layout)
     Row = wp.types.vector(length=ROW, dtype=real)
-    Part = wp.types.vector(length=8, dtype=real)
+    add_pair = pair_adder(layout.bits)
 
     @wp.func
     def moment(family: Family, i: int, k: int):
@@ -445,12 +499,16 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
         moduli: wp.array2d(dtype=vec6),
         unit_stiffness: real,
         first: int,
+        moments: wp.array2d(dtype=vec2),
         stiffness: wp.array2d(dtype=Row),
         of_centre: wp.array2d(dtype=mat33),
     ):
         i = wp.tid() + first
-        for k in range(family.members + 1):
+        of_centre[i, family.members] = mat33()
+        for k in range(family.members):
             of_centre[i, k] = mat33()
+            if f.is_intact(family, i, k):
+                moments[i, k] = moment(family, i, k)
         undamaged = f.is_undamaged(family, i)
         for j in range(family.members):
             row = Row()
@@ -482,7 +540,7 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
                 for word in range(family.words):
                     members = f.common(family, i, j, word) & f.intact_members(family, i, word)
                     while members != wp.uint32(0):
-                        centre -= moment(family, i, word * word_size + lowest_bit(members))
+                        centre -= moments[i, word * word_size + lowest_bit(members)]
                         members = without_lowest_bit(members)
                 C1 = centre[0] * E11 + centre[1] * E12
                 C2 = centre[0] * wp.transpose(E12) + centre[1] * E22
@@ -492,7 +550,7 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
                     while members != wp.uint32(0):
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
-                        arm = moment(family, i, k)
+                        arm = moments[i, k]
                         of_centre[i, k] = of_centre[i, k] + arm[0] * C1 + arm[1] * C2
             stiffness[i, j] = row
 
@@ -506,9 +564,10 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
             entry += 1
         return entry
 
-    @kernel(gathers=("family.intact", "stiffness", "of_centre"))
+    @kernel(gathers=("family.intact", "moments", "stiffness", "of_centre"))
     def assemble(
         family: Family,
+        moments: wp.array2d(dtype=vec2),
         stiffness: wp.array2d(dtype=Row),
         of_centre: wp.array2d(dtype=mat33),
         starts: wp.array(dtype=wp.int32),
@@ -539,7 +598,7 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
                 if q > i:
                     entry = entry_of(columns, entry, own, q)
                     matrix[entry] = matrix[entry] + of_centre[q, mine]
-                arm = moment(family, q, mine)
+                arm = moments[q, mine]
                 for word in range(family.words):
                     members = f.intact_members(family, q, word)
                     while members != wp.uint32(0):
@@ -547,29 +606,11 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
                         members = without_lowest_bit(members)
                         m = f.neighbour(family, q, k)
                         if m >= i:
-                            row = Row()
+                            entry = entry_of(columns, entry, own, m)
                             for w in range(family.words):
                                 both = f.common(family, q, mine, w) & f.common(family, q, k, w)
                                 both = both & f.intact_members(family, q, w)
-                                while both != wp.uint32(0):
-                                    row += stiffness[q, w * word_size + lowest_bit(both)]
-                                    both = without_lowest_bit(both)
-                            other = moment(family, q, k)
-                            both_ways = arm[0] * other[1] + arm[1] * other[0]
-                            skew = arm[0] * other[1] - arm[1] * other[0]
-                            part = Part()
-                            for c in range(8):
-                                part[c] = arm[0] * other[0] * row[c] + arm[1] * other[1] * row[8 + c]
-                                part[c] += both_ways * row[16 + c]
-                            x = skew * row[6]
-                            y = skew * row[7]
-                            z = skew * row[14]
-                            block = mat33(
-                                part[0], part[3] + x, part[5] - z,
-                                part[3] - x, part[1], part[4] + y,
-                                part[5] + z, part[4] - y, part[2],
-                            )  # fmt: skip
-                            entry = entry_of(columns, entry, own, m)
-                            matrix[entry] = matrix[entry] + block
+                                if both != wp.uint32(0):
+                                    add_pair(stiffness, q, w * word_size, both, arm, moments[q, k], matrix, entry)
 
     return stiffen, assemble

@@ -59,6 +59,11 @@ class Hierarchy:
             self._add_transfer(fine)
         self._sparse = self.levels[-1].tangent.sparse()
         self._coarsest: Solve | None = None
+        # Whether the coarsest tangent is yet to be factorised.
+        self._renewed = False
+        # Level that starts from an equilibrium of the next coarser one, and tension added to the tangents there.
+        self._started: int | None = None
+        self._tension = 0.0
 
     def _add_coarser(self, finest: Level, system: System, depth: int, lattice: Lattice) -> None:
         context = coarse_context(finest.context, depth, lattice, self.lattices[0])
@@ -124,20 +129,22 @@ class Hierarchy:
 
         Where a sheet is slack on a coarser level but not on the finest, the V-cycle would take far too long a step. So
         coarser levels of a material that goes slack get the mean tension of the sheet in addition. With `keep` coarser
-        levels keep the tangents that they have.
+        levels keep the tangents that they have, as they do where an equilibrium of theirs is the start.
         """
         self.levels[finest].linearise(tension)
         last = len(self.levels) - 1
-        if keep and finest < last:
+        started, self._started = self._started == finest < last - 1, None
+        if finest < last and (keep or (started and tension == 0.0 == self._tension)):
             return
         for index in range(finest, last):
             self.levels[index].run("sample")
         if finest < last and self.levels[last].law.goes_slack:
             self.levels[last].linearise(tension)
             tension = max(tension, self.levels[last].tangent.mean_tension())
+        self._tension = tension
         for level in self.levels[finest + 1 :]:
             level.linearise(tension)
-        self._coarsest = self._sparse.factorise()
+        self._renewed = True
         if finest < len(self.levels) - 1:
             # Common to all levels: measured on a small one.
             largest = self._smoothers[-2].largest_eigenvalue()
@@ -150,7 +157,9 @@ class Hierarchy:
         return self._coarsest is not None
 
     def prepare(self, keep: bool = False) -> bool:
-        """Return whether the levels are usable; `linearise` has set them up, so there is nothing to keep."""
+        """Factorise the coarsest tangent; return whether the levels are usable. `linearise` knows what to keep."""
+        if self._renewed:
+            self._coarsest, self._renewed = self._sparse.factorise(), False
         return self.usable
 
     def sides(self, index: int) -> tuple[Array, Array]:
@@ -174,12 +183,14 @@ class Hierarchy:
 
     def sample(self) -> None:
         """Interpolate the displacement of the finest level to all coarser ones."""
+        self._started = None
         for level in self.levels[:-1]:
             level.run("sample")
 
     def start(self, index: int) -> None:
         """Interpolate the displacement of the next coarser level to level `index`."""
         self.levels[index].run("start from coarser")
+        self._started = index
 
 
 def coarser(lattice: Lattice) -> list[Lattice]:

@@ -274,11 +274,11 @@ class StaticSystem(BuiltSolver):
         It is not at a slack start. With `keep` the aggregates of an earlier tangent will do, and
         the tangents of coarser lattices.
         """
+        level = self.levels[index]
         if self.hierarchy:
             self.hierarchy.linearise(index, tension, keep)
-            return self.hierarchy.usable
-        level = self.levels[0]
-        level.linearise(tension)
+        else:
+            level.linearise(tension)
         if tension == 0.0 and not self.sizes.modulus and level.tangent.is_slack():
             return False
-        return self.solvers[0].prepare(keep)
+        return self.solvers[index].prepare(keep)

@@ -380,7 +380,9 @@ class TangentMatrix:
         self._host = HostBlocks(self.starts, self.columns, self.blocks, self.free)
         members, t = force.families.members, context.types
         row = wp.types.vector(length=ROW, dtype=t.real)
-        stiffness = context.array("stiffness", OWNER, row, shape=(force.points, members), intermediate=True)
+        shape = (force.points, members)
+        moments = context.array("stiffness_moments", OWNER, t.vec2, shape=shape, intermediate=True)
+        stiffness = context.array("stiffness", OWNER, row, shape=shape, intermediate=True)
         of_centre = context.array(
             "stiffness_of_centre", OWNER, t.mat33, shape=(force.points, members + 1), intermediate=True
         )
@@ -388,12 +390,13 @@ class TangentMatrix:
         stage.launch(
             OWNER, stiffen, force.points,
             family=force.struct, displacement=displacement, gradient=tangent.gradient, stress=tangent.stress,
-            moduli=tangent.moduli, unit_stiffness=force.unit_stiffness, stiffness=stiffness, of_centre=of_centre,
+            moduli=tangent.moduli, unit_stiffness=force.unit_stiffness, moments=moments, stiffness=stiffness,
+            of_centre=of_centre,
         )  # fmt: skip
         stage.launch(
             OWNER, assemble, force.points,
-            family=force.struct, stiffness=stiffness, of_centre=of_centre, starts=self.starts, columns=self.columns,
-            matrix=self.blocks,
+            family=force.struct, moments=moments, stiffness=stiffness, of_centre=of_centre, starts=self.starts,
+            columns=self.columns, matrix=self.blocks,
         )  # fmt: skip
         stage.launch(
             OWNER, self._kernels.mirror, force.points, starts=self.starts, columns=self.columns, matrix=self.blocks
