@@ -5,8 +5,10 @@ in which run/built.py lists the parts: force law, solver, moved points, clock, r
 the scene names them, contact, rupture, the sum of all loads, checks at frames. A feature that the scene does not use
 adds nothing. `warp-pd plan SCENE` prints the launches.
 
-Within `one_launch`, pointwise stages on the same points share a launch, unless one gathers from neighbours what another
-writes.
+Within `one_launch`, pointwise stages on the same points share a launch; none of them may gather from neighbours what
+another writes. With `and_next`, a GPU runs the end of a step and the beginning of the next in one launch, too. Bodies
+on paths then move before it, and the contact that ends a step takes their positions of that step. A load that gathers
+the displacement, such as a follower pressure, keeps steps apart.
 """
 
 from __future__ import annotations
@@ -85,7 +87,7 @@ def explicit_step(parts: Acting, step: Stage) -> None:
     parts.add(Phase.UNDAMAGED_FORCE, step)
     parts.add(Phase.SEVERING, step)
     parts.add(Phase.INTERNAL_VARIABLES, step)
-    with step.one_launch():
+    with step.one_launch(and_next=True):
         parts.add(Phase.INTERNAL_FORCE, step)
         parts.add(Phase.BOND_WORK, step)
         parts.add(Phase.EXTERNAL_FORCE, step)
@@ -103,19 +105,9 @@ def relaxation_step(parts: Acting, step: Stage) -> None:
         parts.add(Phase.DRIFT, step)
     parts.add(Phase.CLOCK, step)
     parts.add(Phase.UNDAMAGED_FORCE, step)
-    with step.one_launch():
+    with step.one_launch(and_next=True):
         parts.add(Phase.INTERNAL_FORCE, step)
         parts.add(Phase.EXTERNAL_FORCE, step)
         parts.add(Phase.DAMPING, step)
         parts.add(Phase.KICK, step)
         parts.add(Phase.RIGID_KICK, step)
-
-
-def join_steps(step: Stage) -> None:
-    """Let the end of a step, from the kick on, share a launch with the beginning of the next, on a GPU.
-
-    Bodies on paths then move before it; the contact that ends a step takes their positions of that step. A CPU would
-    gain nothing, and compile the kernels of both a second time.
-    """
-    if step.device.is_cuda:
-        step.fuse_wraparound()

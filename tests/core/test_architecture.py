@@ -72,7 +72,10 @@ def phases_of(order):
             stage.append(phase)
 
     class Phases(list):
-        one_launch = leads = contextlib.nullcontext
+        leads = contextlib.nullcontext
+
+        def one_launch(self, and_next=False):
+            return contextlib.nullcontext()
 
     order(Listing(), found := Phases())
     return found

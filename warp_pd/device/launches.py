@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import warp as wp
 
 from ..kernels.effects import Effects, Kernel, Pointwise, every_point, in_turn
+from .checks import InputError
 from .cores import compilers
 from .fields import Array
 from .kernel_cache import is_loaded, load_module
@@ -275,15 +276,18 @@ class Stage:
         self._every = 1
 
     @contextlib.contextmanager
-    def one_launch(self) -> Iterator[None]:
+    def one_launch(self, and_next: bool = False) -> Iterator[None]:
         """Context in which pointwise stages that follow each other on the same points share a launch.
 
-        One that gathers what another writes, or the reverse, begins a new launch.
+        `and_next`: on a GPU the last of them also shares one with the first of the next repetition, if it may. A CPU
+        would gain nothing, and compile the kernels of both a second time.
         """
         outside = self._shares, self._before
         self._shares, self._before = True, self.items[-1] if self.items else None
         yield
         self._shares, self._before = outside
+        if and_next and self.device.is_cuda:
+            self.fuse_wraparound()
 
     @contextlib.contextmanager
     def leads(self) -> Iterator[None]:
@@ -348,9 +352,17 @@ class Stage:
         if late is not None:
             after = {"arguments": with_values(part.arguments(), {**arguments, **late})}
             launch.late = replace(launch, arguments=after, touched=touched(part.effects, after))
-        shares = self._shares and self.items and self.items[-1] is not self._before
-        joined = _joined(self.items[-1], launch) if shares else None
-        self.items[-1 if joined else len(self.items) :] = [joined or launch]
+        last = self.items[-1] if self.items else None
+        if not self._shares or last is self._before or not (joined := _joined(last, launch)):
+            self.items.append(launch)
+            return
+        assert last is not None
+        if not last.touched.may_share_launch(launch.touched):
+            raise InputError(
+                f"{owner}: {part.name} and {last.name} of {last.owner} would share a launch, and one gathers what the "
+                "other writes: expected a kernel of its own (Stage.launch)"
+            )
+        self.items[-1] = joined
 
     def call(self, call: Call) -> None:
         """Add an item that is not a kernel."""
@@ -362,7 +374,8 @@ class Stage:
         if len(inner) > 1 and all(item.every == 1 for item in (*leaders, inner[0], last)):
             if leaders and isinstance(last, Launch):
                 last = last.late or last
-            if not any(last.touched.must_wait_for(item.touched) for item in leaders):
+            waits = any(last.touched.must_wait_for(item.touched) for item in leaders)
+            if not waits and last.touched.may_share_launch(inner[0].touched):
                 self.wraparound = _joined(last, inner[0])
 
     def moves_later(self, displacement: Array, owner: str = "") -> bool:
@@ -402,8 +415,8 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
         raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
 
 
-def _joined(first: Item, second: Item) -> Launch | None:
-    """Join two launches of pointwise stages on the same points into one; None if that is not possible."""
+def _joined(first: Item | None, second: Item) -> Launch | None:
+    """Join two launches of pointwise stages on the same points into one; None if they are not."""
     if not (isinstance(first, Launch) and isinstance(second, Launch)):
         return None
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
@@ -411,8 +424,6 @@ def _joined(first: Item, second: Item) -> Launch | None:
     if first.alone or second.alone or first.every != second.every:
         return None
     if (first.threads, first.begin) != (second.threads, second.begin):
-        return None
-    if not first.touched.may_share_launch(second.touched):
         return None
     part = in_turn(first.source, second.source)
     both = part.arguments()

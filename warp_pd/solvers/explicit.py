@@ -15,7 +15,7 @@ from ..device.fields import assign
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, StepLimit, System, UnbalancedError
 from ..interfaces.solver import FINISHED
-from ..step import Phase, explicit_step, join_steps
+from ..step import Phase, explicit_step
 from .stepping import FramesInTime, Retries, StableStep, add_motion
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
@@ -116,7 +116,6 @@ class BuiltExplicit(BuiltSolver):
         explicit_step(system, step)
         for part in system.parts:
             part.complete(step)
-        join_steps(step)
         self.stable_step = StableStep(system, self.context.state.mass)
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
         if self.solver.damping > 0.0:

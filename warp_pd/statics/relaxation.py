@@ -20,7 +20,7 @@ from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import DIVERGED, FINISHED, NOT_CONVERGED
 from ..kernels.integrate import RIGID
 from ..solvers.stepping import Snapshot, StableStep, add_motion
-from ..step import NOT_IN_RELAXATION, Phase, join_steps, relaxation_step
+from ..step import NOT_IN_RELAXATION, Phase, relaxation_step
 from .fictitious_mass import fictitious_mass
 from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, LoadScale, StaticRounds, flies
 
@@ -174,7 +174,6 @@ class BuiltRelaxation(BuiltSolver):
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         relaxation_step(system, step)
-        join_steps(step)
         self.rounds = StaticRounds(system)
         self.stable_step = StableStep(system, self.inertia())
         self._snapshot = Snapshot(context, OWNER, step)
