@@ -12,6 +12,7 @@ with the length L of the stretched strip. Without bending (`--set bending=False`
 """
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Plate, Sheet, Simulation
 from warp_pd.device.checks import count, positive
@@ -22,6 +23,8 @@ LENGTH, WIDTH, MU = 0.25, 0.1, 2e6
 FLAT = 0.01
 # Spacings along a wave that let it form, and that make it one and no zigzag from point to point.
 WAVE, ZIGZAG = 10.0, 4.0
+# Places for each point at which heights and slopes are summed.
+FINE = 8
 
 
 def build(
@@ -98,13 +101,15 @@ def build(
 def wavelength(across, displacement):
     """Wavelength along a line of points [m]: that of the sine with the same mean squares of height and slope.
 
-    None for heights that change from point to point.
+    None for heights that change from point to point, and for a line that folds over. The heights between the points are
+    those of a spline: differences would make a wave of ten points 7 % too long.
     """
     y, height = across + displacement[:, 1], displacement[:, 2]
-    if (height**2).sum() < (ZIGZAG / (2.0 * np.pi)) ** 2 * (np.diff(height) ** 2).sum():
+    zigzag = (height**2).sum() < (ZIGZAG / (2.0 * np.pi)) ** 2 * (np.diff(height) ** 2).sum()
+    if zigzag or np.diff(y).min() <= 0.0:
         return None
-    slope = np.gradient(height, y)
-    return float(2.0 * np.pi * np.sqrt(np.trapezoid(height**2, y) / np.trapezoid(slope**2, y)))
+    wave, fine = CubicSpline(y, height), np.linspace(y[0], y[-1], FINE * len(y))
+    return float(2.0 * np.pi * np.sqrt(np.trapezoid(wave(fine) ** 2, fine) / np.trapezoid(wave(fine, 1) ** 2, fine)))
 
 
 def pictures(history, folder):

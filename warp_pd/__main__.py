@@ -292,7 +292,7 @@ def run(
 @click.option("--overwrite", is_flag=True, help="Run everything again.")
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
 @click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
-@click.option("--quiet", is_flag=True, help="Print only the table.")
+@click.option("--quiet", is_flag=True, help="Print only notes (on stderr) and the table.")
 def sweep_values(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
     overwrite: bool, usd: bool, pictures: str | None, quiet: bool, **named: str | None,

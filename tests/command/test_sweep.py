@@ -75,6 +75,20 @@ def test_a_run_that_fails_does_not_stop_the_others(scene):
     assert "done before" in sweep("--set", "load=400", "--out", "far2").output, "it would not converge again"
 
 
+def test_a_note_of_many_runs_is_told_once(scene):
+    told = """, notes=["all: one"] + ["heavy: bends"] * (load > 1) + [f"load = {load}: of 3"])"""
+    ends = ", reference=0.01)],\n    )\n"
+    assert SCENE.endswith(ends)
+    (scene / "mine.py").write_text(SCENE.removesuffix(ends) + ", reference=0.01)]" + told)
+    for quiet in ([], ["--quiet"]):
+        lines = sweep("--set", "load=1,2,3", *quiet).stderr.splitlines()
+        assert [line for line in lines if "runs)" in line] == [
+            "all: one (3 of 3 runs)",
+            "load = 1.0: of 3 (as at load=1, with other numbers elsewhere: 3 of 3 runs)",
+            "heavy: bends (2 of 3 runs)",
+        ], "runs of before have their notes, too"
+
+
 def test_a_run_that_was_interrupted_goes_on(scene):
     """What a killed run leaves: a restart file and no summary."""
     assert sweep("--points", "7").exit_code == 0

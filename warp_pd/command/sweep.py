@@ -7,6 +7,7 @@ import csv
 import gc
 import hashlib
 import itertools
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,8 @@ from ..viewer.pictures import Drawing, drawing
 REFUSED = "refused"
 # Length of the name of a folder whose values take more; file systems take 255 bytes.
 LONGEST_NAME = 200
+# A number in a note.
+NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 # Runs that are over: to run them again would give the same.
 OVER = (FINISHED, DIVERGED, NOT_CONVERGED, ENDED)
 
@@ -233,13 +236,27 @@ def _text(name: str, cell: Any) -> str:
     return f"{cell:.1f}" if name == "seconds" else f"{cell:.6g}"
 
 
+def notes_of(rows: Sequence[Row]) -> list[str]:
+    """Every note of the runs once, with the number of runs that have it; notes may differ in their numbers."""
+    found: dict[str, dict[int, str]] = {}
+    for number, row in enumerate(rows):
+        for note in row.summary.get("notes", ()):
+            found.setdefault(NUMBER.sub("#", note), {}).setdefault(number, note)
+    lines = []
+    for texts in found.values():
+        first, note = next(iter(texts.items()))
+        where = "" if len(set(texts.values())) == 1 else f"as at {rows[first].name}, with other numbers elsewhere: "
+        lines.append(f"{note} ({where}{len(texts)} of {len(rows)} runs)")
+    return lines
+
+
 def run_sweep(
     scene: str, choices: Mapping[str, Sequence[str]], folder: Path, options: Mapping[str, Any], overwrite: bool,
     quiet: bool,
 ) -> int:  # fmt: skip
     """Run a sweep, print and write its table, draw its plot, and return the exit code of the worst run.
 
-    Arguments are those of `sweep`; `quiet` prints only the table.
+    Arguments are those of `sweep`; `quiet` prints only notes and the table.
     """
     load_scene(scene)
     with contextlib.ExitStack() as stack:
@@ -267,6 +284,8 @@ def _run_sweep(
     for row in rows:
         if row.message:
             click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
+    for note in notes_of(rows):
+        click.echo(note, err=True)
     click.echo(printed_table(rows))
     if not write_table(folder / "sweep.csv", rows):
         if (folder / "sweep.csv").is_file():
