@@ -37,6 +37,9 @@ if [ "${1:-}" = test ]; then
     shift
   done
   if [ "${#chosen[@]}" -gt 0 ]; then chosen=(tests/core "${chosen[@]}"); fi
+  # Hundreds of processes start Python. Byte code is kept also where the environment asks for none beside the sources.
+  export PYTHONPYCACHEPREFIX="$PWD/.venv/byte_code"
+  unset PYTHONDONTWRITEBYTECODE
   # Tests of a file share kernels: one process compiles them once. tests/conftest.py orders the files.
   .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile --no-loadscope-reorder ${chosen[@]+"${chosen[@]}"} "$@" ||
     status=$?

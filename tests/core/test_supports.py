@@ -137,7 +137,7 @@ def test_the_torque_of_a_turning_support_is_the_slope_of_the_energy():
 INNER, OUTER, THICKNESS = 0.02, 0.05, 1e-3
 
 
-def torque_of_annulus(angle, mu, wrinkles, cells=200):
+def torque_of_annulus(angle, mu, wrinkles, cells):
     """Torque [N m] on the hub of an incompressible neo-Hookean annulus, both rims clamped, that turns by `angle` [rad].
 
     The radii r and angles q of circles R are found by the least energy; C has the entries r'^2 + (r q')^2,
@@ -210,7 +210,9 @@ def test_the_torque_on_a_hub_is_that_of_the_exact_membrane(wrinkles, angle, boun
     result = simulation.run(device="cpu")
     assert result.status == "finished"
     torque = support_torque(result.built, hub)[2]
-    assert torque == pytest.approx(torque_of_annulus(angle, mu, wrinkles), rel=bound)
+    # Of second order in the cells: together they are within 1e-6 of what 200 cells and more converge to.
+    coarse, fine = (torque_of_annulus(angle, mu, wrinkles, cells) for cells in (25, 50))
+    assert torque == pytest.approx(fine + (fine - coarse) / 3.0, rel=bound)
 
 
 # Loads on held points -----------------------------------------------------------------------------------
