@@ -111,7 +111,7 @@ def test_kernels_import_warp_alone():
 
 def test_interfaces_say_what_they_take():
     """Few `Any` in the protocols, and no question for a type outside the checks of a scene."""
-    protocols = [PACKAGE / "interfaces" / f"{name}.py" for name in ("frame", "part", "solver")]
+    protocols = [PACKAGE / "interfaces" / f"{name}.py" for name in ("built_part", "frame", "law", "part", "solver")]
     lines = [line for path in protocols for line in path.read_text().splitlines()]
     uses = [word for line in lines if "import" not in line for word in re.findall(r"\bAny\b", line)]
     assert 0 < len(uses) < 20

@@ -12,24 +12,20 @@ from typing import TYPE_CHECKING
 from ..device.lazy import lazy
 
 if TYPE_CHECKING:
+    from .built_part import BuiltPart, Columns, History, StepLimit
     from .frame import FrameReport, Writer
+    from .law import BuiltLaw, Law
     from .part import (
         HELD,
         SLOPE,
         BuiltContact,
-        BuiltLaw,
         BuiltLoad,
-        BuiltPart,
         BuiltRupture,
-        Columns,
         Constraint,
         Contact,
-        History,
-        Law,
         Load,
         Part,
         Rupture,
-        StepLimit,
         Turn,
     )
     from .solver import BuiltSolver, DivergedError, FrameSink, Solver, System, UnbalancedError

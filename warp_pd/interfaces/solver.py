@@ -16,7 +16,9 @@ from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..kernels.loads import begin_loads
 from ..step import Phase
-from .part import BuiltLaw, BuiltLoad, BuiltPart, BuiltRupture, Constraint
+from .built_part import BuiltPart
+from .law import BuiltLaw
+from .part import BuiltLoad, BuiltRupture, Constraint
 
 
 class ExternalForce(BuiltPart):

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device.checks import InputError, finite, implements, numbers, said
-from ..geometry.sheet import Region, Sheet
+from ..geometry.regions import Region
+from ..geometry.sheet import Sheet
 from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from ..interfaces.frame import OWN_FIELDS
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -45,9 +45,7 @@ from .cut_profiles import CutEnds, damage_of_cuts, initial_damage
 from .damage_ghosts import LAYERS, DamageGhosts
 from .early_softening import EarlySoftening
 from .field_constants import relaxations, screen_of
-
-if TYPE_CHECKING:
-    from .tearing_energy import TearingEnergy
+from .tearing_energy import TearingEnergy
 
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3

@@ -17,7 +17,6 @@ from ..interfaces.scales import DENSITIES, Scales, of_stretch
 from ..materials import largest_energy_density
 from ..parts.rupture import CriticalStretch
 from .cut_profiles import longest_between_cuts
-from .damage_field import DamageField
 from .damage_ghosts import LAYERS
 from .field_constants import Density, FieldConstants
 
@@ -138,6 +137,8 @@ class TearingEnergy(Rupture):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""
+        from .damage_field import DamageField
+
         return DamageField(self, context, law)
 
 
