@@ -32,6 +32,8 @@ class StaticContactKernels:
         press: Adds the contact forces to the forces on the points.
         show: Computes the force on each point [N] and its moment about the centre of the body [N m].
         linearise: Computes the derivative of the force on a point with respect to its displacement [N/m].
+        differ: Computes by how much the stiffness along the normal is another than in the blocks, over that of a point
+            that touches [-].
         settle: Updates the multipliers to the current pressures and computes their changes [Pa].
     """
 
@@ -39,6 +41,7 @@ class StaticContactKernels:
     press: Kernel
     show: Kernel
     linearise: Kernel
+    differ: Kernel
     settle: Kernel
 
 
@@ -137,6 +140,20 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         blocks[i] = block
 
     @kernel()
+    def differ_from_blocks(
+        displacement: wp.array(dtype=vec3),
+        a: StaticContact,
+        blocks: wp.array(dtype=mat33),
+        first: int,
+        off: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        _x, n, p = pressed(i, displacement[i], a)
+        along, stiffness = vec3(n), wp.float64(a.areas[i]) * a.stiffness[0]
+        resists = wp.where(p > wp.float64(0.0), stiffness, wp.float64(0.0))
+        off[i] = wp.abs(resists + wp.float64(wp.dot(along, blocks[i] * along))) / stiffness
+
+    @kernel()
     def settle_contact(
         displacement: wp.array(dtype=vec3),
         a: StaticContact,
@@ -149,4 +166,6 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         off[i] = wp.abs(p - a.multiplier[i])
         multiplier[i] = p
 
-    return StaticContactKernels(StaticContact, press_out, show_pressure, linearise_contact, settle_contact)
+    return StaticContactKernels(
+        StaticContact, press_out, show_pressure, linearise_contact, differ_from_blocks, settle_contact
+    )

@@ -6,6 +6,7 @@ from helpers import NEO, refused, square
 from resumed_runs import require_same_when_stopped
 
 from warp_pd import (
+    BodyForce,
     BodyPath,
     BondAssociated,
     Explicit,
@@ -14,9 +15,12 @@ from warp_pd import (
     Implicit,
     Maxwell,
     MooneyRivlin,
+    NeoHookean,
     Newton,
+    Plate,
     RigidBody,
     SelfContact,
+    Sheet,
     Simulation,
     Sphere,
     TearingEnergy,
@@ -47,6 +51,25 @@ def test_a_slow_body_presses_as_in_equilibrium(precision):
     forces, wanted = ([row["body_force_z"] for row in r.history] for r in (found, expected))
     np.testing.assert_allclose(forces, wanted, atol=1e-3 * max(wanted))
     np.testing.assert_allclose(found.frame.displacement, expected.frame.displacement, atol=2e-5)
+
+
+def test_a_sheet_that_drapes_over_a_ball_takes_few_steps_of_newton():
+    """No step takes the tangent of other points that touch: these would come and go without end."""
+    sheet = Sheet.rectangle(0.2, 0.2, thickness=1e-3, density=1000.0, points=17)
+    u, v = 10.0 * sheet.points.T - 1.0
+    held = np.flatnonzero(np.maximum(np.abs(u), np.abs(v)) < 0.1)
+    # The folds turn to one side.
+    start = np.outer(5e-3 * u * v * (u**2 - v**2), [0.0, 0.0, 1.0])
+    found = Simulation(
+        sheet,
+        BondAssociated(NeoHookean(mu=3e5, bulk=3e7), horizon=1.5),
+        Implicit(0.12, frames=1, steps=12, damping=15.0),
+        loads=[Fixed(held), BodyForce((0.0, 0.0, -9810.0)), Plate(1e-4)],
+        contact=RigidBody(Sphere(0.2), BodyPath.still((0.1, 0.1, -0.1))),
+        initial_displacement=start,
+    ).run(device="cpu")
+    solve = found.summary["solve"]
+    assert found.status == "finished" and solve["halved"] == 0 and solve["iterations"] <= 130
 
 
 def test_a_body_beside_explicit_steps():

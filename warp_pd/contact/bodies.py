@@ -50,6 +50,8 @@ PASSING = 0.125
 # Static contact: factor by which the stiffness grows from round to round, and largest distance of a point from the
 # surface in float64 and float32 [spacings].
 STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
+# Static contact: relative change of the stiffness of a point that touches from which a tangent is another.
+ANEW = 0.5
 
 
 @dataclass(frozen=True)
@@ -449,10 +451,17 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
 
     def prepare(self) -> None:
-        """Add the stage that updates the multipliers."""
-        stage = self.context.stage(f"multipliers of {self.part.name}", "every equilibrium")
+        """Add the stages that update the multipliers, and that ask whether other points touch."""
         displacement = self.context.state.displacement
+        stage = self.context.stage(f"multipliers of {self.part.name}", "every equilibrium")
         self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+        stage = self.context.stage(f"blocks of {self.part.name}", "every step that may take the tangent of another")
+        self._launch(stage, self._kernels.differ, displacement, blocks=self.blocks, off=self._off)
+
+    def touches_anew(self) -> bool:
+        """Return whether other points touch than in `blocks`, or with another stiffness."""
+        self.context.sequence(f"blocks of {self.part.name}").run()
+        return bool(self._off.numpy().max() > ANEW)
 
     def set_stiffness(self, stiffness: float) -> None:
         """Set the contact stiffness [Pa/m], unless already set."""

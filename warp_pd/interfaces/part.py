@@ -171,6 +171,10 @@ class StaticContact(Protocol):
         """Add the launch that fills `blocks` at a displacement [m]; called once."""
         ...
 
+    def touches_anew(self) -> bool:
+        """Whether other points touch than in `blocks`, so that no step may take a tangent with these."""
+        ...
+
     def update_multipliers(self) -> bool:
         """Update the multipliers in equilibrium; return whether equilibrium must be found again."""
         ...

@@ -157,6 +157,8 @@ class Descent:
         while True:
             least = level.tangent.min_tension(relative)
             again = self._kept or (self._usable and self.tension == 0.0 and self._suffices())
+            # With the tangent of other points that touch, these would come and go without end.
+            again = again and not level.touches_anew()
             usable = self._usable = again or self._renew(max(self.tension, least))
             self._aggregated = usable
             self._kept = usable and self.tension == 0.0 and self._keeps(relative)

@@ -172,6 +172,10 @@ class Level:
         blocks += [tie[:, None, None] * np.eye(3) for tie in ties if tie is not None]
         return np.sum(blocks, axis=0) if blocks else None
 
+    def touches_anew(self) -> bool:
+        """Whether other points touch a body than in the last tangent."""
+        return any(contact.touches_anew() for contact in self.contacts)
+
     def longest_step(self) -> float:
         """Fraction of the direction at which the first family turns inside out; infinite if families may."""
         if self._longest is None:
