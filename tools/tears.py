@@ -12,8 +12,8 @@
 --horizons, --energies or --grids is given, of all their combinations. A row holds G / Gc when the tip has
 moved by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at
 four spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. `perforated` are lines of slits
-across a sheet (tools/perforated.py), whose bridges take Gc times what is not cut. The file is written after each run
-and keeps the rows of earlier calls; a row of the same settings is replaced, or, with --missing, not run again.
+across a sheet (docs/cookbook/perforated.py), whose bridges take Gc times what is not cut. The file is written after
+each run and keeps the rows of earlier calls; a row of the same settings is replaced, or, with --missing, not run again.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ FLAWS = (
     (121, 0.0, 3.4, 0.3), (121, 3.0, 3.4, 0.3), (121, 10.0, 3.4, 0.3), (121, 40.0, 3.4, 0.3),
 )  # fmt: skip
 GC, WEAKENED = 4.0, "strength"
-PERFORATED = "tools/perforated.py"
+PERFORATED = "docs/cookbook/perforated.py"
 
 
 def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -168,7 +168,7 @@ def flaws(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 def perforated(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """Perforated lines: slits and bridges of 2, 4 and 8 mm at spacings of 0.25, 0.5 and 1 mm."""
     for points, size in itertools.product((257, 129, 65), (2e-3, 4e-3, 8e-3)):
-        yield PERFORATED, {"points": points, "size": size, **further(options)}
+        yield PERFORATED, {"points": points, "size": size, "frames": 100, **further(options)}
 
 
 def further(options: Any) -> dict[str, str]:

@@ -19,9 +19,10 @@ from warp_pd import (
     TearingEnergy,
     TensionField,
 )
+from warp_pd.measures import largest, worst_balance
 
 
-def build(points=65, size=8e-3, tearing_energy=500.0):
+def build(points=65, size=8e-3, tearing_energy=500.0, frames=20):
     """Slits and bridges of one size across a sheet that is torn in two along them: what the tear takes."""
     width, height, thickness, mu, stretch, speed = 0.064, 0.04, 0.5e-3, 0.3e6, 1.8, 0.5
     sheet = Sheet.rectangle(width, height, thickness=thickness, density=1000.0, points=points)
@@ -33,13 +34,15 @@ def build(points=65, size=8e-3, tearing_energy=500.0):
     return Simulation(
         sheet,
         BondAssociated(TensionField(MooneyRivlin(0.5 * mu)), horizon=2.015),
-        Explicit(duration, frames=20, damping=20.0),
+        Explicit(duration, frames=frames, damping=20.0),
         loads=[
             Fixed(bottom), Motion(top, [0.0, duration], x=0.0, y=[0.0, (stretch - 1.0) * height], z=0.0),
             Reaction(top, "pull"),
         ],
         damage=TearingEnergy(tearing_energy, spared=np.concatenate([bottom, top])),
         outcomes=[
-            Outcome("torn", "J", lambda rows: rows[-1]["rupture"], tearing_energy * uncut, "Gc times uncut area"),
+            Outcome("torn_ratio", "1", lambda rows: rows[-1]["rupture"] / (tearing_energy * uncut), 1.0, "uncut area"),
+            Outcome("peak", "N", largest("pull_y")),
+            Outcome("worst_energy_balance", "1", worst_balance),
         ],
     )  # fmt: skip

@@ -20,19 +20,16 @@ class Background:
 
     Args:
         write_frame: Function that writes a frame.
-        require_room: Function called before every write; raises OutputError if disk space is insufficient, because a
-            failed write may leave a file, and the HDF5 library, in an invalid state.
     """
 
-    def __init__(self, write_frame: Callable[[Frame], None], require_room: Callable[[], None] = lambda: None) -> None:
-        self._write_frame, self.require_room = write_frame, require_room
+    def __init__(self, write_frame: Callable[[Frame], None]) -> None:
+        self._write_frame = write_frame
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="warp_pd_writer")
         self._waiting: Future[None] | None = None
 
     def write(self, frame: Frame) -> None:
         """Accept one frame, after the previous one has been written."""
         self.save()
-        self.require_room()
         self._waiting = self._thread.submit(self._write_frame, frame)
 
     def save(self) -> None:

@@ -136,8 +136,7 @@ def add_files(
     """
     if folder is None or known is None:
         return
-    room = partial(require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
-    room()
+    require_room(folder, _room_of_a_frame(recorder, chosen.restarts))
     if append_from is not None and (folder / FRAMES).is_file():
         _require_same_stride(recorder.points, folder / FRAMES)
     surface = recorder.points.surface
@@ -156,7 +155,7 @@ def add_files(
         for file in series:
             file.write(frame)
 
-    files = Background(write, room)
+    files = Background(write)
     others = list(recorder.writers)
     recorder.writers.append(files)
     _add_history(recorder, folder, append_from)
