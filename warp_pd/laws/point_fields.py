@@ -16,7 +16,6 @@ from ..interfaces.frame import OWN_FIELDS
 from ..kernels.effects import Kernel
 from ..kernels.families import Layout
 from ..kernels.numeric import FunctionFactory, PairFactory
-from ..kernels.point_fields import Wanted, field_arrays
 from ..materials import Capabilities, Material, capabilities
 
 # Names that a scene or a user gives, and the arrays that frames then hold.
@@ -69,6 +68,8 @@ class ShownFields:
     """
 
     def __init__(self, context: Context, law: BuiltLaw, names: Sequence[str]) -> None:
+        from ..kernels.point_fields import Wanted
+
         self.context, self.law = context, law
         self.wanted = Wanted(
             stretch="stretch" in names, direction="direction" in names, piola="first_piola" in names,
@@ -83,6 +84,8 @@ class ShownFields:
 
     def add_principal(self, stage: Stage, kernel: Kernel, **more: Any) -> None:
         """Add the launch of a kernel of principal values if any are wanted."""
+        from ..kernels.point_fields import Wanted, field_arrays
+
         if self.wanted == Wanted():
             return
         Fields = field_arrays(self.context.bits)

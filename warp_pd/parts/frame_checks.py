@@ -13,6 +13,7 @@ from ..device.cores import begin_loading
 from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
+from ..families.partition import Partition
 from ..interfaces import BuiltLaw, BuiltPart, Columns
 from ..kernels.block_sums import BLOCK, frame_checks
 from ..kernels.integrate import clock, kinetic_energy
@@ -95,17 +96,15 @@ class FrameChecks(BuiltPart):
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity was NaN or Inf at the last frame, or None."""
-        lowest = int(self._in_whole(self.context.whole_array(self.not_finite)).min())
-        return None if lowest == self.context.whole.size else lowest
+        lowest, partition = self.context.whole_array(self.not_finite), self.context.partition
+        first = int((lowest if partition is None else self._in_whole(lowest, partition)).min())
+        return None if first == self.context.whole.size else first
 
-    def _in_whole(self, lowest: np.ndarray) -> np.ndarray:
+    def _in_whole(self, lowest: np.ndarray, partition: Partition) -> np.ndarray:
         """Convert local indices of points, one per block, to indices in the whole sheet (its size for none)."""
-        partition, points = self.context.partition, self.context.whole.size
-        if partition is None:
-            return lowest
         begins = BLOCK * np.arange(len(lowest))
         found = lowest + partition.bounds[partition.block_owner_of(begins)]
-        return np.where(found < begins + BLOCK, found, points)
+        return np.where(found < begins + BLOCK, found, self.context.whole.size)
 
     def top_speed(self) -> float:
         """Largest speed at the last frame [m/s]."""

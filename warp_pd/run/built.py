@@ -224,7 +224,8 @@ def compose(
         law = part.around(law, context)
     built = [part.build(context, law) for part in here]
     of_part: dict[int, Any] = {id(part): on_device for part, on_device in zip(parts, built, strict=True)}
-    law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
+    if fields := scene.fields_besides(stored.field.output for stored in context.fields.shown()):
+        law.request_fields(fields)
     external = ExternalForce(context, [of_part[id(part)] for part in parts if is_load(part, scene)])
     moved = MovedPoints(context, constraints)
     if not law.resists_bending:

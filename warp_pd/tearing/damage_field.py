@@ -194,7 +194,8 @@ class DamageField(Damaged):
         self._count = context.array("listed_count", owner, wp.int32, shape=1, per="once")
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         # Blocks of a GPU that sweep wait for each other: at most one for each multiprocessor.
-        refuse_shared_device(context.device)
+        if context.device.is_cuda:
+            refuse_shared_device(context.device)
         blocks = min(context.device.sm_count, -(-n // WAITING_BLOCK))
         # In equilibrium there are many sweeps over few points: one CPU thread runs them sooner than so many launches.
         on_cpu = 1 if context.at_rest and self._ghosts is None else self._threads
