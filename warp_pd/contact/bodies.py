@@ -329,7 +329,7 @@ class BuiltBody(BuiltContact):
         """Notes on a body that never touched the sheet, created energy, or rubs with edges that are not resolved."""
         if untouched := self._untouched(history):
             return [untouched]
-        return [*self._created(history), *self._caught(history)]
+        return [*self._created(history), *(self._caught(history) if self._rubs else [])]
 
     def _created(self, history: History) -> list[str]:
         name = self.part.name
@@ -346,7 +346,7 @@ class BuiltBody(BuiltContact):
     def _caught(self, history: History) -> list[str]:
         """A note if a body with friction slid with edges that the spacing cannot resolve."""
         part, least = self.part, ROUNDED * self.context.whole.spacing
-        slid = self._rubs and history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
+        slid = history[-1].get(f"{part.name}_rubbed", 1.0) > 0.0
         if not slid or part.shape.edge_radius() >= least:
             return []
         return [

@@ -72,11 +72,12 @@ def _width(place: np.ndarray, places: int) -> np.ndarray:
 def crack_segments(shape: Shape) -> np.ndarray:
     """Ends of the cuts of a shape and of coincident edge pairs (cracks) [m], shape (S, 2, dimensions)."""
     points = shape.points
-    found = [np.asarray(shape.cuts, float).reshape(-1, 2, points.shape[1])] if shape.cuts else []
+    cuts = np.asarray(shape.cuts, float).reshape(-1, 2, points.shape[1])
+    if shape.whole_lattice is not None:
+        return cuts
     edges, faces = _boundary(shape)
     # Each part of a crack has two faces, which run in opposite directions.
-    found.append(points[edges[faces & (_order(points[edges]) > 0)]])
-    return np.concatenate(found)
+    return np.concatenate([cuts, points[edges[faces & (_order(points[edges]) > 0)]]])
 
 
 def edge_segments(shape: Shape) -> np.ndarray:
@@ -118,11 +119,10 @@ def _order(pairs: np.ndarray) -> np.ndarray:
 
 
 def _boundary(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Edges of the boundary, (B, 2), and whether each is a face of a crack, (B,); none of a whole lattice."""
-    edges = shape.barriers if shape.frames is None else boundary_edges(shape.triangles)
-    if edges is None and shape.whole_lattice is None:
-        edges = boundary_edges(shape.triangles)
-    if edges is None or not len(edges):
+    """Edges of the boundary, (B, 2), and whether each is a face of a crack, (B,)."""
+    edges = None if shape.frames is not None else shape.barriers
+    edges = boundary_edges(shape.triangles) if edges is None else edges
+    if not len(edges):
         return np.zeros((0, 2), np.int32), np.zeros(0, bool)
     places = np.round(shape.points[edges] / (1e-6 * shape.spacing)).astype(np.int64)
     there = {tuple(pair.ravel().tolist()) for pair in places}

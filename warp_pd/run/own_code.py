@@ -60,7 +60,8 @@ class _Reader:
         elif isinstance(found, FunctionType):
             yield from self._function(name, found)
         elif isinstance(found, type):
-            yield from self._class(name, found)
+            if _is_own(found.__module__):
+                yield from self._class(name, found)
         elif isinstance(getattr(found, "func", None), FunctionType):
             # A function or kernel of Warp.
             yield from self.of(name, found.func)
@@ -112,8 +113,6 @@ class _Reader:
                 yield from self._read(f"{name}.{key}", value)
 
     def _class(self, name: str, found: type) -> Iterator[tuple[str, Any]]:
-        if not _is_own(found.__module__):
-            return
         for base in found.__bases__:
             yield from self.of(f"{name}.{base.__name__}", base)
         for key, value in vars(found).items():
