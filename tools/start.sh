@@ -40,6 +40,8 @@ if [ "${1:-}" = test ]; then
   # Hundreds of processes start Python. Byte code is kept also where the environment asks for none beside the sources.
   export PYTHONPYCACHEPREFIX="$PWD/.venv/byte_code"
   unset PYTHONDONTWRITEBYTECODE
+  # One process a core: further threads of OpenBLAS and torch would spin there, and take longer than what they compute.
+  export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
   # Tests of a file share kernels: one process compiles them once. tests/conftest.py orders the files.
   .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile --no-loadscope-reorder ${chosen[@]+"${chosen[@]}"} "$@" ||
     status=$?
