@@ -6,8 +6,7 @@ from helpers import square
 from small_runs import simulate
 
 from warp_pd import BodyPath, Box, Explicit, Free, Pressure, RigidBody, Sphere, TriangleMesh
-from warp_pd.contact import bodies, body_shapes
-from warp_pd.device.launches import Stage
+from warp_pd.contact import bodies, body_motion, body_shapes
 from warp_pd.kernels.contact.body_motion import MOVES, SEARCH, STEP
 
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
@@ -81,7 +80,7 @@ def test_points_that_were_not_near_do_not_touch_at_the_end_of_a_step(joined, dev
     assert near.min() == 0
     assert near.max() > 20
     # As if something else moved points in between.
-    monkeypatch.setattr(Stage, "moves_later", lambda *_: True)
+    monkeypatch.setattr(body_motion, "moves_later", lambda *_: True)
     everywhere = on_paths().run(device=device, precision=32)
     assert everywhere.built.context.fields["ball_counts"].numpy()[MOVES] == 1
     require_same_bits(noted, everywhere)
@@ -103,7 +102,7 @@ def in_flight():
 def test_points_that_are_far_are_told_by_their_velocity(of, margin, monkeypatch):
     """With the smaller margin every point is looked at in every step."""
     # Nothing else moves points, as with one free body.
-    monkeypatch.setattr(Stage, "moves_later", lambda *_: False)
+    monkeypatch.setattr(body_motion, "moves_later", lambda *_: False)
     results = []
     for used in (margin, bodies.MARGIN):
         monkeypatch.setattr(bodies, "MARGIN", used)

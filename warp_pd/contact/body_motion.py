@@ -12,10 +12,10 @@ import warp as wp
 from ..context import Context
 from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Launch, Stage
 from ..kernels.contact.body_contact import PointContact, body_contact, body_impulses
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, turn_between
-from ..kernels.effects import NEAR_BLOCK
+from ..kernels.effects import NEAR_BLOCK, Pointwise
 from ..step import Phase
 from .body_shapes import BodyShape
 
@@ -225,6 +225,18 @@ def unit_quaternion(name: str, value: Any) -> np.ndarray:
     return np.asarray(found / length)
 
 
+def moves_later(step: Stage, displacement: Array, owner: str) -> bool:
+    """Whether anything but local stages and the launches of `owner` moves points after the first local stage."""
+    looked = False
+    for item in step:
+        for piece in (item.pieces or (item,)) if isinstance(item, Launch) else (item,):
+            local = isinstance(piece, Launch) and isinstance(piece.source, Pointwise) and piece.source.local
+            if looked and not local and piece.owner != owner and int(displacement.ptr) in piece.touched.writes:
+                return True
+            looked = looked or local
+    return False
+
+
 class BuiltMotion:
     """A motion on a device; see kernels/contact/body_motion.py for its arrays.
 
@@ -287,7 +299,7 @@ class BuiltMotion:
     def complete(self, step: Stage) -> None:
         """Note whether other parts move points, when the step is composed."""
         own = self.name if self.free else ""
-        moves = self.context.partition is not None or step.moves_later(self.context.state.displacement, own)
+        moves = self.context.partition is not None or moves_later(step, self.context.state.displacement, own)
         counts = self.counts.numpy().copy()
         counts[[MOVES, PREVIOUS + MOVES]] = int(moves)
         self.counts.assign(counts)

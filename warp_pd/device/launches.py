@@ -247,9 +247,8 @@ class Stage:
     wraparound: Launch | None = None
     leading: int = 0
     _every: int = field(default=1, init=False)
-    # Whether pointwise stages share launches, and the item before the first of them.
-    _shares: bool = field(default=False, init=False)
-    _before: Item | None = field(default=None, init=False)
+    # Number of items before those among which pointwise stages share launches; None if they do not.
+    _shared_from: int | None = field(default=None, init=False)
 
     def __iter__(self) -> Iterator[Item]:
         return iter(self.items)
@@ -282,10 +281,9 @@ class Stage:
         `and_next`: on a GPU the last of them also shares one with the first of the next repetition, if it may. A CPU
         would gain nothing, and compile the kernels of both a second time.
         """
-        outside = self._shares, self._before
-        self._shares, self._before = True, self.items[-1] if self.items else None
+        outside, self._shared_from = self._shared_from, len(self.items)
         yield
-        self._shares, self._before = outside
+        self._shared_from = outside
         if and_next and self.device.is_cuda:
             self.fuse_wraparound()
 
@@ -352,11 +350,10 @@ class Stage:
         if late is not None:
             after = {"arguments": with_values(part.arguments(), {**arguments, **late})}
             launch.late = replace(launch, arguments=after, touched=touched(part.effects, after))
-        last = self.items[-1] if self.items else None
-        if not self._shares or last is self._before or not (joined := _joined(last, launch)):
+        shares = self._shared_from is not None and self._shared_from < len(self.items)
+        if not shares or not (joined := _joined(last := self.items[-1], launch)):
             self.items.append(launch)
             return
-        assert last is not None
         if not last.touched.may_share_launch(launch.touched):
             raise InputError(
                 f"{owner}: {part.name} and {last.name} of {last.owner} would share a launch, and one gathers what the "
@@ -377,17 +374,6 @@ class Stage:
             waits = any(last.touched.must_wait_for(item.touched) for item in leaders)
             if not waits and last.touched.may_share_launch(inner[0].touched):
                 self.wraparound = _joined(last, inner[0])
-
-    def moves_later(self, displacement: Array, owner: str = "") -> bool:
-        """Whether anything but local stages and the launches of `owner` moves points after the first local stage."""
-        looked = False
-        for item in self.items:
-            for piece in (item.pieces or (item,)) if isinstance(item, Launch) else (item,):
-                local = isinstance(piece, Launch) and isinstance(piece.source, Pointwise) and piece.source.local
-                if looked and not local and piece.owner != owner and int(displacement.ptr) in piece.touched.writes:
-                    return True
-                looked = looked or local
-        return False
 
     def launches(self) -> Iterator[Launch]:
         """Every kernel launch, including the wraparound."""
@@ -415,7 +401,7 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
         raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
 
 
-def _joined(first: Item | None, second: Item) -> Launch | None:
+def _joined(first: Item, second: Item) -> Launch | None:
     """Join two launches of pointwise stages on the same points into one; None if they are not."""
     if not (isinstance(first, Launch) and isinstance(second, Launch)):
         return None
