@@ -1,4 +1,4 @@
-"""Blocks of 3 x 3 of a stored stiffness: that of an intersection, and the inverse of a point's own."""
+"""Blocks of 3 x 3 of a stored stiffness: of an intersection, of two members, and the inverse of a point's own."""
 
 import functools
 
@@ -96,3 +96,59 @@ def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
         return result
 
     return block_of, inverse_of
+
+
+# Numbers in a row of E of bond_associated_tangent.py: 11 and 22 (upper triangles), 12, filled up to what a CPU adds.
+ROW = 24
+# Adds up rows of one family, and multiplies them with the moments of two members. On a CPU the 8 numbers of a third of
+# a row stay together: the compiler would take single numbers apart and join them again in every pass of the loop.
+_PAIR_BLOCK = """
+    #if defined(__CUDA_ARCH__)
+        struct Lanes {{
+            {real} v[8] = {{}};
+            {real}& operator[](int c) {{ return v[c]; }}
+        }};
+    #else
+        typedef {real} Lanes __attribute__((vector_size(8 * sizeof({real})), aligned(sizeof({real}))));
+    #endif
+    Lanes sums[3] = {{}};
+    const char* rows = (const char*)stiffness.data + (long long)i * stiffness.strides[0];
+    for (unsigned left = members; left; left &= left - 1) {{
+        #if defined(__CUDA_ARCH__)
+            const {real}* row = (const {real}*)(rows + (begin + __ffs((int)left) - 1) * stiffness.strides[1]);
+            for (int c = 0; c < 24; ++c) sums[c / 8][c % 8] += row[c];
+        #else
+            const Lanes* row = (const Lanes*)(rows + (begin + __builtin_ctz(left)) * stiffness.strides[1]);
+            for (int c = 0; c < 3; ++c) sums[c] += row[c];
+        #endif
+    }}
+    const {real} a = arm[0] * other[0], b = arm[1] * other[1];
+    const {real} both = arm[0] * other[1] + arm[1] * other[0], skew = arm[0] * other[1] - arm[1] * other[0];
+    {real} part[6];
+    for (int c = 0; c < 6; ++c) part[c] = a * sums[0][c] + b * sums[1][c] + both * sums[2][c];
+    const {real} x = skew * sums[0][6], y = skew * sums[0][7], z = skew * sums[1][6];
+    {real}* block = ({real}*)(matrix.data + entry);
+    block[0] += part[0]; block[1] += part[3] + x; block[2] += part[5] - z;
+    block[3] += part[3] - x; block[4] += part[1]; block[5] += part[4] + y;
+    block[6] += part[5] + z; block[7] += part[4] - y; block[8] += part[2];
+"""
+
+
+@functools.cache
+def pair_adder(bits: int) -> wp.Function:
+    """Function (stiffness, i, begin, members, arm, other, matrix, entry): adds the block of two members of a family.
+
+    `members` are bits of one word of the masks of the family of i, which begins with member `begin`; `arm` and `other`
+    are the moments of the two.
+    """
+    types = numeric(bits)
+    vec2, mat33 = types.vec2, types.mat33
+    Row = wp.types.vector(length=ROW, dtype=types.real)
+
+    @wp.func_native(_PAIR_BLOCK.format(real="double" if bits == 64 else "float"))
+    def add_pair(
+        stiffness: wp.array2d(dtype=Row), i: int, begin: int, members: wp.uint32, arm: vec2, other: vec2,
+        matrix: wp.array(dtype=mat33), entry: int,
+    ): ...  # fmt: skip
+
+    return add_pair

@@ -15,7 +15,8 @@ from ..device.fields import Array, doubles
 from ..device.launches import Stage
 from ..families import Families
 from ..interfaces import BuiltLaw
-from ..kernels.statics.bond_associated_tangent import ROW, assembly, linearisation, matrix_free, turning
+from ..kernels.statics.blocks import ROW
+from ..kernels.statics.bond_associated_tangent import assembly, linearisation, matrix_free, turning
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.bond_associated import BondAssociatedForce
 from ..laws.force_paths import ROWS_MEMBERS, BondAssociatedLaw
