@@ -26,6 +26,7 @@ from warp_pd import (
     TearingEnergy,
     Visco,
 )
+from warp_pd.statics.linear import LinearSolver
 
 SHEET = square(13)
 
@@ -53,8 +54,10 @@ def test_a_slow_body_presses_as_in_equilibrium(precision):
     np.testing.assert_allclose(found.frame.displacement, expected.frame.displacement, atol=2e-5)
 
 
-def test_a_sheet_that_drapes_over_a_ball_takes_few_steps_of_newton():
+def test_a_sheet_that_drapes_over_a_ball_takes_few_tangents(monkeypatch):
     """No step takes the tangent of other points that touch: these would come and go without end."""
+    prepare, made = LinearSolver.prepare, []
+    monkeypatch.setattr(LinearSolver, "prepare", lambda self, keep=False: made.append(keep) or prepare(self, keep))
     sheet = Sheet.rectangle(0.2, 0.2, thickness=1e-3, density=1000.0, points=17)
     u, v = 10.0 * sheet.points.T - 1.0
     held = np.flatnonzero(np.maximum(np.abs(u), np.abs(v)) < 0.1)
@@ -68,8 +71,7 @@ def test_a_sheet_that_drapes_over_a_ball_takes_few_steps_of_newton():
         contact=RigidBody(Sphere(0.2), BodyPath.still((0.1, 0.1, -0.1))),
         initial_displacement=start,
     ).run(device="cpu")
-    solve = found.summary["solve"]
-    assert found.status == "finished" and solve["halved"] == 0 and solve["iterations"] <= 130
+    assert found.status == "finished" and found.summary["solve"]["halved"] == 0 and len(made) <= 65
 
 
 def test_a_body_beside_explicit_steps():

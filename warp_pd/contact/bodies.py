@@ -47,9 +47,9 @@ MARGIN = 1.0
 # Static contact: depth inside a body, over its thickness, at which a point between two equilibria counts as passing
 # through; a point that slides along a sphere may go 80 degrees around.
 PASSING = 0.125
-# Static contact: factor by which the stiffness grows from round to round, and largest distance of a point from the
-# surface in float64 and float32 [spacings].
-STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
+# Static contact: factor by which the stiffness grows from a round to the next, if more than this part of the largest
+# distance of a point from the surface is left; and that distance in equilibrium, in float64 and float32 [spacings].
+STIFFER, LEFT, SETTLED = 4.0, 0.25, {64: 1e-5, 32: 1e-4}
 # Static contact: relative change of the stiffness of a point that touches from which a tangent is another.
 ANEW = 0.5
 
@@ -410,7 +410,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.at_rest = self
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
         self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
-        self._softest, self._refused = 0.0, 0
+        self._softest, self._refused, self._distance = 0.0, 0, np.inf
         self._law, self._at_start = law, bond_bits(law)
         self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
@@ -509,12 +509,20 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         ]
 
     def update_multipliers(self) -> bool:
-        """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed."""
+        """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed.
+
+        With a stiffness that stays, so does a factorised tangent.
+        """
         context = self.context
         context.run(f"multipliers of {self.part.name}")
-        stiffness = self._stiffness.numpy()
-        off = bool(self._off.numpy().max() > SETTLED[context.bits] * context.sheet.spacing * stiffness[0])
-        self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
+        stiffness, earlier = float(self._stiffness.numpy()[0]), self._distance
+        self._distance = float(self._off.numpy().max()) / stiffness
+        off = self._distance > SETTLED[context.bits] * context.sheet.spacing
+        if not off:
+            self._distance, stiffness = np.inf, self._softest
+        elif self._distance > LEFT * earlier:
+            stiffness *= STIFFER
+        self._stiffness.assign(np.array([stiffness]))
         return off
 
     def _mean_forces(
