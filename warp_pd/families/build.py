@@ -12,7 +12,11 @@ from .tables import Families, InfluenceFunction, checked_horizon, influence_func
 
 
 def build_families(
-    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0, intersections: bool = True
+    sheet: Sheet,
+    horizon: float,
+    influence: str | InfluenceFunction,
+    corrected: bool = False,
+    intersections: bool = True,
 ) -> Families:
     """Build the families of all points of a sheet.
 
@@ -20,9 +24,7 @@ def build_families(
         sheet: The sheet; points of a lattice, and deep points of a grid, share one stencil.
         horizon: Horizon in spacings of the sheet [-].
         influence: Name of an influence function, or a function of r = |X| / horizon.
-        depth: On a lattice, points up to this many spacings from an edge have separate rows, because corrected weights
-            differ that far inside. On a grid with gaps, any depth greater than zero gives separate rows to all points
-            whose corrected weights differ.
+        corrected: Whether points of a lattice or a grid whose corrected weights differ have separate rows.
         intersections: Whether the law needs intersections of families. Without them no masks are built, and the horizon
             may be as small as one spacing.
 
@@ -37,11 +39,11 @@ def build_families(
     if intersections:
         require_diagonals(sheet, horizon)
     if sheet.lattice is not None:
-        return lattice_families(sheet, checked, function, depth, intersections)
+        return lattice_families(sheet, checked, function, corrected, intersections)
     if sheet.layout == "grid":
         from .grid import grid_families
 
-        families = grid_families(sheet, checked, function, depth > 0, intersections)
+        families = grid_families(sheet, checked, function, corrected, intersections)
     else:
         from .cloud import cloud_families
 

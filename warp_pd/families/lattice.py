@@ -18,7 +18,7 @@ from .weights import CorrectedWeights, corrected_weights
 
 
 def lattice_families(
-    sheet: Sheet, horizon: Horizon, function: InfluenceFunction, depth: int, intersections: bool
+    sheet: Sheet, horizon: Horizon, function: InfluenceFunction, corrected: bool, intersections: bool
 ) -> Families:
     """Families of a lattice; arguments as for `build_families`."""
     lattice = sheet.lattice
@@ -35,6 +35,8 @@ def lattice_families(
     reverses = np.array([int(np.flatnonzero((ox == -a) & (oy == -b))[0]) for a, b in zip(ox, oy, strict=True)])
 
     # Points whose neighbourhoods are the same up to `reach` share a row.
+    steps = np.column_stack([ox, oy])
+    depth = corrected_depth(steps) if corrected else 0
     reach = max(reach_x, reach_y, depth) + 1
     near_x = clipped_index(lattice.columns, reach)
     near_y = clipped_index(lattice.rows, reach)
@@ -66,7 +68,7 @@ def lattice_families(
         reverses=reverses,
         family_class=family_class.ravel().astype(np.int32, copy=False),
         shift=(oy * lattice.columns + ox).astype(np.int32),
-        steps=np.column_stack([ox, oy]),
+        steps=steps,
         first=first,
         severed=np.asarray(lost.any(axis=1)),
         factors=None if factors is None else factors[first],
@@ -153,6 +155,11 @@ class RectangleWeights:
         return np.asarray(self.table[x[column], y[row]])
 
 
+def corrected_depth(offsets: np.ndarray) -> int:
+    """Spacings from an edge up to which corrected weights differ, for lattice steps to the members, (n, 2)."""
+    return max(2 * int(np.abs(offsets).max()), 3)
+
+
 def rectangle_corrected(
     columns: int,
     rows: int,
@@ -177,8 +184,7 @@ def rectangle_corrected(
         common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k]; None for laws without
             intersections, see `corrected_weights`.
     """
-    reach = int(np.abs(offsets).max())
-    depth = max(2 * reach, 3)
+    reach, depth = int(np.abs(offsets).max()), corrected_depth(offsets)
     step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (2,))
     lengths = (min(columns, 2 * (depth + reach) + 1), min(rows, 2 * (depth + reach) + 1))
     table, solved = SOLVED.result(_solved, lengths, reach, depth, step, offsets, influence, common)

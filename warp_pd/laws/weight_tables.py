@@ -143,12 +143,8 @@ def _families(
     """Families with a separate row for each point whose weights are corrected, and those weights on a rectangle."""
     if corrected:
         _require_correctable(sheet, horizon, "plain" if intersections else "published")
-    apart = int(corrected and sheet.layout == "grid")
-    families = build_families(sheet, horizon, influence, apart, intersections=intersections)
-    if not corrected or sheet.lattice is None:
-        return families, None
-    rectangle = _rectangle(families, sheet, intersections)
-    return build_families(sheet, horizon, influence, rectangle.depth, intersections=intersections), rectangle
+    families = build_families(sheet, horizon, influence, corrected, intersections)
+    return families, _rectangle(families, sheet, intersections) if corrected and sheet.lattice is not None else None
 
 
 def _corrected(
