@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, StopAt, square
+from helpers import NEO, StopAt, refused, square
 from own_parts import recipe
 from scipy.integrate import quad
 from small_runs import run, simulate
 
 from warp_pd import (
+    Bimodular,
     BondAssociated,
+    BondBased,
     CriticalStretch,
+    EnclosedGas,
     Explicit,
     Fixed,
     Implicit,
@@ -20,6 +23,7 @@ from warp_pd import (
     Motion,
     NeoHookean,
     Newton,
+    Nodal,
     Place,
     PointForce,
     Pressure,
@@ -27,8 +31,11 @@ from warp_pd import (
     Reaction,
     SelfContact,
     Simulation,
+    TearingEnergy,
     TensionField,
     Visco,
+    ViscoBondBased,
+    Yeoh,
     placed,
     together,
 )
@@ -305,6 +312,29 @@ def test_a_run_continues_from_the_middle_bit_for_bit(law, solver, tmp_path):
 def test_what_implicit_steps_do_not_take_is_refused(parts, message):
     with pytest.raises(InputError, match=message):
         run(SHEET, Implicit(1.0, steps=10), **parts)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (ViscoBondBased(Yeoh(1e3), prony=[Prony(500.0)]), "not supported by the solver Implicit; expected .*Visco, "),
+        (Nodal(Yeoh(1e3)), "not supported by the solver Implicit; expected BondAssociated or Visco, "),
+        (Visco(Yeoh(1e3), prony=[Prony(500.0, exponent=0.5)]), r"Prony\.exponent = 0\.5: expected 0, "),
+        (BondBased(Bimodular(1e5)), "not supported by the solver Implicit; expected "),
+    ],
+    ids=["bonds", "nodal", "rates", "elastic bonds"],
+)
+def test_a_law_that_implicit_steps_do_not_take_is_named_as_the_user_wrote_it(law, said):
+    scene = Simulation(SHEET, law, Implicit(1.0, steps=10), loads=[Fixed(LEFT)])
+    with refused(match=rf"^force = {type(law).__name__}: {said}[^\n]*Explicit$"):
+        scene.build("cpu")
+
+
+@pytest.mark.parametrize("solver", [Implicit(1.0, steps=10), Newton()], ids=["implicit", "newton"])
+def test_a_gas_that_leaks_is_refused_where_nothing_would_let_it_out(solver):
+    loads = [Fixed(SHEET.edges("all")), EnclosedGas(gauge=2.0, chamber=1e-4, leak=0.6)]
+    with refused(match=r"^EnclosedGas\.leak = 0\.6: expected 0, or the solver Explicit$"):
+        Simulation(SHEET, BondAssociated(NEO), solver, loads=loads, damage=TearingEnergy(10.0)).build("cpu")
 
 
 def test_a_tolerance_below_the_round_off_of_the_precision_is_refused():

@@ -249,6 +249,8 @@ class BuiltEnclosed(BuiltLoad):
             self.left = context.array("gas_left", self.owner, wp.float64, np.ones(1), per="once", restart=True)
         if leaks and not breakable:
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 if bonds cannot break")
+        if leaks and context.at_rest:
+            raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0, or the solver Explicit")
         key = (context.bits, pressure_law, self._schedule is not None, load.loses)
         self._set_pressure = enclosed_pressure(*key)
         self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.layout.softened)

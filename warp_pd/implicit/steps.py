@@ -102,8 +102,8 @@ class BuiltImplicit(StaticSystem):
                 f"{rupture.label}: not supported by the solver Implicit; expected a TearingEnergy alone, or Explicit"
             )
         self._radius = self._spectral_radius(system)
-        # Forces of other parts that are no loads have no tangent.
-        system.refuse_phases(self.name, [Phase.INTERNAL_FORCE], besides=system.law)
+        # Forces of other parts that are no loads have no tangent, and their internal variables no exact update.
+        system.refuse_phases(self.name, [Phase.INTERNAL_FORCE, Phase.INTERNAL_VARIABLES], besides=system.law)
         context, state = self.context, self.context.state
         if not self.settings.inertia and state.velocity.numpy().any():
             raise InputError("initial_velocity: expected None with inertia = False")

@@ -153,14 +153,14 @@ def tangent_of(law: BuiltLaw, context: Context, geometric: bool) -> Tangent:
     Raises:
         InputError: for a law without a tangent.
     """
-    raise _refusal(law)
+    raise _refusal(law, context)
 
 
 @tangent_of.register
 def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
     """Refuses weights without an energy, a material without `response`, or `geometric` = False."""
     if not (law.law.has_tangent or law.steps_implicitly):
-        raise _refusal(law)
+        raise _refusal(law, context)
     if law.weights == "published":
         raise InputError(
             "weights = 'published': expected 'plain' or 'corrected', which have an energy and so a tangent; or use the "
@@ -171,11 +171,17 @@ def _(law: BondAssociatedForce, context: Context, geometric: bool) -> Tangent:
     return BondAssociatedTangent(law, context)
 
 
-def _refusal(law: BuiltLaw) -> InputError:
+def _refusal(law: BuiltLaw, context: Context) -> InputError:
+    name = getattr(law, "owner", type(law).__name__)
+    if context.dynamic and context.at_rest:
+        return InputError(
+            f"force = {name}: not supported by the solver Implicit; expected BondAssociated or Visco, or the solver "
+            "Explicit"
+        )
     others = "Explicit" if getattr(law, "depends_on_time", False) else "Explicit or Relaxation"
     return InputError(
-        f"force = {getattr(law, 'owner', type(law).__name__)}: expected BondAssociated, BondBased or Neural, which "
-        f"have a tangent; or use the solver {others}"
+        f"force = {name}: expected BondAssociated, BondBased or Neural, which have a tangent; or use the solver "
+        f"{others}"
     )
 
 

@@ -251,12 +251,12 @@ def _(law: ViscoForce) -> InternalVariables:
     material = law.law.material
     response = capabilities(material).response
     if response is None:
-        raise InputError(f"material = {said(material)}: expected one with `response` for the solver Implicit")
+        raise _no_response(material)
     for term in law.prony:
         if term.constants[3] != 0.0:
             raise InputError(
-                f"Prony.exponent = {term.exponent:g}: expected 0, or a fixed rate, with the solver Implicit; or "
-                "the solver Explicit"
+                f"force = Visco: Prony.exponent = {term.exponent:g}: expected 0, or a fixed rate, with the solver "
+                "Implicit; or the solver Explicit"
             )
     return law.take(PronyInStep(law), prony_moduli(material.functions, response))
 
@@ -266,8 +266,12 @@ def _(law: BranchedForce) -> InternalVariables:
     """Maxwell elements in implicit steps. Raises InputError for a material without `response`."""
     if law.network.response is None:
         material = law.law.material
-        raise InputError(f"material = {said(material)}: expected one with `response` for the solver Implicit")
+        raise _no_response(material)
     return law.take(MaxwellInStep(law, law.branches), maxwell_moduli(law.network))
+
+
+def _no_response(material: Any) -> InputError:
+    return InputError(f"force = Visco: material = {said(material)}: expected `response` for the solver Implicit")
 
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
