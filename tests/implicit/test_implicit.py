@@ -12,7 +12,6 @@ from warp_pd import (
     BondAssociated,
     BondBased,
     CriticalStretch,
-    EnclosedGas,
     Explicit,
     Fixed,
     Implicit,
@@ -31,7 +30,6 @@ from warp_pd import (
     Reaction,
     SelfContact,
     Simulation,
-    TearingEnergy,
     TensionField,
     Visco,
     ViscoBondBased,
@@ -328,13 +326,6 @@ def test_a_law_that_implicit_steps_do_not_take_is_named_as_the_user_wrote_it(law
     scene = Simulation(SHEET, law, Implicit(1.0, steps=10), loads=[Fixed(LEFT)])
     with refused(match=rf"^force = {type(law).__name__}: {said}[^\n]*Explicit$"):
         scene.build("cpu")
-
-
-@pytest.mark.parametrize("solver", [Implicit(1.0, steps=10), Newton()], ids=["implicit", "newton"])
-def test_a_gas_that_leaks_is_refused_where_nothing_would_let_it_out(solver):
-    loads = [Fixed(SHEET.edges("all")), EnclosedGas(gauge=2.0, chamber=1e-4, leak=0.6)]
-    with refused(match=r"^EnclosedGas\.leak = 0\.6: expected 0, or the solver Explicit$"):
-        Simulation(SHEET, BondAssociated(NEO), solver, loads=loads, damage=TearingEnergy(10.0)).build("cpu")
 
 
 def test_a_tolerance_below_the_round_off_of_the_precision_is_refused():
