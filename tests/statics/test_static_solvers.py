@@ -26,6 +26,7 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
     stepping = {"step", "damping", "direction", "previous_force"}
     assert stepping <= fields["Relaxation"]
     assert not stepping & fields["Newton"]
+    assert "kinetic_energy" in kernels["Explicit"] and "kinetic_energy" not in kernels["Newton"]
 
 
 def test_the_summary_of_newton_counts_the_finest_lattice():
