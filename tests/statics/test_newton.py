@@ -24,6 +24,7 @@ from warp_pd import (
 )
 from warp_pd.statics.descent import Descent
 from warp_pd.statics.level import Level
+from warp_pd.statics.multigrid import Hierarchy
 
 
 @pytest.mark.parametrize("preconditioner", ["multigrid", "algebraic", "direct", "jacobi"])
@@ -65,6 +66,32 @@ def test_a_tangent_that_leads_to_the_goal_is_kept(monkeypatch):
     monkeypatch.setattr(Descent, "_suffices", lambda descent: False)
     expected, most, each = solved()
     assert tangents == each - 1 and steps == most == each
+    assert found == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+
+
+def test_a_lattice_that_starts_from_a_coarser_equilibrium_takes_the_tangents_found_there(monkeypatch):
+    sheet, taken, linearise = square(41), [], Level.linearise
+    loads = [Fixed(sheet.edges("all")), Pressure(2.0, follower=False)]
+
+    def seen(level, tension):
+        taken.append(level.points)
+        linearise(level, tension)
+
+    def anew(hierarchy, index):
+        start(hierarchy, index)
+        hierarchy._started = None
+
+    def solved():
+        taken.clear()
+        result = run(sheet, Newton(tolerance=1e-9), loads=loads, weights="corrected", material=GENT)
+        return result.frame.displacement, taken[taken.index(sheet.size) :]
+
+    start = Hierarchy.start
+    monkeypatch.setattr(Level, "linearise", seen)
+    found, kept = solved()
+    monkeypatch.setattr(Hierarchy, "start", anew)
+    expected, renewed = solved()
+    assert set(kept) == {sheet.size} and set(renewed) == {sheet.size, 441, 121}
     assert found == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 
 
