@@ -269,15 +269,14 @@ def point_damage(layout: Layout) -> Kernel:
 
 
 @functools.cache
-def face_damage(layout: Layout) -> Kernel:
-    """Kernel `find_intact_faces`."""
+def lost_bond(layout: Layout) -> wp.Function:
+    """Function (family, i, j) -> whether the family of i has lost its bond to j."""
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
 
     @wp.func
     def lost(family: Family, i: int, j: int):
-        """Whether the family of i has lost its bond to j."""
         found = bool(False)
         for word in range(family.words):
             members = f.initial(family, i, word) & ~f.intact_members(family, i, word)
@@ -287,6 +286,14 @@ def face_damage(layout: Layout) -> Kernel:
                 if f.neighbour(family, i, k) == j:
                     found = True
         return found
+
+    return lost
+
+
+@functools.cache
+def face_damage(layout: Layout) -> Kernel:
+    """Kernel `find_intact_faces`."""
+    Family, lost = family_functions(layout).struct, lost_bond(layout)
 
     @kernel(per="face")
     def find_intact_faces(

@@ -155,7 +155,7 @@ def build(
             Fixed(top, "z"),
             Fixed(top[turn[0]], "y"),
             Fixed(top[turn[1]], "x"),
-            Pressure(load),
+            Pressure(load, on="triangles"),
         ],
         solver=ArcLength(increment=increment, tolerance=tolerance, switch=switch, most_steps=count("steps", steps, 1)),
         measures=[

@@ -35,6 +35,11 @@ def jittered(points=13, size=0.1, share=0.2, seed=0):
     return Sheet.from_points(lattice.points + move, thickness=1e-3, density=1000.0)
 
 
+def without_triangles(sheet):
+    """The points of a flat sheet, which no triangles join."""
+    return replace(sheet.as_cloud(), triangles=np.zeros((0, 3), np.int32))
+
+
 def build(
     sheet, *, horizon=2.015, weights="plain", material=NEO, precision=64, solver=None, law=None, device="cpu", **parts
 ):

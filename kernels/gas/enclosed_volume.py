@@ -1,7 +1,6 @@
-"""An enclosed volume: its size, its pressure, and the force of that pressure on the points of the sheet.
+"""An enclosed volume: its size and its pressure, whose force is in kernels/surface_pressure.py.
 
     V = 1/6 sum over triangles x_a . (x_b x x_c)
-    f_a = p dV/dx_a = p/6 sum over triangles of a (x_b - x_a) x (x_c - x_a)
 
 with the corners of triangles counter-clockwise seen from outside (the divergence theorem, exact for the triangulated
 surface). If rectangles are cut along both diagonals, V is the mean of both triangulations: `coefficient` is then 1/12.
@@ -12,9 +11,8 @@ import functools
 
 import warp as wp
 
-from ..effects import Kernel, Pointwise, kernel, pointwise
+from ..effects import Kernel, kernel
 from ..numeric import numeric
-from ..rupture import stiffness_left
 
 # Triangles that one thread sums.
 BLOCK = 64
@@ -198,73 +196,3 @@ def enclosed_pressure(bits: int, law: wp.Function, scheduled: bool, leaks: bool)
         enclosed[2] = found[1] * coefficient * change
 
     return set_pressure
-
-
-@functools.cache
-def enclosed_force(bits: int, breakable: bool, softened: bool) -> tuple[Pointwise, Kernel]:
-    """Pointwise stage that adds the force of the pressure, and a kernel that adds its derivative along a direction.
-
-    A triangle cut by a crack carries no pressure, and a damage field reduces that on its points as it reduces their
-    stiffness. Entries begins[i] to begins[i + 1] - 1 of `corners` are the other two
-    corners of the triangles of point i; the same entries of `faces` are the indices of these triangles.
-    """
-    types, left = numeric(bits), stiffness_left(bits)
-    real, vec3 = types.real, types.vec3
-
-    @wp.struct
-    class EnclosedForce:
-        begins: wp.array(dtype=wp.int32)
-        corners: wp.array(dtype=wp.vec2i)
-        faces: wp.array(dtype=wp.int32)
-        intact_faces: wp.array(dtype=wp.uint8)
-        damage: wp.array(dtype=real)
-        positions: wp.array(dtype=wp.vec3d)
-        displacement: wp.array(dtype=vec3)
-        coefficient: wp.float64
-        enclosed: wp.array(dtype=wp.float64)
-        external: wp.array(dtype=vec3)
-
-    @pointwise(EnclosedForce, writes=("external",), gathers=("displacement", "positions"))
-    def add_enclosed_force(begin: int, end: int, a: EnclosedForce):
-        for i in range(begin, end):
-            total = vec3(real(0.0), real(0.0), real(0.0))
-            X = a.positions[i]
-            u = a.displacement[i]
-            for entry in range(a.begins[i], a.begins[i + 1]):
-                presses = bool(True)
-                if wp.static(breakable):
-                    presses = a.intact_faces[a.faces[entry]] != wp.uint8(0)
-                if presses:
-                    b, c = a.corners[entry][0], a.corners[entry][1]
-                    side = vec3(a.positions[b] - X) + (a.displacement[b] - u)
-                    other = vec3(a.positions[c] - X) + (a.displacement[c] - u)
-                    total += wp.cross(side, other)
-            if wp.static(softened):
-                total = left(a.damage[i]) * total
-            a.external[i] = a.external[i] + real(a.coefficient * a.enclosed[0]) * total
-
-    @kernel(gathers=("displacement", "positions", "direction"))
-    def add_enclosed_tangent(
-        begins: wp.array(dtype=wp.int32),
-        corners: wp.array(dtype=wp.vec2i),
-        positions: wp.array(dtype=wp.vec3d),
-        displacement: wp.array(dtype=vec3),
-        direction: wp.array(dtype=vec3),
-        coefficient: wp.float64,
-        enclosed: wp.array(dtype=wp.float64),
-        first: int,
-        change: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        area = vec3(real(0.0), real(0.0), real(0.0))
-        turn = vec3(real(0.0), real(0.0), real(0.0))
-        X = positions[i]
-        for entry in range(begins[i], begins[i + 1]):
-            b, c = corners[entry][0], corners[entry][1]
-            side = vec3(positions[b] - X) + (displacement[b] - displacement[i])
-            other = vec3(positions[c] - X) + (displacement[c] - displacement[i])
-            area += wp.cross(side, other)
-            turn += wp.cross(direction[b] - direction[i], other) + wp.cross(side, direction[c] - direction[i])
-        change[i] = change[i] + real(coefficient * enclosed[2]) * area + real(coefficient * enclosed[0]) * turn
-
-    return add_enclosed_force, add_enclosed_tangent

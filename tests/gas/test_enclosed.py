@@ -25,7 +25,8 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.gas.enclosed import edge_rings, other_diagonals, volume_of
+from warp_pd.gas.enclosed import edge_rings, volume_of
+from warp_pd.geometry.surface import other_diagonals
 
 GAS = EnclosedGas(gauge=30.0, ambient=100.0, exponent=1.4)
 LIQUID = EnclosedVolume([(0.0, 9.0)], stiffness=7.0)

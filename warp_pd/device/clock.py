@@ -146,6 +146,10 @@ class Clock:
         """The part that can count the time in a step; None if there are schedules, which the clock evaluates."""
         return self._timed[-1] if 0 < len(self._timed) == len(self.schedules) else None
 
+    def factor(self, index: int | None) -> float:
+        """The present first value of a schedule, 1 without one."""
+        return 1.0 if index is None or self.scheduled is None else float(self.scheduled.numpy()[index, 0])
+
     def soon(self, index: int) -> int:
         """Entry of `scheduled` with the value of a schedule one step later."""
         return len(self.schedules) + index

@@ -15,13 +15,13 @@ from ..device.clock import Schedule, factor_schedule
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
+from ..geometry.surface import cells_of, other_diagonals
 from ..geometry.triangulation import boundary_edges, boundary_rings, require_one_side
 from ..interfaces import BuiltLaw, BuiltLoad, Columns, History, Load
 from ..interfaces.scales import Scales, largest_factor
 from ..kernels.block_sums import GROUP, add_groups
 from ..kernels.gas.enclosed_volume import (
     BLOCK,
-    enclosed_force,
     enclosed_pressure,
     enclosed_volume,
     gas_leak,
@@ -29,7 +29,9 @@ from ..kernels.gas.enclosed_volume import (
     prescribed_volume,
 )
 from ..kernels.rupture import face_damage
+from ..kernels.surface_pressure import ENCLOSED
 from ..parts.loads import Ramp
+from ..parts.surface_pressure import PressedSurface
 from ..step import Phase
 
 # Distance of a ring from a plane, over the size of the sheet, and a volume over its cube, that count as zero.
@@ -226,7 +228,7 @@ class BuiltEnclosed(BuiltLoad):
     def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
         self.owner, self._misses = type(load).__name__, load.misses
         self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
-        sheet, types = context.sheet, context.types
+        sheet = context.sheet
         caps = self._caps()
         # Positions about the middle keep the round-off of the volume small.
         middle = 0.5 * (sheet.positions.min(axis=0) + sheet.positions.max(axis=0))
@@ -253,30 +255,19 @@ class BuiltEnclosed(BuiltLoad):
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0, or the solver Explicit")
         key = (context.bits, pressure_law, self._schedule is not None, load.loses)
         self._set_pressure = enclosed_pressure(*key)
-        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.layout.softened)
-        self._allocate_surface(positions, faces, triangles, breakable)
+        even, cells = np.ones(sheet.size), cells_of(positions, sheet.triangles)
+        self._surface = PressedSurface(self.owner, context, law, cells, even, ENCLOSED)
+        self._allocate_faces(faces, triangles, breakable)
         self._allocate_sums(len(triangles))
         self._allocate_leak(len(faces), leaks)
 
-    def _allocate_surface(
-        self, positions: np.ndarray, faces: np.ndarray, triangles: np.ndarray, breakable: bool
-    ) -> None:
-        """Allocate the triangles, including caps, and, if bonds can break, flags for cut triangles.
-
-        `faces` are the triangles of the sheet, `triangles` also those of the caps; positions are about the centre [m].
-        """
+    def _allocate_faces(self, faces: np.ndarray, triangles: np.ndarray, breakable: bool) -> None:
+        """Allocate the triangles, including caps, and, if bonds can break, flags for those of the sheet, `faces`."""
         context = self.context
-        begins, corners, numbers = triangles_at_points(faces, context.sheet.size)
-        self._table = {
-            "begins": context.array("triangles_begin", self.owner, wp.int32, begins, per="table"),
-            "corners": context.array("triangle_corners", self.owner, wp.vec2i, corners, per="table"),
-            "positions": context.array("positions", self.owner, wp.vec3d, positions),
-        }
         self._triangles = context.array("closed_triangles", self.owner, wp.vec3i, triangles, per="table")
-        self._faces = self._intact = self._edges = None
+        self._intact = self._edges = None
         if breakable:
             self._edges = context.array("triangles", self.owner, wp.vec3i, faces, per="table")
-            self._faces = context.array("triangle_numbers", self.owner, wp.int32, numbers, per="table")
             self._intact = context.array("pressed_faces", self.owner, wp.uint8, shape=len(faces), per="table")
 
     def _allocate_sums(self, triangles: int) -> None:
@@ -332,7 +323,7 @@ class BuiltEnclosed(BuiltLoad):
         context = self.context
         stage.launch(
             self.owner, enclosed_volume(context.bits, direction is not None), self._blocks.shape[1],
-            triangles=self._triangles, positions=self._table["positions"], displacement=displacement,
+            triangles=self._triangles, positions=self._surface.positions, displacement=displacement,
             direction=direction, sums=self._blocks,
         )  # fmt: skip
         self._add_groups(stage, self._blocks, self._sums)
@@ -348,13 +339,8 @@ class BuiltEnclosed(BuiltLoad):
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches of the volume, its pressure, and the force on the points."""
-        size = self.context.sheet.size
         self.add_pressure(stage, displacement)
-        self._add_torn(stage)
-        stage.pointwise(
-            self.owner, self._add_force, size, **self._arguments(displacement), faces=self._faces,
-            intact_faces=self._intact, damage=self._family_law.damage, external=out,
-        )  # fmt: skip
+        self._surface.add_force(stage, displacement, 1.0, out, enclosed=self.enclosed)
 
     def _add_torn(self, stage: Stage) -> None:
         """Add the launch that finds the triangles cut by cracks, if bonds can break."""
@@ -374,7 +360,7 @@ class BuiltEnclosed(BuiltLoad):
         self._add_torn(stage)
         stage.launch(
             self.owner, sum_open, self._open_blocks.shape[1],
-            triangles=self._edges, intact_faces=self._intact, positions=self._table["positions"],
+            triangles=self._edges, intact_faces=self._intact, positions=self._surface.positions,
             displacement=displacement, sums=self._open_blocks,
         )  # fmt: skip
         self._add_groups(stage, self._open_blocks, self._open)
@@ -385,17 +371,12 @@ class BuiltEnclosed(BuiltLoad):
             factors=context.clock.scheduled, schedule=self._schedule or 0, left=self.left,
         )  # fmt: skip
 
-    def _arguments(self, displacement: Array) -> dict[str, Any]:
-        given = {"displacement": displacement, "coefficient": self._coefficient, "enclosed": self.enclosed}
-        return {**self._table, **given}
-
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
         """Add the launches of the derivative of the force along a direction."""
         if self._intact is not None:
             return False
         self.add_pressure(stage, displacement, direction)
-        arguments = {**self._arguments(displacement), "direction": direction, "change": out}
-        stage.launch(self.owner, self._add_tangent, self.context.sheet.size, **arguments)
+        self._surface.add_tangent(stage, displacement, direction, 1.0, out, enclosed=self.enclosed)
         return True
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -404,6 +385,7 @@ class BuiltEnclosed(BuiltLoad):
             self._add_leak(stage)
         if phase is Phase.FRAME:
             self.add_pressure(stage, self.context.state.displacement)
+            self._add_torn(stage)
 
     def columns(self) -> Columns:
         """Pressure and volume."""
@@ -413,10 +395,6 @@ class BuiltEnclosed(BuiltLoad):
         """Pressure above ambient [Pa] and volume [m^3], including the chamber."""
         pressure, volume, _ = self.enclosed.numpy().tolist()
         return {"pressure": pressure, "volume": volume}
-
-
-# How far four points may be from a rectangle, over its diagonal.
-SKEW = 1e-6
 
 
 def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
@@ -437,49 +415,7 @@ def cap_of(ring: np.ndarray) -> np.ndarray:
     return np.column_stack([np.full(len(ring) - 2, ring[0]), ring[2:], ring[1:-1]]).astype(np.int32)
 
 
-def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangulation with the other diagonal in every rectangle (two triangles with a common hypotenuse).
-
-    Pressure on a rectangle loads the ends of its diagonal more than the other corners; the mean of both triangulations
-    is even. Without any rectangle the same array is returned.
-    """
-    size = int(triangles.max()) + 1
-    corners = triangles.astype(np.int64)
-    tail, head, apex = (np.roll(corners, -k, axis=1).ravel() for k in range(3))
-    key, reverse = tail * size + head, head * size + tail
-    order = np.argsort(key)
-    at = order[np.searchsorted(key[order], reverse).clip(max=len(key) - 1)]
-    # Each pair once.
-    one = np.flatnonzero((key[at] == reverse) & (tail < head))
-    other = at[one]
-    a, b, c, d = (positions[k] for k in (tail[one], head[one], apex[one], apex[other]))
-    diagonal = np.linalg.norm(b - a, axis=1)
-    skew = np.linalg.norm(a + b - c - d, axis=1) + np.abs(np.linalg.norm(d - c, axis=1) - diagonal)
-    one, other = one[skew < SKEW * diagonal], other[skew < SKEW * diagonal]
-    if len(one) == 0:
-        return triangles
-    turned = triangles.copy()
-    turned[one // 3] = np.column_stack([tail[one], apex[other], apex[one]])
-    turned[other // 3] = np.column_stack([apex[other], head[one], apex[one]])
-    return turned
-
-
 def volume_of(positions: np.ndarray, triangles: np.ndarray) -> float:
     """Volume enclosed by a surface [m^3], positive if its triangles are counter-clockwise seen from outside."""
     a, b, c = (positions[triangles[:, k]] for k in range(3))
     return float(np.einsum("fc,fc->", a, np.cross(b, c)) / 6.0)
-
-
-def triangles_at_points(triangles: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The triangles of every point.
-
-    Returns:
-        Where the entries of each point begin, shape (N + 1,); the other two corners, in order, shape (3 F, 2); and
-        the triangle, shape (3 F,); all int32.
-    """
-    own = triangles.ravel()
-    others = np.column_stack([triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()])
-    order = np.argsort(own, kind="stable")
-    begins = np.concatenate([[0], np.cumsum(np.bincount(own, minlength=points))])
-    faces = np.repeat(np.arange(len(triangles)), 3)[order]
-    return begins.astype(np.int32), others[order].astype(np.int32), faces.astype(np.int32)

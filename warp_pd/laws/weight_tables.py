@@ -29,6 +29,7 @@ from ..kernels.families import family_functions
 from ..kernels.numeric import Numeric
 
 if TYPE_CHECKING:
+    from ..families.lattice import RectangleWeights
     from ..families.weights import CorrectedWeights
 
 # Largest horizon at which weights are corrected, and largest number of points with families not deep inside a grid,
@@ -87,7 +88,7 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
 def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
     if sheet.frames is not None:
         require_unfolded(sheet)
-    families = _families(sheet, horizon, influence, weights == "corrected")
+    families, rectangle = _families(sheet, horizon, influence, weights == "corrected")
     inverse, size = families.inverse_shapes()
     if sheet.lattice is None:
         require_connected(sheet, families, horizon, size > 0.0, lines=weights == "corrected")
@@ -96,7 +97,7 @@ def _weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunct
     plain = plain_weights(families, size)
     if weights == "plain":
         return families, inverse, plain, None
-    return families, inverse, *_corrected(families, sheet, plain)
+    return families, inverse, *_corrected(families, sheet, rectangle, plain)
 
 
 def plain_weights(families: Families, size: np.ndarray) -> np.ndarray:
@@ -125,7 +126,7 @@ def point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunctio
 
 
 def _point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool) -> Tables:
-    families = _families(sheet, horizon, influence, corrected, intersections=False)
+    families, rectangle = _families(sheet, horizon, influence, corrected, intersections=False)
     require_diagonals(sheet, horizon)
     shape = _shapes(families)
     inverse = inverse_shape(shape)[0][:, None]
@@ -133,24 +134,25 @@ def _point_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
         return families, inverse, (2.0 / _trace(shape))[:, None], None
     # The published force, as the part of the point's area that each bond stands for.
     published = (families.areas / _trace(shape))[:, None] * families.member_coefficients * families.lengths**2
-    return families, inverse, *_corrected(families, sheet, published, intersections=False)
+    return families, inverse, *_corrected(families, sheet, rectangle, published, intersections=False)
 
 
 def _families(
     sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool, intersections: bool = True
-) -> Families:
-    """Families, with a separate row for each point whose weights are corrected."""
+) -> tuple[Families, RectangleWeights | None]:
+    """Families with a separate row for each point whose weights are corrected, and those weights on a rectangle."""
     if corrected:
         _require_correctable(sheet, horizon, "plain" if intersections else "published")
-    return build_families(sheet, horizon, influence, corrected, intersections)
+    families = build_families(sheet, horizon, influence, corrected, intersections)
+    return families, _rectangle(families, sheet, intersections) if corrected and sheet.lattice is not None else None
 
 
 def _corrected(
-    families: Families, sheet: Sheet, start: np.ndarray, intersections: bool = True
+    families: Families, sheet: Sheet, rectangle: RectangleWeights | None, start: np.ndarray, intersections: bool = True
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Corrected weights over the reference area, shape (R, n), from those to correct, and the report."""
-    if sheet.lattice is not None:
-        return _of_rectangle(families, sheet, start, intersections)
+    if rectangle is not None:
+        return _of_rectangle(families, sheet, rectangle, start), _report(rectangle.solved, sheet, None)
     at_rows, solved, at = _correction(families, sheet, start, intersections)
     return at_rows / families.reference_area, _report(solved, sheet, at)
 
@@ -251,15 +253,20 @@ def _require_even(sheet: Sheet, horizon: float, instead: str) -> None:
         )
 
 
-def _of_rectangle(
-    families: Families, sheet: Sheet, plain: np.ndarray, intersections: bool
-) -> tuple[np.ndarray, dict[str, float]]:
-    """`_corrected` on a lattice: families crossed by a cut keep the plain weights."""
+def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:
+    """Weights by row over the reference area, shape (R, n): corrected, but plain for families crossed by a cut."""
+    assert sheet.lattice is not None and families.first is not None and families.severed is not None
+    columns = sheet.lattice.columns
+    corrected = rectangle.at(families.first % columns, families.first // columns) / families.reference_area
+    return np.where(families.severed[:, None], plain, corrected)
+
+
+def _rectangle(families: Families, sheet: Sheet, intersections: bool) -> RectangleWeights:
     from ..families.lattice import rectangle_corrected
 
-    lattice, first = sheet.lattice, families.first
-    assert lattice is not None and first is not None and families.severed is not None and families.steps is not None
-    rectangle = rectangle_corrected(
+    assert sheet.lattice is not None and families.steps is not None
+    lattice = sheet.lattice
+    return rectangle_corrected(
         lattice.columns,
         lattice.rows,
         (lattice.dx, lattice.dy),
@@ -267,8 +274,6 @@ def _of_rectangle(
         influence=families.influence,
         common=unpack(families.common, families.members) if intersections else None,
     )
-    corrected = rectangle.at(first % lattice.columns, first // lattice.columns) / families.reference_area
-    return np.where(families.severed[:, None], plain, corrected), _report(rectangle.solved, sheet, None)
 
 
 def _correction(

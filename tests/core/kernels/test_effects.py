@@ -187,6 +187,9 @@ def further():
             plane, Neural(NEO, 2.015, evaluation="closed_form"), Newton(preconditioner="jacobi"), loads=[clamp]
         ),
         "newton bonds": Simulation(plane, bonds, Newton(preconditioner="jacobi"), loads=in_plane),
+        "pressed triangles": Simulation(
+            plane, law, Newton(preconditioner="jacobi"), loads=[clamp, Pressure(1.0, on="triangles")]
+        ),
     }
 
 
