@@ -138,3 +138,23 @@ def test_a_body_that_tears_the_sheet():
     ).run(device="cpu", precision=64)  # fmt: skip
     assert torn.status == "finished"
     assert torn.history[-1]["fracture"] > 0.0
+
+
+@pytest.mark.parametrize(("back", "said"), [(0.02, True), (-0.0201, False)])
+def test_a_body_whose_velocity_jumps_is_noted_where_the_balance_is_off(back, said):
+    """It turns round within a step, or goes on."""
+    way = BodyPath([0.0, 0.02, 0.04], [(0.05, 0.05, 0.0201), (0.05, 0.05, 0.0), (0.05, 0.05, back)])
+    sheet = square(11)
+    scene = Simulation(
+        sheet,
+        BondAssociated(NEO, horizon=2.015),
+        Implicit(0.04, frames=4, steps=8),
+        loads=[Fixed(sheet.edges())],
+        contact=RigidBody(Sphere(0.02), way),
+    )
+    finished = scene.run(device="cpu")
+    off = max(abs(row["balance_error"]) for row in finished.history)
+    assert off > 0.01, off
+    notes = [note for note in finished.summary["notes"] if "its velocity jumps" in note]
+    assert bool(notes) == said
+    assert all("jumps by 2 m/s at 0.02 s" in note for note in notes)

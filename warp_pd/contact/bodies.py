@@ -23,7 +23,7 @@ from ..kernels.contact.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, created, passes, sweeps, torn_since
-from .body_motion import UNBOUNDED, BodyMotion, BodyPath
+from .body_motion import UNBOUNDED, BodyMotion, BodyPath, jump_notes
 from .body_shapes import BodyShape, Sphere, in_frame, on_device, signed_distances
 
 if TYPE_CHECKING:
@@ -329,7 +329,8 @@ class BuiltBody(BuiltContact):
         """Notes on a body that never touched the sheet, created energy, or rubs with edges that are not resolved."""
         if untouched := self._untouched(history):
             return [untouched]
-        return [*self._created(history), *(self._caught(history) if self._rubs else [])]
+        jumps = jump_notes(self.label, self.part.motion, history)
+        return [*jumps, *self._created(history), *(self._caught(history) if self._rubs else [])]
 
     def _created(self, history: History) -> list[str]:
         name = self.part.name
@@ -502,7 +503,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         """Notes on a body that never touched the sheet, and on load steps in which it would have passed through it."""
         untouched = self._untouched(history)
         if not self._refused:
-            return [untouched] if untouched else []
+            return [untouched] if untouched else jump_notes(self.label, self.part.motion, history)
         return [
             f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
             "load_steps, a thicker body, or more points"

@@ -13,6 +13,7 @@ from ..context import Context
 from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Launch, Stage
+from ..interfaces import History
 from ..kernels.contact.body_contact import PointContact, body_contact, body_impulses
 from ..kernels.contact.body_motion import COUNTS, MOVES, PREVIOUS, follow_path, turn_between
 from ..kernels.effects import NEAR_BLOCK, Pointwise
@@ -23,6 +24,8 @@ Vector = Sequence[float]
 # Radius of a half space [m].
 UNBOUNDED = 1e30
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
+# Jump of the velocity over the largest one, and error of the energy balance, from which a note says so.
+ABRUPT, UNBALANCED = 0.5, 0.01
 # Smallest least eigenvalue of an inertia over the largest.
 LEAST_INERTIA = 1e-9
 
@@ -49,6 +52,10 @@ class BodyMotion(Protocol):
         """Weight of a free body [N]."""
         return 0.0
 
+    def jump(self, end: float) -> tuple[float, float]:
+        """Largest prescribed jump of its velocity [m/s] between time 0 and `end` [s], and its time [s]."""
+        return 0.0, 0.0
+
     def check(self, shape: BodyShape) -> None:
         """Raise InputError if the shape cannot have this motion."""
         ...
@@ -56,6 +63,18 @@ class BodyMotion(Protocol):
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device; `friction` is the body's friction coefficient."""
         ...
+
+
+def jump_notes(label: str, motion: BodyMotion, history: History) -> list[str]:
+    """A note on a jump of the velocity of a body where the energy balance is off."""
+    off = max((abs(row.get("balance_error", 0.0)) for row in history), default=0.0)
+    jump, when = motion.jump(history[-1]["time"])
+    if off < UNBALANCED or jump <= ABRUPT * motion.speed(0.0):
+        return []
+    return [
+        f"{label}: its velocity jumps by {jump:.3g} m/s at {when:.6g} s and the energy balance is off: expected a "
+        "change over several steps (more times)"
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +146,13 @@ class BodyPath(BodyMotion):
         cosines = np.abs(np.sum(self.rotations[1:] * self.rotations[:-1], axis=1))
         turned = np.where(cosines < 1.0 - 1e-15, 2.0 * np.arccos(np.minimum(cosines, 1.0)), 0.0)
         return float(((moved + radius * turned) / np.diff(self.times)).max())
+
+    def jump(self, end: float) -> tuple[float, float]:
+        """The largest jump at a knot; the start, where a body may come from afar, is none."""
+        rates = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
+        jumps = np.linalg.norm(np.diff(rates, axis=0, append=0.0), axis=1) if len(rates) else np.zeros(1)
+        jumps = np.where((self.times[-len(jumps) :] > 0.0) & (self.times[-len(jumps) :] < end), jumps, 0.0)
+        return float(jumps.max()), float(self.times[-len(jumps) :][jumps.argmax()])
 
     def check(self, shape: BodyShape) -> None:
         """Accept any shape."""
