@@ -3,6 +3,7 @@
     python tools/tip_problem.py                                     the table of docs/tearing.md, 10 minutes on one core
     python tools/tip_problem.py --horizons 2.015 --lengths 4        one of its rows
     python tools/tip_problem.py --horizons 2.015 --lengths 4 --along 0.8    of Mooney-Rivlin rubber with c01 = c10 / 4
+    python tools/tip_problem.py --horizons 2.015 --lengths 4 --across       only bonds across the tear break
 
 The problem that the correction `bias` of warp_pd/tearing/field_constants.py answers, with nothing fitted: a long strip
 on a lattice of spacing 1, held along both long edges, with a crack along its middle. Families, intersections, weights,
@@ -95,9 +96,13 @@ class Strip:
         recess: float,
         columns: int,
         along: float = 1.0,
+        across: bool = False,
     ) -> None:
-        """A strip of twice so many rows, with a crack to `tip` and damage to `recess` before it, or without ends."""
-        self.family, self.length, self.along = Family.of(horizon), length, along
+        """A strip of twice so many rows, with a crack to `tip` and damage to `recess` before it, or without ends.
+
+        `across`: only bonds across the crack break.
+        """
+        self.family, self.length, self.along, self.across = Family.of(horizon), length, along, across
         bonds = self.family.bonds
         column, row = np.meshgrid(np.arange(columns), np.arange(rows))
         self.x, self.y, self.size = column.ravel().astype(float), row.ravel() + 0.5, columns * rows
@@ -218,6 +223,8 @@ class Strip:
         severed = self.damage >= self.severed_at
         there = severed[self.members] & self.exists
         broken = severed[:, None] | there | (((there & self.initial) @ self.family.beside.T.astype(float)) > 0.0)
+        if self.across:
+            broken &= self.sign < 0.0
         changed = (self.alive & broken).any(axis=1)
         self.alive &= ~broken
         if changed.any():
@@ -243,14 +250,20 @@ def solved(matrix: csr_matrix, right: np.ndarray) -> np.ndarray:
 
 
 def grown(
-    horizon: float, length: float, height: float, recess: float, growth: int = GROWTH, along: float = 1.0
+    horizon: float,
+    length: float,
+    height: float,
+    recess: float,
+    growth: int = GROWTH,
+    along: float = 1.0,
+    across: bool = False,
 ) -> np.ndarray:
     """A tear that grows: growth in columns, G at which bonds broke, energy of the field, and energy lost; (n, 4)."""
     half = round(0.5 * height * length)
     begin = int(2.0 * TIP * half) + 0.5
     uniform = Strip(horizon, length, half, None, 0.0, 1, along)
     per_column = 2.0 * uniform.balance().sum()
-    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth, along)
+    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth, along, across)
     rate, rows, advance = 0.9, [], 0.0
     while advance < growth:
         rate *= 1.0 + STEP
@@ -274,12 +287,12 @@ def grown(
     return np.array(rows)
 
 
-def row(horizon: float, length: float, height: float, along: float) -> dict[str, float]:
+def row(horizon: float, length: float, height: float, along: float, across: bool) -> dict[str, float]:
     """Numbers of a horizon and a length of the field, in spacings, in a strip of a height in lengths."""
-    rows = grown(horizon, length, height, length * _cap(length, True), along=along)
+    rows = grown(horizon, length, height, length * _cap(length, True), GROWTH, along, across)
     steady = rows[rows[:, 0] >= STEADY]
     return {
-        "first": float(rows[0, 1]), "with cap": float(grown(horizon, length, height, 0.0, 1, along)[0, 1]),
+        "first": float(rows[0, 1]), "with cap": float(grown(horizon, length, height, 0.0, 1, along, across)[0, 1]),
         "taken": float(np.polyfit(steady[:, 0], steady[:, 2] + steady[:, 3], 1)[0]),
         "needed": float(steady[:, 1].mean()), "bias": bias(horizon / length),
     }  # fmt: skip
@@ -292,8 +305,10 @@ def main() -> None:
     parser.add_argument("--lengths", type=float, nargs="+", default=[4.0, 6.0], help="of the field, in spacings")
     parser.add_argument("--height", type=float, default=10.0, help="of the strip, in lengths")
     parser.add_argument("--along", type=float, default=1.0, help="stiffness along the tear over that across it")
+    parser.add_argument("--across", action="store_true", help="only bonds across the tear break")
     options = parser.parse_args()
-    cases = [(m, length, options.height, options.along) for length in options.lengths for m in options.horizons]
+    strip = (options.height, options.along, options.across)
+    cases = [(m, length, *strip) for length in options.lengths for m in options.horizons]
     print("\n".join(table(["horizon", "length", "first", "with cap", "taken", "needed", "bias"], [])))
     for (m, length, *_), found in in_processes(row, cases, options.jobs):
         print(table_row([f"{m:g}", f"{length:g}", *(f"{value:.3f}" for value in found.values())]), flush=True)

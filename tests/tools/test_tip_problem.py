@@ -30,3 +30,13 @@ def test_a_cut_begins_with_the_energy_of_its_length_and_runs_where_its_tear_goes
     rows, with_cap = grown(1.5, length, 10.0, recess, 3), grown(1.5, length, 10.0, 0.0, 1)
     assert rows[0, 1] == pytest.approx(rows[-1, 1], rel=0.03)
     assert with_cap[0, 1] < 0.95 * rows[-1, 1]
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_a_severed_point_keeps_bonds_only_if_those_across_the_tear_alone_break(across):
+    strip, point = Strip(1.5, 2.0, 4, 8.5, 0.0, 20, across=across), 12
+    strip.damage[point] = 1.0
+    assert strip.breaks()
+    crossing = strip.sign[point] < 0.0
+    assert not strip.alive[point, crossing].any()
+    assert strip.alive[point, ~crossing].any() == across
