@@ -78,16 +78,19 @@ class BodySearch:
 
 @functools.cache
 def placed_at(bits: int, curved: bool) -> wp.Function:
-    """Function (reference position, displacement) -> position in float64 [m]; `curved`: the first has a z."""
+    """Function (origin, reference position from there, displacement) -> position in float64 [m].
+
+    `curved`: the reference position has a z.
+    """
     types = numeric(bits)
     vec3, reference = types.vec3, types.vec3 if curved else types.vec2
 
     @wp.func
-    def placed(X: reference, u: vec3):
+    def placed(origin: wp.vec3d, X: reference, u: vec3):
         if wp.static(curved):
-            return wp.vec3d(u) + wp.vec3d(X)
+            return wp.vec3d(u) + wp.vec3d(X) + origin
         else:
-            return wp.vec3d(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+            return wp.vec3d(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0)) + origin
 
     return placed
 
@@ -109,6 +112,7 @@ def body_search(
     @wp.struct
     class BodyContact:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
+        origin: wp.vec3d
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         body: BodyShape
@@ -147,7 +151,7 @@ def body_search(
 
     @wp.func
     def position(i: int, a: BodyContact):
-        return placed(a.reference[i], a.displacement[i])
+        return placed(a.origin, a.reference[i], a.displacement[i])
 
     @wp.func
     def feels(i: int, a: BodyContact):

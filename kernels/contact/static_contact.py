@@ -62,6 +62,7 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
     @wp.struct
     class StaticContact:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
+        origin: wp.vec3d
         areas: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         multiplier: wp.array(dtype=wp.float64)
@@ -82,7 +83,7 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
     @wp.func
     def pressed(i: int, u: vec3, a: StaticContact):
         """Position [m], normal and pressure [Pa] of a point."""
-        x = placed(a.reference[i], u)
+        x = placed(a.origin, a.reference[i], u)
         n, gap = surface(x, a)
         p = wp.max(wp.float64(0.0), a.multiplier[i] - a.stiffness[0] * gap)
         if wp.static(held):

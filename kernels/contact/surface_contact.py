@@ -89,6 +89,7 @@ def surface_contact(
     @wp.struct
     class Surface:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
+        origin: wp.vec3d
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         triangles: wp.array(dtype=wp.vec3i)
@@ -126,7 +127,7 @@ def surface_contact(
 
     @wp.func
     def position(i: int, a: Surface):
-        return placed(a.reference[i], a.displacement[i])
+        return placed(a.origin, a.reference[i], a.displacement[i])
 
     @wp.func
     def began(i: int, back: wp.float64, a: Surface):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers import Kept, refused, square
+from helpers import NEO, Kept, refused, square
 from pxr import Usd, UsdGeom, UsdValidation
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
@@ -13,6 +13,7 @@ from small_runs import run, simulate
 from warp_pd import (
     BodyForce,
     BodyPath,
+    BondAssociated,
     Box,
     Capsule,
     Cylinder,
@@ -25,6 +26,7 @@ from warp_pd import (
     RigidBall,
     RigidBody,
     Sheet,
+    Simulation,
     Sphere,
     TriangleMesh,
 )
@@ -418,3 +420,20 @@ def test_a_body_that_never_touches_the_sheet_is_noted():
         scene = simulate(sheet, solver, loads=[Fixed(sheet.edges())], contact=ball)
         found = [note for note in scene.run(device="cpu").summary["notes"] if "did not touch the sheet" in note]
         assert found == (["contact = RigidBall did not touch the sheet"] if said else [])
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_a_ball_far_from_the_origin_pushes_as_one_near_it(surface):
+    """In float32, by a shift that floats of this size resolve to 0.06 mm."""
+    shapes = []
+    for shift in (0.0, 1024.0):
+        sheet = Sheet.rectangle(1.0, 1.0, points=11, thickness=1e-2, density=1e3, origin=(shift, 0.0))
+        way = BodyPath((0.0, 0.05), [(shift + 0.34, 0.43, 0.153), (shift + 0.34, 0.43, 0.05)])
+        ball = RigidBody(Sphere(0.3), way, surface=surface)
+        law, loads = BondAssociated(NEO, horizon=2.015), [Fixed(sheet.edges())]
+        result = Simulation(sheet, law, Explicit(0.05, frames=4), loads=loads, contact=ball).run(
+            device="cpu", precision=32
+        )
+        shapes.append(result.frame.displacement)
+    assert np.abs(shapes[0]).max() > 0.05
+    assert shapes[1] == pytest.approx(shapes[0], abs=1e-5 * np.abs(shapes[0]).max())

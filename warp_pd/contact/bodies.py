@@ -23,7 +23,7 @@ from ..kernels.contact.body_contact import point_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, bond_bits, created, passes, sweeps, torn_since
-from .body_motion import UNBOUNDED, BodyMotion, BodyPath, jump_notes
+from .body_motion import UNBOUNDED, BodyMotion, BodyPath, jump_notes, origin_of
 from .body_shapes import BodyShape, Sphere, in_frame, on_device, signed_distances
 
 if TYPE_CHECKING:
@@ -184,8 +184,11 @@ class BuiltBody(BuiltContact):
             self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
         context.require_resolved(part.title)
         self._check_apart()
-        curved = sheet.frames is not None
-        self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
+        curved, origin = sheet.frames is not None, origin_of(context.whole.points)
+        self._origin = wp.vec3d(*np.resize([*origin, 0.0], 3))
+        self._reference = context.array(
+            f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points - origin
+        )
         self._curved, tracked = curved, context.options.tracked
         self.impulse: Array | None = None
         self.turn: Array | None = None
@@ -232,7 +235,7 @@ class BuiltBody(BuiltContact):
         at_end, values = phase is Phase.SEPARATE, self._arguments()
         if self._surface is not None:
             self._surface.add(
-                stage, at_end, reference=self._reference, skin=SKIN * context.sheet.spacing,
+                stage, at_end, reference=self._reference, origin=self._origin, skin=SKIN * context.sheet.spacing,
                 friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
             )  # fmt: skip
         motion.add_contact(stage, of, at_end, values, None if self._surface is None else self._surface.when)
@@ -252,7 +255,8 @@ class BuiltBody(BuiltContact):
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
         return {
-            "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
+            "reference": self._reference, "origin": self._origin, "mass": state.mass,
+            "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
             "skin": SKIN * context.sheet.spacing, "margin": motion.extent[1],
             "slack": motion.extent[2], "marks": motion.marks, "friction": float(part.friction),
@@ -425,9 +429,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         part, context = self.part, self.context
         radius = part.shape.radius()
         values = {
-            "reference": self._reference, "areas": self._areas, "held_mask": context.state.held_mask,
-            "multiplier": self.multiplier, "body": self._body, "place": self.motion.place,
-            "rotation": self.motion.rotation, "stiffness": self._stiffness,
+            "reference": self._reference, "origin": self._origin, "areas": self._areas,
+            "held_mask": context.state.held_mask, "multiplier": self.multiplier, "body": self._body,
+            "place": self.motion.place, "rotation": self.motion.rotation, "stiffness": self._stiffness,
             "reach": radius if np.isfinite(radius) else UNBOUNDED, "around": 0.25 * context.sheet.spacing,
         }  # fmt: skip
         return with_values(self._kernels.struct(), values)

@@ -26,6 +26,8 @@ UNBOUNDED = 1e30
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 # Jump of the velocity over the largest one, and error of the energy balance, from which a note says so.
 ABRUPT, UNBALANCED = 0.5, 0.01
+# Distance of a sheet from the origin, over its extent, from which positions are stored about its middle.
+FAR = 10.0
 # Smallest least eigenvalue of an inertia over the largest.
 LEAST_INERTIA = 1e-9
 
@@ -63,6 +65,13 @@ class BodyMotion(Protocol):
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device; `friction` is the body's friction coefficient."""
         ...
+
+
+def origin_of(points: np.ndarray) -> np.ndarray:
+    """Origin of stored positions [m]: the middle of a sheet that is far away, whose round-off would move its points."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, extent = 0.5 * (low + high), float((high - low).max())
+    return middle if np.abs(middle).max() > FAR * extent else np.zeros_like(middle)
 
 
 def jump_notes(label: str, motion: BodyMotion, history: History) -> list[str]:
