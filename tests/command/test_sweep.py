@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import sys
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from small_runs import cli
 
 from warp_pd.command.sweep import folder_name
+from warp_pd.run.scene_files import build_scene
 
 SCENE = """
 from warp_pd import *
@@ -108,6 +110,16 @@ def test_other_settings_in_the_folder_are_refused(scene):
     assert changed.exit_code == 2 and "contains a run with other settings (load = 1.0, here 3.0)" in changed.output
     assert sweep("--points", "7", "--overwrite").exit_code == 0
     assert float(rows(scene / "runs" / "mine-sweep")[0]["stretched"]) == pytest.approx(0.03)
+
+
+def test_a_scene_is_its_file_and_no_byte_code_of_the_same_second(scene, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    file, loads = scene / "mine.py", []
+    for load in ("1.0", "3.0"):
+        file.write_text(SCENE.replace("load=1.0", f"load={load}"))
+        os.utime(file, (1e9, 1e9))
+        loads.append(build_scene("mine.py", {}).settings["load"])
+    assert loads == [1.0, 3.0]
 
 
 TEXTS = (

@@ -135,10 +135,12 @@ def test_a_run_is_watched_paused_and_stopped_in_a_browser(browser, tmp_path):
             wait(page, f"state.frame > {before}")
             page.click("#pause")
             wait(page, "state.status === 'paused'")
+            assert not wrong
             page.click("#stop")
             assert process.wait(20) == 130
             wait(page, "over")
-            assert not [text for text in wrong if "ERR_CONNECTION" not in text]
+            # Nobody answers any more; how a browser says so depends on when it asks.
+            assert not [text for text in wrong if "Failed to load resource: net::ERR_" not in text]
         finally:
             process.kill()
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["status"] == "interrupted"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -69,7 +70,9 @@ def as_output_error(path: Path | None = None) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         name = "a result file" if path is None else repr(str(path))
-        reason = getattr(error, "strerror", None) or "the disk may be full, or another program may hold the file"
+        # HDF5 says more in `strerror`, in many lines' worth.
+        number = getattr(error, "errno", None)
+        reason = os.strerror(number) if number else "the disk may be full, or another program may hold the file"
         raise OutputError(f"{name} could not be written: {reason}") from error
 
 
