@@ -30,7 +30,7 @@ class StaticContactKernels:
     Attributes:
         struct: Struct type with the constants of the body and the arrays of the sheet.
         press: Adds the contact forces to the forces on the points.
-        show: Computes the force on each point [N] and its moment about the centre of the body [N m].
+        show: Computes the force of the multiplier on each point [N] and its moment about the centre of the body [N m].
         linearise: Computes the derivative of the force on a point with respect to its displacement [N/m].
         differ: Computes by how much the stiffness along the normal is another than in the blocks, over that of a point
             that touches [-].
@@ -98,16 +98,18 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         out[i] = out[i] + vec3(wp.float64(a.areas[i]) * p * n)
 
     @kernel()
-    def show_pressure(
+    def show_multiplier(
         displacement: wp.array(dtype=vec3),
         a: StaticContact,
         first: int,
         force: wp.array(dtype=vec3),
         turn: wp.array(dtype=vec3),
     ):
+        """The pressure p would count the last round twice: its multiplier holds the gap that k g adds again."""
         i = wp.tid() + first
-        x, n, p = pressed(i, displacement[i], a)
-        push = wp.float64(a.areas[i]) * p * n
+        x = placed(a.origin, a.reference[i], displacement[i])
+        n, _gap = surface(x, a)
+        push = wp.float64(a.areas[i]) * a.multiplier[i] * n
         force[i] = vec3(push)
         turn[i] = vec3(wp.cross(x - a.place[0], push))
 
@@ -160,13 +162,13 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         a: StaticContact,
         first: int,
         multiplier: wp.array(dtype=wp.float64),
-        off: wp.array(dtype=wp.float64),
+        change: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
         _x, _n, p = pressed(i, displacement[i], a)
-        off[i] = wp.abs(p - a.multiplier[i])
+        change[i] = p - a.multiplier[i]
         multiplier[i] = p
 
     return StaticContactKernels(
-        StaticContact, press_out, show_pressure, linearise_contact, differ_from_blocks, settle_contact
+        StaticContact, press_out, show_multiplier, linearise_contact, differ_from_blocks, settle_contact
     )

@@ -48,8 +48,14 @@ MARGIN = 1.0
 # through; a point that slides along a sphere may go 80 degrees around.
 PASSING = 0.125
 # Static contact: factor by which the stiffness grows from a round to the next, if more than this part of the largest
-# distance of a point from the surface is left; and that distance in equilibrium, in float64 and float32 [spacings].
-STIFFER, LEFT, SETTLED = 4.0, 0.25, {64: 1e-5, 32: 1e-4}
+# distance of a point from the surface is left.
+STIFFER, LEFT = 4.0, 0.25
+# Static contact: that distance in equilibrium [spacings], and the largest change of a pressure in the last round over
+# the largest pressure, in float64 and float32.
+SETTLED, STEADY = {64: 1e-5, 32: 1e-4}, {64: 1e-5, 32: 1e-4}
+# Static contact: part of the distance before the last round above which further rounds do not lessen it: it is within
+# the tolerance of the solver, or its round-off.
+STUCK = 0.9
 # Static contact: relative change of the stiffness of a point that touches from which a tangent is another.
 ANEW = 0.5
 
@@ -414,8 +420,10 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         name, points, types = part.name, context.sheet.size, context.types
         self.at_rest = self
         self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
-        self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
-        self._softest, self._refused, self._distance = 0.0, 0, np.inf
+        # The stiffness [Pa/m], and the largest distance from the surface in the round before [m], so that a step that
+        # is refused restores both.
+        self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=2, per="once", restart=True)
+        self._softest, self._refused = 0.0, 0
         self._law, self._at_start = law, bond_bits(law)
         self._before = np.empty((0, 3))
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
@@ -459,7 +467,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         """Add the stages that update the multipliers, and that ask whether other points touch."""
         displacement = self.context.state.displacement
         stage = self.context.stage(f"multipliers of {self.part.name}", "every equilibrium")
-        self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+        self._launch(stage, self._kernels.settle, displacement, multiplier=self.multiplier, change=self._off)
         stage = self.context.stage(f"blocks of {self.part.name}", "every step that may take the tangent of another")
         self._launch(stage, self._kernels.differ, displacement, blocks=self.blocks, off=self._off)
 
@@ -471,7 +479,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     def set_stiffness(self, stiffness: float) -> None:
         """Set the contact stiffness [Pa/m], unless already set."""
         if not self._stiffness.numpy()[0]:
-            self._stiffness.assign(np.array([stiffness]))
+            self._stiffness.assign(np.array([stiffness, np.inf]))
         self._softest = float(self._stiffness.numpy()[0])
         self._before = self._from_centre()
 
@@ -514,20 +522,28 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         ]
 
     def update_multipliers(self) -> bool:
-        """Take the pressures as multipliers; return whether a point is off the surface, so another round is needed.
+        """Take the pressures as multipliers; return whether another round is needed.
 
-        With a stiffness that stays, so does a factorised tangent.
+        It is while a point is off the surface, or while its pressure changes: a stiff sheet pushes hard at small
+        distances. With a stiffness that stays, so does a factorised tangent.
         """
         context = self.context
         context.run(f"multipliers of {self.part.name}")
-        stiffness, earlier = float(self._stiffness.numpy()[0]), self._distance
-        self._distance = float(self._off.numpy().max()) / stiffness
-        off = self._distance > SETTLED[context.bits] * context.sheet.spacing
+        stiffness, earlier = self._stiffness.numpy()
+        pressures, changes = self.multiplier.numpy(), self._off.numpy()
+        change = float(np.abs(changes).max())
+        distance = change / stiffness
+        off = bool(distance > SETTLED[context.bits] * context.sheet.spacing)
+        if not off and distance > STUCK * earlier:
+            # The sheet is in equilibrium with the multipliers before.
+            self.multiplier.assign(pressures - changes)
+        elif not off:
+            off = change > STEADY[context.bits] * float(pressures.max())
         if not off:
-            self._distance, stiffness = np.inf, self._softest
-        elif self._distance > LEFT * earlier:
+            stiffness, distance = self._softest, np.inf
+        elif distance > LEFT * earlier:
             stiffness *= STIFFER
-        self._stiffness.assign(np.array([stiffness]))
+        self._stiffness.assign(np.array([stiffness, distance]))
         return off
 
     def _mean_forces(
