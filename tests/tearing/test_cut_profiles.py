@@ -67,9 +67,24 @@ def test_the_default_length_leaves_room_for_bridges_and_a_note_says_where_it_can
     # Halfway between two slits, or on the edge halfway to the mirror image of one.
     assert place[0] % 0.02 == pytest.approx(0.0, abs=1e-4) or place[0] % 0.02 == pytest.approx(0.02, abs=1e-4)
     assert place[1] == pytest.approx(0.05 + 0.5 * narrow.spacing, abs=1e-4)
-    assert "its tear takes some 60% of the tearing energy" in said and "which needs a spacing of 0.00062 m" in said
+    assert "the tear between them takes some 60% of the tearing energy" in said and "which needs a spacing of 0.00062 m" in said
     finer = build(perforated(81, 0.02, 0.02), damage=TearingEnergy(GC)).rupture
     assert finer._at_start[np.argmin(np.linalg.norm(finer.context.sheet.points - [0.04, 0.05], axis=1))] < 0.2
+
+
+@pytest.mark.parametrize(("points", "length", "said"), [(41, 0.0075, None), (41, 0.012, False), (81, 0.012, True)])
+def test_a_note_names_the_edge_that_a_cut_faces_and_asks_for_no_length_in_use(points, length, said):
+    """The ligament is 0.015 m long, half of the way to the mirror image, and has room for a length of 0.0075 m."""
+    sheet = square(points).cut((0.015, 0.0506), (0.085, 0.0506))
+    rupture = build(sheet, damage=TearingEnergy(GC, length=length)).rupture
+    start = sheet.spacing, rupture._at_start, sheet.points
+    notes = rupture._cuts.notes(rupture.length, 1.2, *start)
+    if said is None:
+        assert not notes
+        return
+    (note,) = notes
+    assert note.startswith("a cut and the edge are 0.015 m apart, 1.2 lengths of the damage field: the edge at (")
+    assert "expected a length of at most 0.0075 m" in note and ("spacing" not in note) == said
 
 
 def test_cuts_that_face_nothing_start_with_the_energy_of_their_length():

@@ -162,7 +162,8 @@ class FamilyLaw(BuiltLaw):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes of the material on its constants, on unbalanced points of corrected weights, on areas and on folds."""
         whole = self.context.whole
-        balance, areas = notes_on_balance(self.correction, whole), notes_on_areas(self.weights, whole)
+        balance = notes_on_balance(self.correction, whole, self.horizon_ratio)
+        areas = notes_on_areas(self.weights, whole)
         folds = [] if whole.frames is None else notes_on_folds(whole)
         return [*self._notes, *balance, *areas, *folds]
 

@@ -170,7 +170,7 @@ def _unbalanced(
     sheet: Sheet, horizon: float, report: dict[str, float], instead: str, at: Callable[[float], Tables]
 ) -> InputError:
     """The error for weights that leave much unbalanced, with the place and a horizon that would do."""
-    expected = "horizon = 2.015 or 3.15"
+    expected = f"horizon = {_other(horizon)}"
     if sheet.size <= MOST_TRIED:
         expected = "triangles of more even size"
         for tried in (each for each in TRIED if each > horizon + 0.05):
@@ -198,11 +198,16 @@ def balance_left(report: dict[str, float], sheet: Sheet) -> str:
     )
 
 
-def notes_on_balance(report: dict[str, float] | None, sheet: Sheet) -> list[str]:
-    """A note if corrected weights leave points unbalanced."""
+def notes_on_balance(report: dict[str, float] | None, sheet: Sheet, horizon: float) -> list[str]:
+    """A note if corrected weights leave points unbalanced at a horizon [spacings]."""
     if report is None or report["left"] <= LEFT_NOTED:
         return []
-    return [f"weights: {balance_left(report, sheet)}; another horizon, such as 2.015 or 3.15, may balance them"]
+    return [f"weights: {balance_left(report, sheet)}; another horizon, such as {_other(horizon)}, may balance them"]
+
+
+def _other(horizon: float) -> str:
+    """Horizons that balance most sheets [spacings], but for the one in use."""
+    return " or ".join(f"{each:g}" for each in (2.015, 3.15) if abs(each - horizon) > 0.01 * each)
 
 
 def notes_on_areas(weights: str, sheet: Sheet) -> list[str]:

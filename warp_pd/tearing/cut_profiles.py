@@ -25,7 +25,7 @@ from ..geometry.couplings import (
 )
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import components
-from .field_constants import DEFAULT_LENGTH
+from .field_constants import DEFAULT_LENGTH, SAME
 
 # Gap between a cut and its mirror image in an edge, and between two cuts, in lengths of the field, beyond which caps
 # take little: at FAR 5 % of the energy of the way. Cosine of the angle from the direction of a cut within which it
@@ -48,6 +48,7 @@ class CutEnds:
         ends: Ends of cuts [m], shape (E, dimensions).
         gaps: Distance of each from the cut that it faces, or twice that from the edge that it faces [m]; infinite where
             it faces none. Shape (E,).
+        mirrored: Whether each faces an edge, shape (E,).
         rooms: Length of its cut [m], divided by the number of its ends, shape (E,).
         between: Whether cuts run between points; otherwise points lie on both faces.
     """
@@ -55,6 +56,7 @@ class CutEnds:
     segments: np.ndarray
     ends: np.ndarray
     gaps: np.ndarray
+    mirrored: np.ndarray
     rooms: np.ndarray
     between: bool
 
@@ -73,12 +75,13 @@ class CutEnds:
             others = segments[cut != cut[which]]
             between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
             faces = between < far * length or mirrored < NEAR * length
-            found.append((end, min(between, mirrored) if faces else np.inf, int(cut[which])))
+            found.append((end, min(between, mirrored) if faces else np.inf, faces and mirrored < between, int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
         ends = np.array([end for end, *_ in found]).reshape(-1, dimensions)
-        return CutEnds(segments, ends, np.array([gap for _, gap, _ in found]), np.array(rooms), bool(sheet.cuts))
+        gaps, mirrored = np.array([gap for _, gap, *_ in found]), np.array([edge for *_, edge, _ in found], bool)
+        return CutEnds(segments, ends, gaps, mirrored, np.array(rooms), bool(sheet.cuts))
 
     @property
     def facing(self) -> np.ndarray:
@@ -122,7 +125,8 @@ class CutEnds:
     def notes(self, length: float, bias: float, spacing: float, damage: np.ndarray, points: np.ndarray) -> list[str]:
         """A note on the bridge whose tear takes least of what it should, or that starts most damaged.
 
-        A bridge tears without a tip that moves far, which would add what the energy of the field is divided by.
+        A bridge tears without a tip that moves far, which would add what the energy of the field is divided by. There
+        is no note on a field as short as it would expect.
 
         Args:
             length: Length of the field [m].
@@ -131,7 +135,7 @@ class CutEnds:
             damage: Damage at the start, (N,).
             points: Points of the sheet [m], (N, dimensions).
         """
-        if not self.facing.any():
+        if not self.facing.any() or length <= SAME * self.length:
             return []
         recesses = self.recesses(length, spacing)
         gaps, ways = _ways()
@@ -144,12 +148,14 @@ class CutEnds:
         if taken[worst] >= ENOUGH and hurt <= HURT:
             return []
         place = ", ".join(f"{x:.4g}" for x in middle)
-        needed = self.length / max(DEFAULT_LENGTH, length / spacing)
+        needed = self.length / DEFAULT_LENGTH
+        edge, gap = self.mirrored[worst], self.gaps[worst]
+        which, gap, what = ("a cut and the edge", 0.5 * gap, "edge") if edge else ("two cuts", gap, "bridge")
+        finer = "" if SAME * needed >= spacing else f", which needs a spacing of {needed:.2g} m"
         return [
-            f"two cuts are {self.gaps[worst]:.3g} m apart, {self.gaps[worst] / length:.2g} lengths of the damage "
-            f"field: the bridge at ({place}) m starts with a damage of {hurt:.2g}, and its tear takes some "
-            f"{taken[worst]:.0%} of the tearing energy, at less force than that of an intact one; expected a length "
-            f"of at most {self.length:.3g} m, which needs a spacing of {needed:.2g} m"
+            f"{which} are {gap:.3g} m apart, {gap / length:.2g} lengths of the damage field: the {what} at ({place}) m "
+            f"starts with a damage of {hurt:.2g}, and the tear between them takes some {taken[worst]:.0%} of the "
+            f"tearing energy, at less force than an intact one; expected a length of at most {self.length:.3g} m{finer}"
         ]
 
 

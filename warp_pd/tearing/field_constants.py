@@ -23,6 +23,8 @@ MIN_LENGTH = 0.75
 # average over the horizon and bonds break column by column. Fitted to strips with three horizons and five grids;
 # tools/tip_problem.py finds the same with nothing fitted, see docs/tearing.md.
 BIAS = (0.12, 0.075)
+# Factor within which a length is the one that a note would ask for.
+SAME = 1.01
 # Factor by which half of the sweeps reduce all errors but the smoothest, which take longer.
 REDUCED = 3.0
 
@@ -158,7 +160,7 @@ class FieldConstants:
             f"{self.limit:.4g}{upto} J/m^3{hint}"
         ]
         wanted = self.wanted_length()
-        if wanted is not None and wanted < self.resolved:
+        if wanted is not None and SAME * wanted < self.resolved:
             needed = self.resolving_length()
             said.append(
                 f"the strength needs a length of {needed:.3g} m, which needs a spacing of "
@@ -200,6 +202,8 @@ def narrow_seam(energy: np.ndarray, places: np.ndarray, spacing: float, length: 
     if factor <= 1.0 + MIXED:
         return []
     needed = half / brentq(lambda width: seam_energy(ratio, width) - 1.0 - MIXED, 0.0, 2.0)
+    if length <= SAME * needed:
+        return []
     return [
         f"the tearing energy is low over a width of {2.0 * half:.3g} m, and a tear damages {4.0 * length:.3g} m: it "
         f"takes about {factor:.3g} times the energy there; {1.0 + MIXED:g} times with a length of {needed:.3g} m, "

@@ -102,7 +102,7 @@ def test_weights_that_cannot_balance_are_refused_with_a_horizon_that_does(tables
     with refused(match=rf"weights = 'corrected' at horizon = {horizon}: .* most at \(.*\) m: expected horizon = 1\.8"):
         tables(sheet, horizon, "linear", way)
     report = tables(sheet, 1.8, "linear", way)[3]
-    assert report["left"] < 1e-9 and notes_on_balance(report, sheet) == []
+    assert report["left"] < 1e-9 and notes_on_balance(report, sheet, 1.8) == []
 
 
 def test_a_short_horizon_off_the_lattice_is_refused_once():
@@ -126,8 +126,9 @@ def test_little_left_unbalanced_is_a_note():
     sheet = Sheet.filled(0.1, 0.1, points=21, turn=20.0, **SOLID)
     report = weight_tables(sheet, 3.15, "inverse", "corrected")[3]
     assert 1e-3 < report["left"] < 0.1
-    (note,) = notes_on_balance(report, sheet)
+    (note,) = notes_on_balance(report, sheet, 3.15)
     assert f"at {report['points_left_unbalanced']} points" in note and "most at (" in note
+    assert note.endswith("another horizon, such as 2.015, may balance them")
 
 
 def folded(turn):
