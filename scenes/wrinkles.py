@@ -13,6 +13,7 @@ with the length L of the stretched strip. Without bending (`--set bending=False`
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, NeoHookean, Plate, Sheet, Simulation
 from warp_pd.device.checks import count, positive
@@ -25,6 +26,10 @@ FLAT = 0.01
 WAVE, ZIGZAG = 10.0, 4.0
 # Places for each point at which heights and slopes are summed.
 FINE = 8
+# Fewest waves across the strip, and steps between numbers of waves that are tried first.
+FEWEST, STEP = 1.0, 0.25
+# Heights of waves over those of the line below which they are round-off.
+NOISE = 1e-5
 
 
 def build(
@@ -101,15 +106,41 @@ def build(
 def wavelength(across, displacement):
     """Wavelength along a line of points [m]: that of the sine with the same mean squares of height and slope.
 
-    None for heights that change from point to point, and for a line that folds over. The heights between the points are
-    those of a spline: differences would make a wave of ten points 7 % too long.
+    None without waves, for heights that change from point to point, and for a line that folds over. The heights are
+    those above a slow bow, and between the points those of a spline: differences would make a wave of ten points 7 %
+    too long.
     """
-    y, height = across + displacement[:, 1], displacement[:, 2]
+    y = across + displacement[:, 1]
+    height = displacement[:, 2] - bow(y, displacement[:, 2])
     zigzag = (height**2).sum() < (ZIGZAG / (2.0 * np.pi)) ** 2 * (np.diff(height) ** 2).sum()
-    if zigzag or np.diff(y).min() <= 0.0:
+    straight = np.ptp(height) <= NOISE * np.abs(displacement[:, 2]).max()
+    if zigzag or straight or np.diff(y).min() <= 0.0:
         return None
     wave, fine = CubicSpline(y, height), np.linspace(y[0], y[-1], FINE * len(y))
     return float(2.0 * np.pi * np.sqrt(np.trapezoid(wave(fine) ** 2, fine) / np.trapezoid(wave(fine, 1) ** 2, fine)))
+
+
+def bow(y, height):
+    """Parabola on which a line of points waves [m], that of the least-squares sum of a parabola and a sine.
+
+    Without the sine, the parabola would follow a wave of a few periods.
+    """
+    x = (y - y[0]) / (y[-1] - y[0])
+    parabola = np.stack([np.ones_like(x), x, x**2], axis=1)
+
+    def fit(waves):
+        terms = np.column_stack([parabola, np.cos(2.0 * np.pi * waves * x), np.sin(2.0 * np.pi * waves * x)])
+        found = np.linalg.lstsq(terms, height)[0]
+        return ((terms @ found - height) ** 2).sum(), parabola @ found[:3]
+
+    # The last one is a zigzag.
+    most = 0.5 * (len(y) - 1)
+    tried = np.append(np.arange(FEWEST, most, STEP), most)
+    best = tried[np.argmin([fit(waves)[0] for waves in tried])]
+    near = minimize_scalar(
+        lambda waves: fit(waves)[0], bounds=(max(best - STEP, FEWEST), min(best + STEP, most)), method="bounded"
+    )
+    return fit(near.x)[1]
 
 
 def pictures(history, folder):

@@ -134,6 +134,24 @@ def test_a_flat_strip_has_no_wavelength_and_a_coarse_one_a_note():
     assert not wrinkles.build(points=needed).notes and not wrinkles.build(points=41, bending=False).notes
 
 
+@pytest.mark.parametrize("waves", [3.0, 3.4, 6.25])
+@pytest.mark.parametrize("phase", [0.0, 1.0, np.pi / 2.0])
+def test_a_wavelength_is_that_of_the_waves_on_a_bow(waves, phase):
+    y = np.linspace(0.0, 0.1, 65)
+    wave, bow = np.sin(2.0 * np.pi * waves / 0.1 * y + phase), np.sin(np.pi * y / 0.1)
+
+    def found(height):
+        return wrinkles.wavelength(y, np.outer(1e-4 * height, (0.0, 0.0, 1.0)))
+
+    clean = found(wave)
+    np.testing.assert_allclose(wrinkles.bow(y, wave), 0.0, atol=1e-3)
+    assert clean == pytest.approx(0.1 / waves, rel=0.07 if waves % 1.0 else 0.005)
+    for slow in (0.3, 1.0, 20.0 * (y - 0.05)):
+        assert found(wave + slow) == pytest.approx(clean, rel=1e-3)
+    assert found(wave + 0.5 * bow) == pytest.approx(clean, rel=0.01)
+    assert found(0.0 * y) is None and found(20.0 * y + 1.0) is None
+
+
 def column(result, name):
     return np.array([row[name] for row in result.history])
 

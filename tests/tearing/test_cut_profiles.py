@@ -67,7 +67,8 @@ def test_the_default_length_leaves_room_for_bridges_and_a_note_says_where_it_can
     # Halfway between two slits, or on the edge halfway to the mirror image of one.
     assert place[0] % 0.02 == pytest.approx(0.0, abs=1e-4) or place[0] % 0.02 == pytest.approx(0.02, abs=1e-4)
     assert place[1] == pytest.approx(0.05 + 0.5 * narrow.spacing, abs=1e-4)
-    assert "the tear between them takes some 60% of the tearing energy" in said and "which needs a spacing of 0.00062 m" in said
+    assert "the tear between them takes some 60% of the tearing energy" in said
+    assert "which needs a spacing of 0.00062 m" in said
     finer = build(perforated(81, 0.02, 0.02), damage=TearingEnergy(GC)).rupture
     assert finer._at_start[np.argmin(np.linalg.norm(finer.context.sheet.points - [0.04, 0.05], axis=1))] < 0.2
 

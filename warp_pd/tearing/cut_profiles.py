@@ -75,7 +75,8 @@ class CutEnds:
             others = segments[cut != cut[which]]
             between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
             faces = between < far * length or mirrored < NEAR * length
-            found.append((end, min(between, mirrored) if faces else np.inf, faces and mirrored < between, int(cut[which])))
+            gap, edge = (min(between, mirrored), mirrored < between) if faces else (np.inf, False)
+            found.append((end, gap, edge, int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
