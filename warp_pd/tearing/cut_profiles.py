@@ -75,14 +75,14 @@ class CutEnds:
             others = segments[cut != cut[which]]
             between, mirrored = _gap_ahead(others, end, direction), 2.0 * _gap_ahead(edges, end, direction)
             faces = between < far * length or mirrored < NEAR * length
-            gap, edge = (min(between, mirrored), mirrored < between) if faces else (np.inf, False)
-            found.append((end, gap, edge, int(cut[which])))
+            gap = min(between, mirrored) if faces else np.inf
+            found.append((end, gap, faces and mirrored < between, int(cut[which])))
         own = np.array([index for *_, index in found], int)
         lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         rooms = [lengths[cut == index].sum() / (own == index).sum() for index in own]
         ends = np.array([end for end, *_ in found]).reshape(-1, dimensions)
-        gaps, mirrored = np.array([gap for _, gap, *_ in found]), np.array([edge for *_, edge, _ in found], bool)
-        return CutEnds(segments, ends, gaps, mirrored, np.array(rooms), bool(sheet.cuts))
+        gaps, at_edge = np.array([gap for _, gap, *_ in found]), np.array([edge for *_, edge, _ in found], bool)
+        return CutEnds(segments, ends, gaps, at_edge, np.array(rooms), bool(sheet.cuts))
 
     @property
     def facing(self) -> np.ndarray:
