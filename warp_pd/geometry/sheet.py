@@ -22,7 +22,7 @@ from ..device.checks import (
     vector,
 )
 from .regions import region_of
-from .triangulation import Lattice, Segment, doubled_normals, joined, lattice_triangles, moved_cut
+from .triangulation import Lattice, Segment, boundary_edges, doubled_normals, joined, lattice_triangles, moved_cut
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -155,30 +155,42 @@ def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
 
     They are ascending, except those of one part, which are in its order.
     """
-    known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
     if len(names) == 1 and names[0] in shape.parts:
         return np.asarray(shape.parts[names[0]])
+    known = {**_sides(shape), **shape.parts}
     chosen = np.zeros(shape.size, bool)
     for name in names or ("all",):
-        if name == "all" and name not in known:
-            known["all"] = whole_edge(shape, known)
+        if name == "all":
+            known["all"] = whole_edge(shape)
         if name not in known:
             one_of("edge", name, {**known, "all": None})
         chosen[known[name]] = True
     return np.flatnonzero(chosen)
 
 
-def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts do not count."""
-    outer = known if shape.frames is not None else [name for name in known if name.startswith("outline")] or SIDES
-    chosen = np.zeros(shape.size, bool)
-    for name in {*outer, *(name for name in known if name.startswith("hole "))}:
-        chosen[known[name]] = True
-    return chosen
+def whole_edge(shape: Shape) -> np.ndarray:
+    """Points on the outline and around all holes, int32, ascending; cracks, slits and cuts do not count."""
+    if "all" in shape.parts:
+        return np.asarray(shape.parts["all"])
+    # A cut removes triangles of a lattice, but not its outer points.
+    if shape.lattice is not None or not len(shape.triangles):
+        return np.flatnonzero(sum(_sides(shape).values(), np.zeros(shape.size, bool))).astype(np.int32)
+    return np.unique(boundary_edges(np.asarray(shape.triangles))).astype(np.int32)
+
+
+def edge_names(shape: Shape) -> dict[str, np.ndarray]:
+    """Points of every name of `Sheet.edges`, for edits after which positions or triangles no longer give them."""
+    sides = {name: np.flatnonzero(on).astype(np.int32) for name, on in _sides(shape).items()}
+    return {**sides, **shape.parts, "all": whole_edge(shape)}
 
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:
-    """Points within a quarter of a spacing of the sides of the bounding box; on a lattice exactly on the sides."""
+    """Masks of the points on the sides of the bounding box of a flat shape in one piece, shape (N,).
+
+    They are within a quarter of a spacing of the sides; on a lattice exactly on them.
+    """
+    if shape.frames is not None or shape.pieces is not None:
+        return {}
     tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)
     low, high = shape.points.min(axis=0), shape.points.max(axis=0)
     return {
@@ -371,13 +383,13 @@ class Sheet(Shape):
 
     def as_cloud(self) -> Self:
         """Copy of the shape without its lattice or grid; bonds are then stored in a table."""
-        return replace(self, lattice=None, grid=None)
+        return replace(self, lattice=None, grid=None, parts=edge_names(self))
 
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on named edges; "all" is the outline and all holes.
 
         Names are those in `parts` and, on a flat sheet, the sides of the bounding box: left, right, bottom, top. On a
-        cloud, the points of a side are those within a quarter of a spacing.
+        cloud, the points of a side are those within a quarter of a spacing. Edits keep the points of each name.
 
         Raises:
             InputError: for any other name.

@@ -39,9 +39,14 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
     for ring in rings:
         _add(parts, _ring_parts(ring))
     parts["all"] = np.unique(np.concatenate([ring.points for ring in rings]))
-    opened = base
+    opened, rims = base, tuple(parts)
     for crack in cracks:
-        opened, sides = _opened(opened, crack)
+        opened, sides, doubled = _opened(opened, crack)
+        # At the mouth of a crack both of its faces lie on the ring.
+        copies = dict(zip(doubled.tolist(), range(opened.size - len(doubled), opened.size), strict=True))
+        for name in rims:
+            mouths = [copies[point] for point in parts[name].tolist() if point in copies]
+            parts[name] = np.append(parts[name], np.array(mouths, int))
         _add(parts, sides)
     middle = opened.points[opened.triangles].mean(axis=1)
     body, of_triangle = np.zeros(opened.size, np.int32), np.zeros(len(opened.triangles), np.int32)
@@ -85,8 +90,11 @@ def _ring_parts(ring: Part) -> dict[str, np.ndarray]:
     return parts
 
 
-def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray]]:
-    """The shape with a crack opened, and its named faces; tips belong to both faces."""
+def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray], np.ndarray]:
+    """The shape with a crack opened, its named faces, and the points that have copies at the end of the new shape.
+
+    Tips belong to both faces.
+    """
     triangles, doubled = split_along(shape.size, shape.triangles, crack.points)
     copies = shape.size + np.arange(len(doubled))
     grid = None
@@ -104,7 +112,7 @@ def _opened(shape: Shape, crack: Part) -> tuple[Shape, dict[str, np.ndarray]]:
     tips = np.setdiff1d(crack.points, doubled)
     left, right = np.sort(crack.points), np.union1d(tips, copies)
     names = {crack.name: np.union1d(left, right), f"{crack.name} left": left, f"{crack.name} right": right}
-    return opened, names if not len(tips) else {**names, f"{crack.name} tips": tips}
+    return opened, names if not len(tips) else {**names, f"{crack.name} tips": tips}, doubled
 
 
 def _inside(points: np.ndarray, ring: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.couplings import distance_from_segments
-from ..geometry.sheet import Shape
+from ..geometry.sheet import Shape, edge_names, whole_edge
 from ..geometry.triangulation import (
     Lattice,
     Segment,
@@ -54,7 +54,13 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
         )
     ends = shape.triangles[near]
     shape.require_beside_bodies(name, ends[crossed], np.roll(ends, -1, axis=1)[crossed])
-    return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment), tips=tips)
+    return replace(
+        shape,
+        triangles=np.delete(shape.triangles, gone, 0),
+        cuts=(*shape.cuts, segment),
+        tips=tips,
+        parts=shape.parts if shape.lattice is not None else {**shape.parts, "all": whole_edge(shape)},
+    )
 
 
 def tips_of(shape: Shape, segment: Segment) -> tuple[tuple[bool, bool], ...]:
@@ -84,7 +90,8 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
         return np.asarray((p - middle) @ rotation.T + middle)
 
     cuts = tuple(moved_cut(cut, turn) for cut in shape.cuts)
-    return replace(shape, points=turn(shape.points), lattice=None, grid=None, cuts=cuts), rotation
+    parts = edge_names(shape)
+    return replace(shape, points=turn(shape.points), lattice=None, grid=None, cuts=cuts, parts=parts), rotation
 
 
 def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
@@ -103,17 +110,17 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
         return np.asarray(renumber[points[kept[points]]], np.int32)
 
     old_edges, new_edges = boundary_edges(shape.triangles), boundary_edges(triangles)
-    rim = np.setdiff1d(new_edges, old_edges)
+    size = np.array([shape.size, 1])
+    fresh = new_edges[~np.isin(new_edges @ size, old_edges @ size)]
     barriers = None
     if shape.barriers is not None:
-        size = np.array([shape.size, 1])
         left_over = shape.barriers[kept[shape.barriers].all(axis=1)]
-        fresh = new_edges[~np.isin(new_edges @ size, old_edges @ size)]
         barriers = renumber[np.unique(np.concatenate([left_over, fresh]), axis=0)]
+    known = edge_names(shape)
+    rim = np.setdiff1d(fresh, known["all"])
     count = next(k for k in range(1, len(shape.parts) + 2) if f"hole {k}" not in shape.parts)
-    parts = {part: left(points) for part, points in shape.parts.items()} | {f"hole {count}": left(rim)}
-    if "all" in parts:
-        parts["all"] = np.union1d(parts["all"], left(rim)).astype(np.int32)
+    parts = {part: left(points) for part, points in known.items()} | {f"hole {count}": left(rim)}
+    parts["all"] = np.union1d(parts["all"], left(rim)).astype(np.int32)
     smaller = replace(
         shape,
         points=shape.points[kept],

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..device.checks import InputError, finite, vector
-from ..geometry.sheet import Shape
+from ..geometry.sheet import Shape, edge_names
 from ..geometry.triangulation import moved_cut
 
 # Gap between pieces that lie side by side, in spacings of the wider one.
@@ -78,7 +78,9 @@ def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Sh
     for k, shape in enumerate(shapes):
         name = f"sheet {k + 1}"
         parts[name] = np.arange(first[k], first[k + 1], dtype=np.int32)
-        parts |= {f"{name} {part}": np.asarray(points + first[k], np.int32) for part, points in shape.parts.items()}
+        own = edge_names(shape)
+        parts |= {f"{name} {part}": np.asarray(points + first[k], np.int32) for part, points in own.items()}
+    parts["all"] = np.concatenate([parts[f"sheet {k + 1} all"] for k in range(len(shapes))])
     numbered = list(enumerate(shapes))
     barriers = [shape.barriers + first[k] for k, shape in numbered if shape.barriers is not None]
     spacings = [np.full(s.size, s.spacing) if s.spacings is None else s.spacings for s in shapes]

@@ -359,7 +359,7 @@ class Sheet(PlainSheet):
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def turned(self, degrees: float) -> Self:
-        """A copy rotated about the centre of the sheet, as a cloud without a lattice.
+        """A copy rotated about the centre of the sheet, as a cloud without a lattice; "left" remains the former left.
 
         Raises:
             InputError: if the angle is not a number, or the sheet is curved.

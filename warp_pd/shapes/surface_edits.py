@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.sheet import Shape
+from ..geometry.sheet import Shape, edge_names
 from ..geometry.triangulation import (
     boundary_edges,
     directed_edges,
@@ -142,7 +142,7 @@ def opened(shape: Shape, slits: Sequence[Slit], name: str) -> tuple[dict[str, An
         left, right = np.unique(line), np.union1d(np.setdiff1d(line, doubled), copies)
         number = next(k for k in range(1, len(parts) + 2) if f"slit {k}" not in parts)
         parts |= {f"slit {number} left": left, f"slit {number} right": right, f"slit {number}": np.union1d(left, right)}
-    parts |= {part: np.flatnonzero(np.isin(source, points)) for part, points in shape.parts.items()}
+    parts |= {part: np.flatnonzero(np.isin(source, points)) for part, points in edge_names(shape).items()}
     cells = voronoi_areas(placed.points[source], triangles) / voronoi_areas(shape.points, shape.triangles)[source]
 
     def values(before: np.ndarray) -> np.ndarray:
@@ -167,7 +167,10 @@ def _near(place: np.ndarray) -> str:
 
 def _slits(shape: Shape) -> list[str]:
     """Names of the slits of a shape."""
-    return [name for name in shape.parts if f"{name} left" in shape.parts and f"{name} right" in shape.parts]
+    parts = shape.parts
+    both = [name for name in parts if f"{name} left" in parts and f"{name} right" in parts]
+    # A flat sheet that was glued into this one has a left and a right side, too.
+    return [n for n in both if np.array_equal(parts[n], np.union1d(parts[f"{n} left"], parts[f"{n} right"]))]
 
 
 def _crossed(shape: Shape, edges: np.ndarray, start: int, end: int) -> str | None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, of_kind, point_indices, said
+from ..geometry.sheet import edge_names
 from ..geometry.triangulation import crowded_edges, doubled_normals, neighbours
 from .clouds import cloud
 from .pieces import Place, side_by_side
@@ -32,9 +33,9 @@ NOT_GLUED = {
 def together(*sheets: Sheet) -> Sheet:
     """Combine sheets into one sheet of several pieces, side by side in the reference state, without bonds between them.
 
-    The points of a piece are the part "sheet 1", "sheet 2", ...; names of its parts get this prefix, such as "sheet 1
-    outline". All pieces have the same force law; `stiffened` makes a piece stiffer, and `ByRegion`
-    gives it another material. `placed` moves the pieces to their positions, and `SelfContact` prevents
+    The points of a piece are the part "sheet 1", "sheet 2", ...; names of its edges get this prefix, such as "sheet 1
+    left", and "all" is those of all pieces. All pieces have the same force law; `stiffened` makes a piece stiffer, and
+    `ByRegion` gives it another material. `placed` moves the pieces to their positions, and `SelfContact` prevents
     interpenetration.
 
     Raises:
@@ -146,7 +147,7 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
     parts = {**shape.parts, "seam": seam}
     for number, (sheet, members) in enumerate(((first, own[: first.size]), (second, index)), start=1):
         parts |= {f"sheet {number}": members.astype(np.int32)}
-        parts |= {f"sheet {number} {name}": np.unique(members[points]) for name, points in sheet.parts.items()}
+        parts |= {f"sheet {number} {name}": np.unique(members[points]) for name, points in edge_names(sheet).items()}
     thickness, factors = _joined("thickness", sheets), None
     if first.stiffness is not None or second.stiffness is not None:
         given = [np.ones(sheet.size) if sheet.stiffness is None else sheet.stiffness for sheet in sheets]
