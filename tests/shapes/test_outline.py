@@ -124,28 +124,6 @@ def test_every_part_of_the_boundary_has_a_name(spacing):
     assert len(tips) == 2 and np.isin(tips, sheet.parts["crack 1"]).all()
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda sheet: sheet.hole((0.08, 0.03), 0.008),
-        lambda sheet: sheet.cut((0.0812, 0.021), (0.0812, 0.043)),
-        lambda sheet: sheet.stiffened(sheet.edges("left"), 2.0),
-        lambda sheet: sheet.turned(30.0),
-        lambda sheet: sheet.as_cloud(),
-    ],
-    ids=["hole", "cut", "stiffened", "turned", "as_cloud"],
-)
-def test_names_survive(change):
-    sheet = mixed()
-    changed = change(sheet)
-    assert set(sheet.parts) <= set(changed.parts)
-    for name in set(sheet.parts) - {"all"}:
-        if changed.size == sheet.size:
-            assert np.array_equal(changed.parts[name], sheet.parts[name])
-        else:
-            assert np.array_equal(changed.points[changed.parts[name]], sheet.points[sheet.parts[name]])
-
-
 def test_a_punched_hole_has_a_name():
     sheet = mixed().hole((0.08, 0.03), 0.008)
     rim = np.hypot(*(sheet.points[sheet.parts["hole 2"]] - (0.08, 0.03)).T)
