@@ -1,5 +1,7 @@
 """Loads: body force, point force, dead and follower pressure, each against mechanics."""
 
+import re
+
 import numpy as np
 import pytest
 from curved_sheets import small_sphere, small_tube, tear
@@ -8,18 +10,21 @@ from small_runs import run, simulate
 
 from warp_pd import (
     BodyForce,
+    BondAssociated,
     CriticalStretch,
     Explicit,
     Fixed,
+    NeoHookean,
     Newton,
     PointForce,
     Pressure,
     Sheet,
+    Simulation,
     TearingEnergy,
     Yeoh,
 )
-from warp_pd.geometry.surface import other_diagonals
-from warp_pd.geometry.triangulation import boundary_edges
+from warp_pd.geometry.surface import cells_of, other_diagonals, pressed_weights
+from warp_pd.geometry.triangulation import boundary_edges, doubled_normals
 from warp_pd.measures import support_force
 
 
@@ -219,9 +224,43 @@ def test_a_pressure_whose_resultant_on_points_is_not_that_of_its_edge_is_noted(p
     result = scene.run(device="cpu")
     rim = support_force(result.built, sheet.edges())[2]
     off = abs(rim / (-pressure * 0.1**2) - 1.0)
+    assert (off > 0.02) == said == bool(told_error(result)), off
+    assert all(percent == pytest.approx(100.0 * off, rel=0.06) for percent in told_error(result))
+
+
+def told_error(result):
+    """Errors of a pressure's resultant [%] in the notes."""
     notes = [note for note in result.summary["notes"] if note.startswith("Pressure(")]
-    assert (off > 0.05) == said == bool(notes), (off, notes)
-    assert all("more points" in note for note in notes)
+    assert all("on='triangles', or more points" in note for note in notes)
+    return [float(re.search(r"N, (\S+) % of the", note)[1]) for note in notes]
+
+
+@pytest.mark.parametrize("make", ["sphere", "tube", "flat", "fine"])
+def test_a_note_tells_what_a_rim_carries_too_much(make):
+    """Support of the rim over pressure times the vector area that it spans."""
+    sheet = {
+        "sphere": lambda: Sheet.sphere(1.0, thickness=1e-2, density=1e3, points=6).hole((0.0, 0.0, -1.0), 0.6),
+        "tube": lambda: Sheet.tube(0.3, 0.8, thickness=3e-3, density=1e3, points=24).hole((0.3, 0.0, 0.4), 0.15),
+        "flat": lambda: Sheet.rectangle(1.0, 0.8, thickness=1e-2, density=1e3, points=(21, 17)),
+        "fine": lambda: Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1e3, points=41),
+    }[make]()
+    rim = np.unique(boundary_edges(sheet.triangles))
+    law = BondAssociated(NeoHookean(mu=1e5, bulk=1e7), horizon=3.15 if make == "flat" else 2.015)
+    pressure = 1e3 if sheet.frames is None else 100.0
+    for on in ("points", "triangles"):
+        result = Simulation(sheet, law, Newton(), loads=[Fixed(rim), Pressure(pressure, on=on)]).run(device="cpu")
+        held = sheet.positions + result.frame.displacement
+        edge = 0.5 * doubled_normals(held, sheet.triangles).sum(axis=0)
+        support = support_force(result.built, rim) / pressure
+        if on == "points":
+            off = 100.0 * np.linalg.norm(support + edge) / np.linalg.norm(edge)
+            assert told_error(result) == (pytest.approx([off], rel=0.06) if make != "fine" else [])
+            assert (off > 2.0) == (make != "fine")
+        else:
+            # The smooth surface has a larger area than its chords.
+            smooth = pressed_weights(sheet, cells_of(sheet.positions, sheet.triangles))
+            assert told_error(result) == [] and np.ptp(smooth) == 0.0
+            assert support == pytest.approx(-smooth[0] * edge, abs=1e-8)
 
 
 def test_a_pressure_on_points_that_moves_a_closed_surface_is_noted():

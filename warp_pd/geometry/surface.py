@@ -111,6 +111,20 @@ def pressed_weights(shape: Shape, cells: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(np.abs(flat - 1.0) < SAME, 1.0, factors)[piece])
 
 
+def pressed_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the cells, shape (T, 3), and the part of their doubled normals that presses on each corner, (T,)."""
+    lone = cells[:, 2] == cells[:, 3]
+    a, b, c, d = cells[~lone].T
+    halves = [np.column_stack(half) for half in ((a, b, c), (a, c, d), (a, b, d), (b, c, d))]
+    return np.concatenate([*halves, cells[lone, :3]]), np.repeat([1.0 / 12.0, 1.0 / 6.0], [4 * len(a), lone.sum()])
+
+
+def pressed_area(places: np.ndarray, cells: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Resultant over the pressure, of points at places [m], (N, 3), with `pressed_weights` (N,): [m^2], shape (3,)."""
+    faces, share = pressed_faces(cells)
+    return np.asarray((share * weights[faces].sum(axis=1)) @ doubled_normals(places, faces))
+
+
 def pressure_matrix(places: np.ndarray, cells: np.ndarray, pressures: np.ndarray) -> Any:
     """Derivative of the force of pressures [Pa], shape (N,), by the places of points [m], shape (N, 3).
 
@@ -119,11 +133,8 @@ def pressure_matrix(places: np.ndarray, cells: np.ndarray, pressures: np.ndarray
     """
     from scipy import sparse
 
-    lone, n = cells[:, 2] == cells[:, 3], len(places)
-    a, b, c, d = cells[~lone].T
-    halves = [np.column_stack(half) for half in ((a, b, c), (a, c, d), (a, b, d), (b, c, d))]
-    faces = np.concatenate([*halves, cells[lone, :3]])
-    share = np.repeat([1.0 / 12.0, 1.0 / 6.0], [4 * len(a), lone.sum()])
+    n = len(places)
+    faces, share = pressed_faces(cells)
     rows, columns, values = [], [], []
     for moved in range(3):
         x, y, z = (share[:, None] * (places[faces[:, (moved + 1) % 3]] - places[faces[:, (moved + 2) % 3]])).T
