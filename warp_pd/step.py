@@ -64,7 +64,7 @@ class Acting(Protocol):
 
 
 def begin(parts: Acting, stage: Stage) -> None:
-    """Forces that belong to the displacement, before the first step or after a restart."""
+    """Forces at the displacement, before the first step or after a restart, which then restores its own."""
     parts.add(Phase.RESTORE, stage)
     parts.add(Phase.SCHEDULES, stage)
     parts.add(Phase.UNDAMAGED_FORCE, stage)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from helpers import refused, square
+from resumed_runs import require_same_when_stopped
 
-from warp_pd import Bimodular, BondBased, Fixed, Mirror, Newton, Simulation
+from warp_pd import Bimodular, BondBased, Explicit, Fixed, Mirror, Newton, Relaxation, Simulation
 from warp_pd.__main__ import build_scene
 
 
@@ -51,3 +52,16 @@ def test_what_is_no_mirror_image_is_refused():
     ):
         with refused(said):
             Simulation(sheet, BondBased(Bimodular(1e4)), Newton(), loads=[*loads, part]).build("cpu")
+
+
+@pytest.mark.parametrize("solver", [Explicit(0.02, frames=4, step=1e-3), Relaxation(load_steps=3, ramp_steps=50)])
+def test_a_run_goes_on_bit_for_bit(solver, tmp_path):
+    """A step ends with the force where the points outside were, not where those in the sheet now place them."""
+
+    def simulation():
+        sheet = square(7)
+        left, right = sheet.edges("left"), sheet.edges("right")
+        mirror = Mirror(right, right - 2, np.full((7, 2), 1e-3), np.ones((7, 2), bool), [(0.0, 0.0), (0.02, 1.0)])
+        return Simulation(sheet, BondBased(Bimodular(1e4)), solver, loads=[Fixed(left), Fixed(right, "z"), mirror])
+
+    require_same_when_stopped(simulation, tmp_path, [3], 64)

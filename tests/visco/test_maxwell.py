@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers import square
+from resumed_runs import require_same_when_stopped
 from scipy.integrate import cumulative_trapezoid
 
 from warp_pd import (
@@ -177,20 +178,50 @@ def test_wrinkles_have_the_least_energy(material):
         assert (np.abs(single[0][:, 3] - S).max(axis=(1, 2)) / size).max() < 2e-4
 
 
-def test_a_torn_strip_balances_its_energy():
+def torn_strip(points, solver):
     """A sheet pulled at 30 1/s whose middle tears and whose edges wrinkle and recoil."""
-    sheet = square(15).cut((-0.01, 0.0507), (0.03, 0.0507))
+    sheet = square(points).cut((-0.01, 0.0507), (0.03, 0.0507))
     left, right = sheet.edges("bottom"), sheet.edges("top")
-    result = Simulation(
+    return Simulation(
         sheet,
         Visco(TensionField(NeoHookean(1e5, 1e7)), 2.015, branches=(Maxwell(1e5, 1e-3), Maxwell(1e5, 0.02))),
-        Explicit(0.03, frames=30, safety=0.2),
+        solver,
         loads=[Fixed(left), Motion(right, times=[0.0, 0.02, 0.03], x=0.0, y=[0.0, 0.06, 0.06], z=0.0)],
         damage=TearingEnergy(1200.0, spared=np.concatenate([left, right])),
-    ).run(device="cpu", precision=64)
+    )
+
+
+def test_a_torn_strip_balances_its_energy():
+    result = torn_strip(15, Explicit(0.03, frames=30, safety=0.2)).run(device="cpu", precision=64)
     assert result.status == "finished"
     lost = [row["viscous"] for row in result.history]
     last = result.history[-1]
     assert last["rupture"] > 0.1 * last["external"] and last["viscous"] > 0.1 * last["external"]
     assert np.diff(lost).min() >= 0.0
     assert max(abs(row["balance_error"]) for row in result.history) < 5e-3
+
+
+def pulled(solver):
+    """A sheet that is pulled and does not tear."""
+    sheet = square(7)
+    motion = Motion(sheet.edges("right"), times=[0.0, solver.duration], x=0.02, y=0.0, z=0.0)
+    law = Visco(NeoHookean(1e5, 1e7), 2.015, branches=(Maxwell(1e5, 1e-3),))
+    return Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("left")), motion])
+
+
+# Frames apart, so that the steps of each have another length.
+APART = (0.0041, 0.01, 0.0173, 0.03)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_explicit_steps_go_on_bit_for_bit(precision, tmp_path):
+    """The force at the end of a step has half of its decay, which the state at its end no longer has."""
+    require_same_when_stopped(lambda: pulled(Explicit(0.03, frames=APART)), tmp_path, [2, 4], precision)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_torn_strip_goes_on_bit_for_bit(precision, tmp_path):
+    result = require_same_when_stopped(
+        lambda: torn_strip(9, Explicit(0.03, frames=APART)), tmp_path, [3, 4], precision
+    )
+    assert result.history[2]["mean_damage"] > result.history[1]["mean_damage"]

@@ -118,8 +118,8 @@ def constraints_here(constraints: Sequence[Constraint], context: Context) -> tup
     return tuple(replace(constraint, points=partition.here(constraint.points)[1]) for constraint in constraints)
 
 
-def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
-    """Create the arrays that all parts share; `constant` is the sum of the constant loads [N], (N, 3), or None."""
+def shared_state(scene: Scene, context: Context, external: ExternalForce, energy: EnergyBalance) -> State:
+    """Create the arrays that all parts share; `external` is the sum of all loads."""
     sheet, types, options, solver = context.sheet, context.types, context.options, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
@@ -133,9 +133,12 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
             "displacement", OWNER, vec3, u, shape=n, restart=True, halo=True, output="displacement"
         ),
         velocity=context.array("velocity", OWNER, vec3, v, shape=n, restart=True, halo=True, output="velocity"),
-        force=context.array("force", OWNER, vec3, shape=n),
+        force=context.array("force", OWNER, vec3, shape=n, restart=solver.steps_explicitly),
         mass=context.array("mass", OWNER, real, mass),
-        external=context.array("external", "loads", vec3, constant, shape=n) if options.loaded else None,
+        external=context.array(
+            "external", "loads", vec3, external.constant, shape=n,
+            restart=solver.steps_explicitly and bool(external.changing),
+        ) if options.loaded else None,
         held_mask=context.array("held", "supports", wp.uint8, context.held) if options.held else None,
         step=context.array("step", "solver", real, shape=1, per="once") if stepping else None,
         damping=None if solver.mass_damping is None else context.array(
@@ -234,7 +237,7 @@ def compose(
         moved.check_begin(law.families.horizon)
     does_work = context.options.held or context.options.loaded or any(part.does_work for part in parts)
     energy = EnergyBalance(context, law, does_work, any(part.unbalanced for part in parts))
-    context.state = shared_state(scene, context, external.constant, energy)
+    context.state = shared_state(scene, context, external, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types)
     contacts: tuple[BuiltContact, ...] = tuple(of_part[id(part)] for part in scene.contacts)

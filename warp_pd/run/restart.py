@@ -24,14 +24,15 @@ from .own_code import own_code
 from .recorder import Recorder
 from .scene import Scene
 
-VERSION = 11
+VERSION = 12
 # Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
 NUMBERS: dict[str, Any] = {
     "frame_index": int, "time": int | float, "steps": int, "dt": int | float, "stable_dt": int | float | None,
     "step_seconds": int | float, "residual": int | float | None, "solve": dict | None, "history": list, "missing": dict,
     "repeated": int, "codes": list, "others": list, "shape": dict,
 }  # fmt: skip
-FINITE, STATE = ("time", "dt", "step_seconds"), ("displacement", "velocity")
+FORCES = ("force", "external")
+FINITE, STATE = ("time", "dt", "step_seconds"), ("displacement", "velocity", *FORCES)
 # Attributes of a scene that do not affect the state of a run; names of measures are compared separately.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
 # What may differ in a run that goes on for longer.
@@ -214,6 +215,17 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
     """Copy a loaded state to the device, the recorder and the solver."""
     with user_code(lambda error: f"resume: the restart file is damaged ({kind_and_text(error)})"):
         _restore(data, recorder)
+
+
+def restore_forces(data: dict[str, Any], built: Built) -> None:
+    """Copy the loaded forces to the device again, after the launches of `step.begin`, which recompute them.
+
+    The next explicit step begins with the forces at the end of the last one. Those of Maxwell elements belong to half a
+    step before it, those beside a `Mirror` to an earlier displacement of its points.
+    """
+    for stored in built.context.fields:
+        if stored.field.restart and stored.name in FORCES:
+            stored.array.assign(built.context.values_here(stored, data[stored.name]))
 
 
 def _restore(data: dict[str, Any], recorder: Recorder) -> None:

@@ -415,6 +415,8 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
         for part in built.parts:
             part.begin()
     built.context.run("setup")
+    if saved is not None:
+        restart.restore_forces(saved, built)
 
 
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
