@@ -201,7 +201,7 @@ def test_a_torn_strip_balances_its_energy():
     assert max(abs(row["balance_error"]) for row in result.history) < 5e-3
 
 
-def pulled(solver):
+def pulled_sheet(solver):
     """A sheet that is pulled and does not tear."""
     sheet = square(7)
     motion = Motion(sheet.edges("right"), times=[0.0, solver.duration], x=0.02, y=0.0, z=0.0)
@@ -216,7 +216,7 @@ APART = (0.0041, 0.01, 0.0173, 0.03)
 @pytest.mark.parametrize("precision", [32, 64])
 def test_explicit_steps_go_on_bit_for_bit(precision, tmp_path):
     """The force at the end of a step has half of its decay, which the state at its end no longer has."""
-    require_same_when_stopped(lambda: pulled(Explicit(0.03, frames=APART)), tmp_path, [2, 4], precision)
+    require_same_when_stopped(lambda: pulled_sheet(Explicit(0.03, frames=APART)), tmp_path, [2, 4], precision)
 
 
 @pytest.mark.parametrize("precision", [32, 64])
