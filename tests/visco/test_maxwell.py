@@ -221,7 +221,5 @@ def test_explicit_steps_go_on_bit_for_bit(precision, tmp_path):
 
 @pytest.mark.parametrize("precision", [32, 64])
 def test_a_torn_strip_goes_on_bit_for_bit(precision, tmp_path):
-    result = require_same_when_stopped(
-        lambda: torn_strip(9, Explicit(0.03, frames=APART)), tmp_path, [3, 4], precision
-    )
+    result = require_same_when_stopped(lambda: torn_strip(9, Explicit(0.03, frames=APART)), tmp_path, [3, 4], precision)
     assert result.history[2]["mean_damage"] > result.history[1]["mean_damage"]
