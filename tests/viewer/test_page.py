@@ -1,11 +1,14 @@
 """view.html of a run: when it is written, what it holds, and what is refused."""
 
+import base64
 import json
 import os
 import re
 import shutil
+import zlib
 
 import matplotlib
+import numpy as np
 import pytest
 from helpers import refused, square
 from small_runs import cli, simulate
@@ -14,7 +17,7 @@ from torn_frames import FRAMES, make_frame, write_all
 from warp_pd.output.quantities import choices, column_unit, curves, known_units
 from warp_pd.output.vtkhdf import VtkHdfSeries
 from warp_pd.viewer import after_run
-from warp_pd.viewer.view import Limits, files, page, write_page
+from warp_pd.viewer.view import Limits, files, page, page_frames, write_page
 
 
 def content_of(text):
@@ -78,6 +81,26 @@ def test_a_killed_run_has_a_page_without_curves(tmp_path):
     write_all(VtkHdfSeries, tmp_path / "frames.vtkhdf", last=3, frame=make_frame)
     content = content_of(write_page(tmp_path).read_text(encoding="utf-8"))
     assert len(content["frames"]) == 3 and content["history"]["graphs"] == [] and content["summary"] == {}
+
+
+def test_pieces_that_fly_away_do_not_set_the_first_view(tmp_path):
+    """The right columns come off and fly up; a view of them would show the sheet as a speck."""
+
+    def burst(surface, at):
+        x = surface.points[:, 0]
+        up = np.where(x > 0.25, 2.0 * max(at - 1, 0), 0.01 * at * x)
+        across = np.ptp(1 * (x[surface.faces] > 0.25), axis=1) > 0
+        return make_frame(surface, at, displacement=np.outer(up, (0.0, 0.0, 1.0)), intact_faces=~across | (at <= 1))
+
+    surface = write_all(VtkHdfSeries, tmp_path / "frames.vtkhdf", frame=burst)
+    found = page_frames(tmp_path / "frames.vtkhdf")
+    framing = found.content["framing"]
+    packed = zlib.decompress(base64.b64decode(found.arrays.texts[framing["points"]["text"]]))
+    seen = np.unpackbits(np.frombuffer(packed, np.uint8).reshape(len(framing["frames"]), -1), axis=1, bitorder="little")
+    stays = surface.points[:, 0] < 0.25
+    assert framing["frames"][0] == 0 and framing["frames"][-1] == FRAMES - 1
+    for frame, points in zip(framing["frames"], seen[:, : len(stays)].astype(bool), strict=True):
+        assert points.tolist() == (stays if frame > 1 else stays | True).tolist()
 
 
 def test_nan_and_markup_of_a_run_do_no_harm(tmp_path):
@@ -144,7 +167,18 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(ball, tmp_path):
 
 def test_names_get_words_and_units():
     measures = known_units({"measures": {"load": {"unit": "N"}, "share": {"unit": "1"}}, "units": {"pull_x": "N"}})
-    columns = ["time", "step", "kinetic", "strain", "ball_force_x", "ball_force_y", "ball_force_z", "load", "pressure"]
+    columns = [
+        "time",
+        "step",
+        "half_step_kinetic",
+        "kinetic",
+        "strain",
+        "ball_force_x",
+        "ball_force_y",
+        "ball_force_z",
+        "load",
+        "pressure",
+    ]
     columns += ["pull_x"]
     graphs = curves(columns, ["load"], measures)
     assert [(g["label"], g["unit"], len(g["columns"])) for g in graphs] == [

@@ -117,6 +117,16 @@ def test_no_two_labels_overlap(view, width, height, lift, panels, monkeypatch):
     assert all(b.x0 >= 0 and b.y0 >= 0 and b.x1 <= whole.x1 and b.y1 <= whole.y1 for b in boxes), "cut off"
 
 
+def test_a_tall_panel_has_room_for_the_labels_beside_it(monkeypatch):
+    """A tube on end, whose panel leaves room free at its sides."""
+    frame = sheet_shown(17)
+    x, y = frame.points[:, :2].T
+    tube = np.column_stack([0.021 * np.cos(2.0 * np.pi * x), 0.021 * np.sin(2.0 * np.pi * x), 0.069 * y])
+    bar = {"label": "displacement along x (m)", "limits": (-0.0008, 0.0009)}
+    figure = figure_of(monkeypatch, plots.surfaces, [replace(frame, points=tube)], "u3", view=(15.0, -80.0), **bar)
+    assert min(text.get_window_extent().x0 for text in figure.axes[0].texts) >= 0.0
+
+
 @pytest.mark.parametrize(("width", "height", "lift"), [(1.0, 1.0, 0.2), (0.2, 0.2, 1.0), (2.0, 0.5, 0.1)])
 def test_the_sheet_fills_the_picture(width, height, lift, monkeypatch):
     """One panel: what is drawn reaches over the panel, and the panel over most of the picture."""

@@ -123,9 +123,10 @@ def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> s
 def curves(columns: Sequence[str], measures: Collection[str], units: Mapping[str, str]) -> list[dict[str, Any]]:
     """Group columns of the history into graphs: energies, components of a vector, and single columns.
 
-    Each graph has "label", "unit" and "columns"; the scene's measures come first.
+    Each graph has "label", "unit" and "columns"; the scene's measures come first. The
+    kinetic energy at half steps is left out: it is there for the energy balance.
     """
-    left = [name for name in columns if name not in ("time", "step")]
+    left = [name for name in columns if name not in ("time", "step", "half_step_kinetic")]
     graphs = [_graph(column_label(name), [name], units) for name in left if name in measures]
     left = [name for name in left if name not in measures]
     vectors = [name[:-2] for name in left if name.endswith("_x") and {name[:-1] + c for c in "yz"} <= set(left)]

@@ -51,6 +51,8 @@ PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 STRIP, TITLE_WIDTH = 2.5, 2.0
 # Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
 LOWEST, TALLEST = 0.3, 1.4
+# Most repetitions of the layout of a figure.
+LAYOUTS = 6
 # Room for the label of a tick across and upwards [inches].
 TICK, TICK_UP = 0.75, 0.3
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
@@ -117,7 +119,17 @@ def surfaces_figure(
         _scale_the_box(axes, seen, points)
     scale.add_bar(figure, panels, shrink=0.7)
     _name(figure, frames)
+    _lay_out(figure, panels)
     return figure
+
+
+def _lay_out(figure: Any, panels: Sequence[Any]) -> None:
+    """Repeat the layout until the labels of all panels are inside: it takes free room beside a panel for a margin."""
+    for _ in range(LAYOUTS):
+        figure.get_layout_engine().execute(figure)
+        boxes = [axes.get_tightbbox() for axes in panels]
+        if all(box.x0 >= 0.0 and box.x1 <= figure.bbox.x1 for box in boxes):
+            return
 
 
 @drawn_beside

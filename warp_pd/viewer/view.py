@@ -22,6 +22,7 @@ from ..output.quantities import choices, column_unit, curves, known_units
 from ..output.vtkhdf import SeriesInfo, read_frames, read_outlines, read_series
 from ..run.folder import FRAMES, PAGE, read_history, run_summary, write_atomically
 from .coarsen import Drawn, clusters, contracted, drawn
+from .pictures import Shown
 
 LEVEL_OF_COMPRESSION = 4
 
@@ -85,6 +86,8 @@ STYLES = ("vendor.css", "page.css")
 SCRIPTS = ("vendor.js", "data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
 # Defaults of a page: most points, most numbers in all frames together, and fewest frames.
 POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
+# Frames that the first view has room for.
+FRAMED = 6
 
 
 @dataclass(frozen=True)
@@ -202,9 +205,31 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
         "reference": [arrays.add_series(reference[None, sheet.points, c]) for c in range(3)],
         "triangles": arrays.add_triangles(sheet.triangles),
         "intact": arrays.add(sheet.intact),
+        "framing": _framing(reference[sheet.points], values["displacement"], place, sheet, arrays),
         **_fields({name: np.stack(series)[:, place] for name, series in values.items()}, sheet, arrays),
         "bodies": _bodies(path, shown, arrays),
     }
+
+
+def _framing(
+    reference: NDArray[Any],
+    displacement: Sequence[NDArray[Any]],
+    place: NDArray[np.int64],
+    sheet: Drawn,
+    arrays: Arrays,
+) -> dict[str, Any]:
+    """Some frames, and the points that the first view of the page shows of each: those that a picture shows.
+
+    A file of frames does not name supports: points that stay where they are in every frame are taken as held.
+    """
+    moved = [each[place] for each in displacement]
+    still = np.flatnonzero(np.all([np.all(each == moved[0], axis=1) for each in moved], axis=0))
+    frames = np.unique(np.round(np.linspace(0, len(moved) - 1, FRAMED)).astype(int))
+    seen = np.zeros((len(frames), len(reference)), np.bool_)
+    for row, frame in zip(seen, frames, strict=True):
+        triangles = sheet.triangles[sheet.intact[frame]]
+        row[Shown("", reference + moved[frame], reference, triangles, {}, held=still).framed] = True
+    return {"frames": frames.tolist(), "points": arrays.add(seen)}
 
 
 def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) -> dict[str, Any]:

@@ -66,13 +66,15 @@
   class SheetView {
     static async create(canvas) {
       const all = (entries) => Promise.all(entries.map(array));
-      const [places, moved, [triangles, intact]] = await Promise.all(
-        [content.reference, content.fields.displacement, [content.triangles, content.intact]].map(all),
+      // Pages of the gallery may be older than these scripts, and have no framing.
+      const once = [content.triangles, content.intact, ...(content.framing ? [content.framing.points] : [])];
+      const [places, moved, [triangles, intact, framed]] = await Promise.all(
+        [content.reference, content.fields.displacement, once].map(all),
       );
       const reference = new Float32Array(3 * places[0].points);
       places.forEach((part, c) => part.read(0, reference, 3, c));
       const bodies = await Promise.all(content.bodies.map(bodyOf));
-      return new SheetView(canvas, { reference, triangles, intact, moved, bodies });
+      return new SheetView(canvas, { reference, triangles, intact, framed, moved, bodies });
     }
 
     constructor(canvas, parts) {
@@ -174,10 +176,10 @@
       this.draw();
     }
 
-    // Places that must be seen, in space: the sheet at some frames of the run, and where smaller bodies begin; or the
+    // Places that must be seen, in space: what is held of the sheet at some frames of the run, and where smaller bodies begin; or the
     // drawn part of the sheet at the frame that is shown.
     places() {
-      const last = content.frames.length - 1, found = [], grow = this.uniforms.grow.value;
+      const found = [], grow = this.uniforms.grow.value;
       if (this.fitted) {
         const drawn = this.mesh.geometry.index ? new Set(this.index.subarray(0, 3 * this.drawnTriangles)) : this.numbers.keys();
         for (const k of drawn) {
@@ -190,13 +192,16 @@
         }
       }
       const room = new Float32Array(this.reference.length), every = Math.max(1, Math.ceil(this.points / 20000));
-      for (const fraction of [0, 0.2, 0.4, 0.6, 0.8, 1]) {
-        this.moved.forEach((part, c) => part.read(Math.round(fraction * last), room, 3, c));
+      const bytes = Math.ceil(this.points / 8), last = content.frames.length - 1;
+      const frames = this.framed ? content.framing.frames : [0, 0.2, 0.4, 0.6, 0.8, 1].map((part) => Math.round(part * last));
+      frames.forEach((frame, row) => {
+        this.moved.forEach((part, c) => part.read(frame, room, 3, c));
         for (let k = 0; k < this.points; k += every) {
+          if (this.framed && !((this.framed[row * bytes + (k >> 3)] >> (k & 7)) & 1)) continue;
           const place = [0, 1, 2].map((c) => this.reference[3 * k + c] + grow * room[3 * k + c]);
           if (place.every(Number.isFinite)) found.push(place);
         }
-      }
+      });
       const { low, high } = boxOf(found.flat());
       const size = Math.max(...high.map((h, c) => h - low[c])) || 1;
       for (const { radius, poses } of this.bodies) {
