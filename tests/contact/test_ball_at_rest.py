@@ -33,7 +33,7 @@ from warp_pd import (
     Sphere,
     TearingEnergy,
 )
-from warp_pd.contact import bodies
+from warp_pd.contact import body_at_rest
 from warp_pd.fitting.equilibrium import require_newton
 from warp_pd.measures import support_force
 from warp_pd.output.progress import Progress
@@ -216,7 +216,7 @@ def test_forces_of_contact_settle(scene, monkeypatch):
     body, path, solver, *loads = scene
     double, single = (on_a_square(body, path, solver, bits, *loads) for bits in (64, 32))
     for name in ("SETTLED", "STEADY"):
-        monkeypatch.setattr(bodies, name, {64: 1e-10})
+        monkeypatch.setattr(body_at_rest, name, {64: 1e-10})
     expected = on_a_square(body, path, solver, 64, *loads)
     size = np.linalg.norm(expected[0])
     for found, error in ((double, 1e-6), (single, 1e-4)):

@@ -70,9 +70,10 @@ def as_output_error(path: Path | None = None) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         name = "a result file" if path is None else repr(str(path))
-        # HDF5 says more in `strerror`, in many lines' worth.
-        number = getattr(error, "errno", None)
-        reason = os.strerror(number) if number else "the disk may be full, or another program may hold the file"
+        reason = getattr(error, "strerror", None) or "the disk may be full, or another program may hold the file"
+        if isinstance(error, OSError) and error.errno and "errno = " in reason:
+            # HDF5 puts a report of its own there.
+            reason = os.strerror(error.errno)
         raise OutputError(f"{name} could not be written: {reason}") from error
 
 
