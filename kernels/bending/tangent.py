@@ -20,6 +20,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..numeric import entry_of, numeric
+from ..statics.blocks import block_row_product
 from .plate import components, plate_tables, triangle_functions
 
 # Rows of what triangles store: n, a^1, a^2, m, a^1 . v, a^2 . v, n . w.
@@ -51,7 +52,7 @@ def bending_tangent(bits: int, curved: bool, breakable: bool) -> BendingTangentK
     Plate, of = plate_tables(bits), triangle_functions(bits, curved, breakable)
     moments_of, bent = of.moments_of, of.bent
     _, _, vector_at, put_vector = components(bits)
-    share_of = entry_of(vec6, 2)
+    share_of, row_product = entry_of(vec6, 2), block_row_product(bits)
 
     @wp.struct
     class Stencils:
@@ -153,9 +154,6 @@ def bending_tangent(bits: int, curved: bool, breakable: bool) -> BendingTangentK
         change: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        total = vec3()
-        for entry in range(starts[i], starts[i + 1]):
-            total += matrix[entry] * direction[columns[entry]]
-        change[i] = change[i] - total
+        change[i] = change[i] - row_product(matrix, columns, direction, starts[i], starts[i + 1])
 
     return BendingTangentKernels(Stencils, bend, assemble, product)

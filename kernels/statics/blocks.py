@@ -1,4 +1,4 @@
-"""Blocks of 3 x 3 of a stored stiffness: of an intersection, of two members, and the inverse of a point's own."""
+"""Blocks of 3 x 3 of a stored stiffness: of an intersection, of two members, the inverse of a point's own, products."""
 
 import functools
 
@@ -152,3 +152,44 @@ def pair_adder(bits: int) -> wp.Function:
     ): ...  # fmt: skip
 
     return add_pair
+
+
+# Sum of the blocks of a row times the vectors of their columns. A CPU multiplies four numbers of a block at once.
+_ROW_PRODUCT = """
+    const {real}* block = (const {real}*)(matrix.data + begin);
+    #if defined(__CUDA_ARCH__)
+        wp::vec_t<3, {real}> sum;
+        for (int e = begin; e < end; ++e, block += 9) {{
+            const {real}* x = (const {real}*)(vectors.data + columns.data[e]);
+            for (int c = 0; c < 9; ++c) sum[c / 3] += block[c] * x[c % 3];
+        }}
+        return sum;
+    #else
+        typedef {real} Lanes __attribute__((vector_size(4 * sizeof({real})), aligned(sizeof({real}))));
+        Lanes low = {{}}, high = {{}};
+        {real} last = 0;
+        for (int e = begin; e < end; ++e, block += 9) {{
+            const {real}* x = (const {real}*)(vectors.data + columns.data[e]);
+            const Lanes here = {{x[0], x[1], x[2], x[0]}}, next = {{x[1], x[2], x[0], x[1]}};
+            low += *(const Lanes*)block * here;
+            high += *(const Lanes*)(block + 4) * next;
+            last += block[8] * x[2];
+        }}
+        return wp::vec_t<3, {real}>(low[0] + low[1] + low[2], low[3] + high[0] + high[1], high[2] + high[3] + last);
+    #endif
+"""
+
+
+@functools.cache
+def block_row_product(bits: int) -> wp.Function:
+    """Function (matrix, columns, vectors, begin, end) -> the sum of its blocks begin to end - 1 times their vectors."""
+    types = numeric(bits)
+    vec3, mat33 = types.vec3, types.mat33
+
+    @wp.func_native(_ROW_PRODUCT.format(real="double" if bits == 64 else "float"))
+    def row_product(
+        matrix: wp.array(dtype=mat33), columns: wp.array(dtype=wp.int32), vectors: wp.array(dtype=vec3), begin: int,
+        end: int,
+    ) -> vec3: ...  # fmt: skip
+
+    return row_product

@@ -11,7 +11,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..numeric import numeric
-from .blocks import block_functions
+from .blocks import block_functions, block_row_product
 
 
 @dataclass(frozen=True)
@@ -33,44 +33,13 @@ class TangentMatrixKernels:
     resist: Kernel
 
 
-# Sum of the blocks of a row times the vectors of their columns. A CPU multiplies four numbers of a block at once.
-_ROW_PRODUCT = """
-    const {real}* block = (const {real}*)(matrix.data + begin);
-    #if defined(__CUDA_ARCH__)
-        wp::vec_t<3, {real}> sum;
-        for (int e = begin; e < end; ++e, block += 9) {{
-            const {real}* x = (const {real}*)(vectors.data + columns.data[e]);
-            for (int c = 0; c < 9; ++c) sum[c / 3] += block[c] * x[c % 3];
-        }}
-        return sum;
-    #else
-        typedef {real} Lanes __attribute__((vector_size(4 * sizeof({real})), aligned(sizeof({real}))));
-        Lanes low = {{}}, high = {{}};
-        {real} last = 0;
-        for (int e = begin; e < end; ++e, block += 9) {{
-            const {real}* x = (const {real}*)(vectors.data + columns.data[e]);
-            const Lanes here = {{x[0], x[1], x[2], x[0]}}, next = {{x[1], x[2], x[0], x[1]}};
-            low += *(const Lanes*)block * here;
-            high += *(const Lanes*)(block + 4) * next;
-            last += block[8] * x[2];
-        }}
-        return wp::vec_t<3, {real}>(low[0] + low[1] + low[2], low[3] + high[0] + high[1], high[2] + high[3] + last);
-    #endif
-"""
-
-
 @functools.cache
 def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
     """Kernels of a stored tangent; `held` is whether any component is held."""
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
     _, inverse_of = block_functions(bits)
-
-    @wp.func_native(_ROW_PRODUCT.format(real="double" if bits == 64 else "float"))
-    def row_product(
-        matrix: wp.array(dtype=mat33), columns: wp.array(dtype=wp.int32), vectors: wp.array(dtype=vec3), begin: int,
-        end: int,
-    ) -> vec3: ...  # fmt: skip
+    row_product = block_row_product(bits)
 
     @kernel(gathers=("direction",))
     def product(

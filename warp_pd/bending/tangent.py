@@ -9,6 +9,7 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.triangulation import numbers_of_ranges
 from ..kernels.bending.tangent import STATE, bending_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..statics.krylov import factorised
@@ -66,7 +67,7 @@ class BendingTangent(Tangent):
         context, sheet = self._context, self._context.sheet
         point, shares, begins = stencils(self.force)
         counts, faces = np.diff(begins), len(sheet.triangles)
-        most, face = int(counts.max()), np.repeat(np.arange(faces), np.diff(begins))
+        most, face = int(counts.max()), np.repeat(np.arange(faces), counts)
         place = np.arange(len(point)) - begins[face]
         steps, each = np.zeros((most, faces), int), np.zeros((most, faces, 6))
         steps[place, face], each[place, face] = point - sheet.triangles[face, 0], shares
@@ -184,9 +185,7 @@ def stencils(force: BendingForce) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     face, point, share = [], [], []
     for corner, sides in enumerate(force.flat_sides()):
         every, at = np.arange(faces), triangles[:, corner]
-        counts = np.diff(begins)[at]
-        owner = np.repeat(every, counts)
-        entry = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts) + begins[at][owner]
+        owner, entry = numbers_of_ranges(begins[at], begins[at + 1])
         along, across = np.einsum("eb,ebm->me", slopes.weights[entry], sides[owner])
         fitted = along[:, None] * ALONG[:, corner] + across[:, None] * ACROSS[:, corner]
         own = np.tile(SIDES[:, corner], (faces, 1))

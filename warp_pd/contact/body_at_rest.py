@@ -20,17 +20,17 @@ from .bodies import BuiltBody, RigidBody
 from .body_checks import bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, jump_notes
 
-# Depth inside a body, over its thickness, at which a point between two equilibria counts as passing
-# through; a point that slides along a sphere may go 80 degrees around.
+# Depth inside a body, over its thickness, at which a point between two equilibria counts as passing through; a point
+# that slides along a sphere may go 80 degrees around.
 PASSING = 0.125
-# Factor by which the stiffness grows from a round to the next, if more than this part of the largest
-# distance of a point from the surface is left.
+# Factor by which the stiffness grows from a round to the next, if more than this part of the largest distance of a
+# point from the surface is left.
 STIFFER, LEFT = 4.0, 0.25
-# That distance in equilibrium [spacings], and the largest change of a pressure in the last round over
-# the largest pressure, in float64 and float32.
+# That distance in equilibrium [spacings], and the largest change of a pressure in the last round over the largest
+# pressure, in float64 and float32.
 SETTLED, STEADY = {64: 1e-5, 32: 1e-4}, {64: 1e-5, 32: 1e-4}
-# Part of the distance before the last round above which further rounds do not lessen it: it is within
-# the tolerance of the solver, or its round-off.
+# Part of the distance before the last round above which further rounds do not lessen it: it is within the tolerance of
+# the solver, or its round-off.
 STUCK = 0.9
 # Relative change of the stiffness of a point that touches from which a tangent is another.
 ANEW = 0.5

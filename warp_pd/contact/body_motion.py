@@ -11,6 +11,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, numbers, positive, said, vector
+from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Launch, Stage
 from ..interfaces import History
@@ -158,10 +159,7 @@ class BodyPath(BodyMotion):
 
     def jump(self, end: float) -> tuple[float, float]:
         """The largest jump at a knot; the start, where a body may come from afar, is none."""
-        rates = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
-        jumps = np.linalg.norm(np.diff(rates, axis=0, append=0.0), axis=1) if len(rates) else np.zeros(1)
-        jumps = np.where((self.times[-len(jumps) :] > 0.0) & (self.times[-len(jumps) :] < end), jumps, 0.0)
-        return float(jumps.max()), float(self.times[-len(jumps) :][jumps.argmax()])
+        return Schedule(self.times, self.positions, "BodyPath").largest_jump(end, from_rest=False)
 
     def check(self, shape: BodyShape) -> None:
         """Accept any shape."""

@@ -72,11 +72,16 @@ class Schedule:
         rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
         return float(np.linalg.norm(rates[self.times[:-1] < time], axis=1).max(initial=0.0))
 
-    def largest_jump(self, end: float) -> tuple[float, float]:
-        """Largest jump of the rate of change before `end` [1/s], from rest to rest, and its time [s]."""
+    def largest_jump(self, end: float, from_rest: bool = True) -> tuple[float, float]:
+        """Largest jump of the rate of change before `end` [1/s], to rest at the last time, and its time [s].
+
+        Without `from_rest` neither the first time counts nor any up to 0.
+        """
         rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
         jumps = np.linalg.norm(np.diff(rates, axis=0, prepend=0.0, append=0.0), axis=1)
         jumps = np.where(self.times < end * (1.0 - 1e-9), jumps, 0.0)
+        if not from_rest:
+            jumps = np.where(self.times > max(self.times[0], 0.0), jumps, 0.0)
         return float(jumps.max()), float(self.times[jumps.argmax()])
 
 

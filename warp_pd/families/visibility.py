@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.sheet import Sheet
-from ..geometry.triangulation import crosses
+from ..geometry.triangulation import crosses, numbers_of_ranges
 from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
@@ -180,10 +180,8 @@ def _has_way(points: np.ndarray, pairs: np.ndarray, lost: np.ndarray, tried: np.
     kept = pairs[~lost & near[pairs].any(axis=1)]
     half = sparse.coo_array((np.ones(len(kept), bool), (kept[:, 0], kept[:, 1])), shape=(size, size)).tocsr()
     graph = (half + half.T).tocsr()
-    counts = np.diff(graph.indptr)[tried[:, 0]]
-    row = np.repeat(np.arange(len(tried)), counts)
-    slot = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    middle = graph.indices[graph.indptr[tried[row, 0]] + slot]
+    row, entry = numbers_of_ranges(graph.indptr[tried[:, 0]], graph.indptr[tried[:, 0] + 1])
+    middle = graph.indices[entry]
     tail, head = points[tried[row, 0]], points[tried[row, 1]]
     way = np.linalg.norm(points[middle] - tail, axis=1) + np.linalg.norm(head - points[middle], axis=1)
     short = np.flatnonzero(way <= DETOUR * np.linalg.norm(head - tail, axis=1))

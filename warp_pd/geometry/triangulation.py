@@ -195,6 +195,13 @@ def corner_sums(values: np.ndarray, triangles: np.ndarray, points: int) -> np.nd
     return np.bincount(triangles.T.ravel(), values.T.ravel(), points)
 
 
+def numbers_of_ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index of the range and number, for each number of the ranges from `first` to before `last`."""
+    count = last - first
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count - first, count)
+
+
 def triangles_of(points: np.ndarray) -> np.ndarray:
     """Delaunay triangulation of the convex hull of points. Raises InputError if the points are collinear."""
     from scipy.spatial import Delaunay, QhullError

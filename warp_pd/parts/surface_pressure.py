@@ -13,6 +13,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..geometry.surface import cells_at_points, cells_of, pressed_weights, pressure_matrix
+from ..geometry.triangulation import numbers_of_ranges
 from ..interfaces import BuiltLaw, BuiltLoad
 from ..kernels.surface_pressure import CONSTANT, SCHEDULED, surface_pressure
 
@@ -57,10 +58,9 @@ class PressedSurface:
         if partition is None:
             return begins, corners
         own = partition.points[partition.owned]
-        number = begins[own + 1] - begins[own]
         counts = np.zeros(len(partition.points), np.int64)
-        counts[partition.owned] = number
-        wanted = np.repeat(begins[own] - np.cumsum(number) + number, number) + np.arange(number.sum())
+        counts[partition.owned] = begins[own + 1] - begins[own]
+        _, wanted = numbers_of_ranges(begins[own], begins[own + 1])
         needed = corners[wanted].ravel()
         at, here = partition.here(needed)
         if len(at) != len(needed):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, finite, said
+from ..geometry.triangulation import numbers_of_ranges
 from .pictures import Shown
 
 # A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
@@ -194,7 +195,7 @@ class DepthBuffer:
             corners: Right, up and depth of the corners, shape (F, 3, 3).
             colours: Red, green, blue and opacity from 0 to 1, shape (F, 4).
         """
-        owner, row = _expanded(*self._rows(corners))
+        owner, row = numbers_of_ranges(*self._rows(corners))
         triangles = _ordered(corners, self.low, self.pixel)
         first, last = self._columns(triangles[owner], row)
         inks = np.round(255.0 * colours).astype(np.uint8)
@@ -202,7 +203,7 @@ class DepthBuffer:
         slopes, lowest, highest = _slopes(triangles), triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
         ends = np.cumsum(last - first)
         for begin, end in _chunks(ends):
-            span, column = _expanded(first[begin:end], last[begin:end])
+            span, column = numbers_of_ranges(first[begin:end], last[begin:end])
             triangle, y = owner[begin:end][span], row[begin:end][span]
             base, slope = triangles[triangle, 0], slopes[triangle]
             found = base[:, 2] + slope[:, 0] * (column + 0.5 - base[:, 0]) + slope[:, 1] * (y + 0.5 - base[:, 1])
@@ -226,7 +227,7 @@ class DepthBuffer:
         """
         lengths = np.linalg.norm((ends[:, 1, :2] - ends[:, 0, :2]) / self.pixel, axis=1)
         parts = np.maximum(1, np.ceil(lengths / PIXELS_APART)).astype(int)
-        line, part = _expanded(np.zeros(len(parts), int), parts)
+        line, part = numbers_of_ranges(np.zeros(len(parts), int), parts)
         start, way = ends[line, 0], (ends[:, 1] - ends[:, 0])[line]
         cut = np.stack([start + (part + k)[:, None] / parts[line][:, None] * way for k in (0.0, 1.0)], axis=1)
         middle = cut.mean(axis=1)
@@ -285,13 +286,6 @@ def _slopes(triangles: np.ndarray) -> np.ndarray:
     return (
         np.stack([a[:, 2] * b[:, 1] - b[:, 2] * a[:, 1], b[:, 2] * a[:, 0] - a[:, 2] * b[:, 0]], axis=1) * over[:, None]
     )
-
-
-def _expanded(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index of the range and number, for each number of the ranges from `first` to before `last`."""
-    count = last - first
-    owner = np.repeat(np.arange(len(count)), count)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count - first, count)
 
 
 def _chunks(ends: np.ndarray) -> list[tuple[int, int]]:
