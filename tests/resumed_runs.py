@@ -43,8 +43,13 @@ def require_same(one, other):
 
 
 # Otherwise a fast dynamic run that is stopped has the restart file of its start alone.
-@patch("warp_pd.run.recorder.SECONDS_BETWEEN", 0.0)
-def require_same_when_stopped(simulation, folder, frames, precision=None, status="finished", device="cpu"):
+restarts_at_every_frame = patch("warp_pd.run.recorder.SECONDS_BETWEEN", 0.0)
+
+
+@restarts_at_every_frame
+def require_same_when_stopped(
+    simulation, folder, frames, precision=None, status="finished", device="cpu", writers=lambda folder: []
+):
     """Run a scene, then once more with a stop at each of some frames.
 
     Args:
@@ -54,17 +59,19 @@ def require_same_when_stopped(simulation, folder, frames, precision=None, status
         precision: 32, 64 or None.
         status: How the runs end.
         device: Where they run.
+        writers: Makes the writers of a run from its folder, "complete" or "stopped" in `folder`.
 
     Returns:
         The result of the run that was never stopped.
     """
     options = {"device": device, "precision": precision, "usd": False, "pictures": False}
-    complete = simulation().run(**options, out=folder / "complete")
+    complete = simulation().run(**options, out=folder / "complete", writers=writers(folder / "complete"))
     assert complete.status == status, complete.summary["message"]
     stopped = folder / "stopped"
     for number, frame in enumerate(frames):
-        part = simulation().run(**options, out=stopped, resume=number > 0, writers=[StopAt(frame)])
+        stopping = [*writers(stopped), StopAt(frame)]
+        part = simulation().run(**options, out=stopped, resume=number > 0, writers=stopping)
         assert part.status == "interrupted"
         assert part.history[-1] == complete.history[frame], f"row of the history of frame {frame}"
-    require_same(simulation().run(**options, out=stopped, resume=True), complete)
+    require_same(simulation().run(**options, out=stopped, resume=True, writers=writers(stopped)), complete)
     return complete

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers import NEO, StopAt, refused, square
 from own_parts import recipe
+from resumed_runs import restarts_at_every_frame
 from scipy.integrate import quad
 from small_runs import run, simulate
 
@@ -358,6 +359,7 @@ def test_a_ramp_shorter_than_a_step_is_noted_where_the_balance_is_off():
     assert not notes(0.05)
 
 
+@restarts_at_every_frame
 def test_a_resumed_run_keeps_the_note_on_its_step(tmp_path):
     scene = simulate(SHEET, Implicit(1e-3, frames=4, steps=8), loads=[Fixed(LEFT)], initial_velocity=VELOCITY)
     whole = scene.run(device="cpu")

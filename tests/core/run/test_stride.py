@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers import StopAt, refused
+from resumed_runs import restarts_at_every_frame
 from shared_scenes import scene
 
 from warp_pd import Frames
@@ -19,6 +20,7 @@ def alone(tmp_path_factory):
     return folder
 
 
+@restarts_at_every_frame
 def test_frames_of_every_fifth_column_and_row(alone, tmp_path):
     folder, options = tmp_path / "out", {"device": "cpu", "out": tmp_path / "out", "usd": False, "stride": 5}
     assert scene("torn", frames=4).run(**options, writers=[StopAt(2)]).status == "interrupted"
