@@ -17,16 +17,17 @@ from .device.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .bending.plate import Plate
-    from .contact.bodies import RigidBall, RigidBody
     from .contact.body_mesh import TriangleMesh
-    from .contact.body_motion import BodyPath, Free
+    from .contact.body_motion import BodyPath
     from .contact.body_shapes import Box, Capsule, Cylinder, Plane, Sphere
+    from .contact.free_body import Free
     from .contact.joint import Joint, Weld, pillow
     from .contact.newton_world import newton_bodies
+    from .contact.rigid_body import RigidBall, RigidBody
     from .contact.self_contact import SelfContact
     from .device.checks import InputError
     from .gas.enclosed import EnclosedGas, EnclosedVolume
-    from .implicit.solver import Implicit
+    from .implicit.steps import Implicit
     from .interfaces.frame import Frame, Surface
     from .laws.bond_associated import BondAssociated
     from .materials import (

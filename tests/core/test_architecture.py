@@ -1,6 +1,8 @@
 """What docs/architecture.md says of the package, held against the package."""
 
+import ast
 import contextlib
+import graphlib
 import importlib
 import inspect
 import re
@@ -54,6 +56,36 @@ def test_contracts_know_every_module():
     assert {path.parent.name for path in KERNELS.glob("*/__init__.py")} <= set(subjects())
     tested = {path.name for path in (ROOT / "tests").iterdir() if list(path.glob("test_*.py"))}
     assert tested - {"core", "gpu", "scenes", "tools"} <= set(subjects())
+
+
+def imports_of(name, path, modules):
+    """Modules of the package that a module imports anywhere: at the top, in functions, for types."""
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            above = package.rsplit(".", node.level - 1)[0] if node.level else ""
+            source = ".".join(filter(None, (above, node.module)))
+            named = (f"{source}.{alias.name}" for alias in node.names)
+            yield from (each if each in modules else source for each in named)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_no_circle_of_imports_counting_those_in_functions_and_for_types():
+    """So the package can be read in one order: what is built comes before the part of a scene that builds it."""
+    folders = {"": PACKAGE, ".kernels": KERNELS, ".scenes": ROOT / "scenes"}
+    modules = {
+        f"warp_pd{at}" + "".join(f".{part}" for part in path.relative_to(folder).with_suffix("").parts): path
+        for at, folder in folders.items()
+        for path in folder.rglob("*.py")
+    }
+    modules = {name.removesuffix(".__init__"): path for name, path in modules.items()}
+    graph = {name: {*imports_of(name, path, modules)} & {*modules} - {name} for name, path in modules.items()}
+    assert sum(map(len, graph.values())) > 1500
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(" -> ".join(reversed(error.args[1])))
 
 
 def test_every_phase_has_a_place_in_the_step():

@@ -13,11 +13,8 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import pack
-from ..implicit.steps import InternalVariables, internal_variables_of
 from ..interfaces import SLOPE, BuiltLaw, Columns
 from ..kernels.bending.plate import ROWS, BendingKernels, bending
-from ..statics.fictitious_mass import fictitious_mass
-from ..statics.tangent import Tangent, tangent_of
 from ..step import Phase
 from .slopes import CHUNK, fitted_slopes
 
@@ -313,23 +310,6 @@ class BendingForce(BuiltLaw):
     def force_path(self) -> str:
         """Name of the force path of the law."""
         return self.law.force_path
-
-
-@internal_variables_of.register
-def _(law: BendingForce) -> InternalVariables | None:
-    return internal_variables_of(law.law)
-
-
-@fictitious_mass.register(BendingForce)
-def _(law: BendingForce, stage: Stage) -> Array | None:
-    return fictitious_mass(law.law, stage)
-
-
-@tangent_of.register
-def _(law: BendingForce, context: Context, geometric: bool) -> Tangent:
-    from .tangent import BendingTangent
-
-    return BendingTangent(law, tangent_of(law.law, context, geometric))
 
 
 def kinds(steps: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

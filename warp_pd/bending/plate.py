@@ -6,7 +6,12 @@ from dataclasses import dataclass
 
 from ..context import Context
 from ..device.checks import InputError, positive
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..implicit.internal_variables import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, BuiltPart, Part
+from ..statics.fictitious_mass import fictitious_mass
+from ..statics.tangent import Tangent, tangent_of
 from .law import BendingForce
 
 
@@ -54,3 +59,20 @@ class BuiltPlate(BuiltPart):
     """The law acts for it."""
 
     label = "loads = Plate"
+
+
+@internal_variables_of.register
+def _(law: BendingForce) -> InternalVariables | None:
+    return internal_variables_of(law.law)
+
+
+@fictitious_mass.register(BendingForce)
+def _(law: BendingForce, stage: Stage) -> Array | None:
+    return fictitious_mass(law.law, stage)
+
+
+@tangent_of.register
+def _(law: BendingForce, context: Context, geometric: bool) -> Tangent:
+    from .tangent import BendingTangent
+
+    return BendingTangent(law, tangent_of(law.law, context, geometric))

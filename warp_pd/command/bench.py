@@ -17,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from ..bending.plate import Plate
-from ..contact.bodies import RigidBall
+from ..contact.rigid_body import RigidBall
 from ..context import find_device
 from ..device.checks import InputError, finite, one_of
 from ..interfaces import Law, Part, Rupture

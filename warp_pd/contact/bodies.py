@@ -11,19 +11,16 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, not_negative, positive, resolved, said, vector
+from ..device.checks import InputError, resolved
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families.partition import Partition
-from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, History, StepLimit
 from ..interfaces.frame import Body
-from ..interfaces.scales import Scales
 from ..kernels.contact.body_contact import point_contact
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, created
-from .body_motion import UNBOUNDED, BodyMotion, BodyPath, jump_notes, origin_of
-from .body_shapes import BodyShape, Sphere, in_frame, on_device, signed_distances
+from .body_motion import UNBOUNDED, BodyMotion, jump_notes, origin_of
+from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 
 if TYPE_CHECKING:
     from .body_surface import BodySurface
@@ -46,24 +43,8 @@ MARGIN = 1.0
 
 
 @dataclass(frozen=True)
-class RigidBody(Contact):
-    """A rigid body of any shape that moves along a path, or freely.
-
-    Points inside it are moved out and lose the velocity component into the body; with friction they also lose
-    tangential velocity. See kernels/contact/body_contact.py. Points held by a support or in a rigid inclusion ignore
-    the body, and bodies do not interact with each other.
-
-    Attributes:
-        shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
-        motion: BodyPath or Free.
-        friction: Coefficient of Coulomb friction; 0 for none.
-        name: Prefix of its columns of the history; bodies of one scene need different names.
-        surface: Whether triangles of the sheet have contact with it, not only points, so that it may be thinner than
-            the spacing. Only for Sphere, Capsule, Box and TriangleMesh. Triangles cut by a crack have no contact.
-
-    Raises:
-        InputError: for a wrong shape or motion, negative friction, or `surface` with another shape.
-    """
+class BodySettings(Contact):
+    """What a rigid body is; attributes as for `RigidBody`."""
 
     shape: BodyShape
     motion: BodyMotion
@@ -71,70 +52,12 @@ class RigidBody(Contact):
     name: str = "body"
     surface: bool = False
 
-    loads_at_rest: ClassVar[bool] = True
     meets_others: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
-            raise InputError(f"RigidBody.shape = {said(self.shape)}: expected a shape, such as Sphere(0.1)")
-        if isinstance(self.motion, type) or not isinstance(self.motion, BodyMotion):
-            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
-        not_negative("RigidBody.friction", self.friction)
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise InputError(f"RigidBody.name = {said(self.name)}: expected letters, digits and _, such as 'needle'")
-        self.motion.check(self.shape)
-        if not isinstance(self.surface, bool):
-            raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
-        if self.surface and self.shape.segments() is None:
-            raise InputError(
-                f"{self.title}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "
-                f"{self.shape.kind}"
-            )
 
     @property
     def title(self) -> str:
         """What messages call it."""
         return f"RigidBody {self.name!r}"
-
-    @property
-    def only_one(self) -> str:
-        """Its name."""
-        return only_one_named(self.name)
-
-    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
-        """Whether it is very large, far, fast or heavy."""
-        if not self.shape.bounded:
-            return ()
-        radius, (place, _) = self.shape.radius(), self.motion.pose(0.0)
-        away = float(np.linalg.norm(sheet.positions - place, axis=1).min()) - radius
-        weight = self.motion.weight()
-        return [
-            *scales.of_length(f"{self.title} has a size of", 2.0 * radius),
-            *scales.of_length(f"{self.title} starts at a distance of", away),
-            *scales.of_speed(f"{self.title} moves at", self.motion.speed(radius)),
-            *scales.of_force(f"{self.title}: its weight of {weight:.3g} N is", weight, "Masses are in kg"),
-        ]
-
-    def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
-        """The same part: it refers to no points of the sheet."""
-        if self.motion.free:
-            raise InputError(f"{self.title}: motion = Free: expected BodyPath, or a run in one process")
-        if self.surface:
-            raise InputError(f"{self.title}: surface = True: expected False, or a run in one process")
-        return self
-
-    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """Build the body on a device."""
-        if self.loads_at_rest and context.at_rest:
-            from .body_at_rest import BodyAtRest
-
-            return BodyAtRest(self, context, law)
-        return BuiltBody(self, context, law)
-
-
-def only_one_named(name: str) -> str:
-    """What `RigidBody.only_one` says of a name."""
-    return f"bodies with the name {name!r}: expected different names: give each a name=..."
 
 
 class BuiltBody(BuiltContact):
@@ -144,7 +67,7 @@ class BuiltBody(BuiltContact):
         motion: The built motion.
     """
 
-    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+    def __init__(self, part: BodySettings, context: Context, law: BuiltLaw) -> None:
         self.part, self.context, self.law, self.label = part, context, law, f"contact = {part.title}"
         self.meets_others, self.between_points = part.meets_others, not part.surface
         self.thickness = part.shape.thinnest() if part.shape.bounded else None
@@ -379,58 +302,3 @@ class BuiltBody(BuiltContact):
         """Signed distances [m], shape (N,), of points, shape (N, 3), from its surface at a frame."""
         pose = self.pose()
         return self._distances(points, pose[:3], pose[3:])
-
-
-NAME = "ball"
-
-
-@dataclass(frozen=True)
-class RigidBall(Contact):
-    """A rigid, frictionless ball that moves at a prescribed constant velocity: a `RigidBody` with the name "ball".
-
-    Source: NN paper, section 6.4.
-
-    Attributes:
-        diameter: Diameter [m].
-        start: Position of the centre at time 0 [m].
-        velocity: Velocity [m/s].
-
-    Raises:
-        InputError: if the diameter is not positive, or a vector does not have three finite components.
-    """
-
-    diameter: float
-    start: tuple[float, float, float]
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    loads_at_rest: ClassVar[bool] = True
-    divides: ClassVar[bool] = True
-    only_one: ClassVar[str] = only_one_named(NAME)
-
-    def __post_init__(self) -> None:
-        positive("RigidBall.diameter", self.diameter)
-        vector("RigidBall.start", self.start, 3)
-        vector("RigidBall.velocity", self.velocity, 3)
-
-    def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
-        """Whether it is very large, far, fast or heavy."""
-        return self._body(1.0).doubts(sheet, scales)
-
-    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """Build the body on a device."""
-        # A smaller ball passes between points.
-        resolved("RigidBall.diameter", self.diameter, context.whole.widest_spacing, MIN_DIAMETER)
-        return self._body(context.clock.duration).build(context, law)
-
-    def _body(self, duration: float) -> RigidBody:
-        path = BodyPath.straight(self.start, self.velocity, duration)
-        return _Ball(Sphere(self.diameter), path, name=NAME)
-
-
-class _Ball(RigidBody):
-    """The body, with its name in messages."""
-
-    @property
-    def title(self) -> str:
-        """Name of the part of the scene, for messages."""
-        return "RigidBall"

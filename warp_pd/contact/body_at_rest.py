@@ -16,7 +16,7 @@ from ..interfaces import BuiltLaw, BuiltLoad, History
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
-from .bodies import BuiltBody, RigidBody
+from .bodies import BodySettings, BuiltBody
 from .body_checks import bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, jump_notes
 
@@ -47,7 +47,7 @@ class BodyAtRest(BuiltBody, BuiltLoad):
     follows_displacement = True
     symmetric = True
 
-    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+    def __init__(self, part: BodySettings, context: Context, law: BuiltLaw) -> None:
         if part.motion.free:
             raise InputError(
                 f"{part.title}: motion = Free: expected a BodyPath with a static solver or implicit steps; Free needs "

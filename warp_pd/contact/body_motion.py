@@ -1,4 +1,4 @@
-"""Motions of rigid bodies, along a path or free, and what they are on a device."""
+"""Motions of rigid bodies along a path, and what motions are on a device."""
 
 from __future__ import annotations
 
@@ -29,8 +29,6 @@ NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 ABRUPT, UNBALANCED = 0.5, 0.01
 # Distance of a sheet from the origin, over its extent, from which positions are stored about its middle.
 FAR = 10.0
-# Smallest least eigenvalue of an inertia over the largest.
-LEAST_INERTIA = 1e-9
 
 
 @runtime_checkable
@@ -179,74 +177,6 @@ class BodyPath(BodyMotion):
         begin, end = (wp.quatd(*rotation) for rotation in self.rotations[k : k + 2])
         moved = [self.positions[k + 1] - self.positions[k], turn_between(begin, end)]
         return np.asarray(np.array(moved) / (self.times[k + 1] - self.times[k]))
-
-
-@dataclass(frozen=True)
-class Free(BodyMotion):
-    """Free motion under gravity and the forces of the sheet. Bodies do not interact with each other.
-
-    Attributes:
-        mass: Mass [kg].
-        position: Position of the centre of mass at time 0 [m].
-        rotation: Unit quaternion (x, y, z, w) at time 0, from the frame of the body.
-        velocity: Velocity at time 0 [m/s].
-        spin: Angular velocity at time 0 [1/s], in the coordinates of the sheet.
-        inertia: Moments of inertia in the frame of the body [kg m^2], three numbers or a symmetric matrix; None for
-            uniform density.
-        gravity: Acceleration of gravity [m/s^2].
-    """
-
-    mass: float
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rotation: tuple[float, float, float, float] = NOT_TURNED
-    inertia: Any = None
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-
-    free: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        positive("Free.mass", self.mass)
-        for name in ("position", "velocity", "spin", "gravity"):
-            vector(f"Free.{name}", getattr(self, name), 3)
-        unit_quaternion("Free.rotation", self.rotation)
-        if self.inertia is not None:
-            self._given_inertia()
-
-    def _given_inertia(self) -> np.ndarray:
-        found = numbers("Free.inertia", self.inertia)
-        matrix = np.diag(found) if found.shape == (3,) else found
-        if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
-            raise InputError(f"Free.inertia = {said(self.inertia)}: expected three moments or a symmetric matrix")
-        values = np.linalg.eigvalsh(matrix)
-        if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
-            raise InputError(f"Free.inertia = {said(self.inertia)}: expected positive moments")
-        return matrix
-
-    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position [m] and quaternion at time 0; later poses are known only to the run."""
-        return np.array(self.position, float), unit_quaternion("Free.rotation", self.rotation)
-
-    def speed(self, radius: float) -> float:
-        """Largest speed [m/s], at time 0, of a point of the body at the distance `radius` [m] from its centre."""
-        return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
-
-    def weight(self) -> float:
-        """Mass times gravity [N]."""
-        return self.mass * float(np.linalg.norm(self.gravity))
-
-    def check(self, shape: BodyShape) -> None:
-        """Check that the shape has a finite mass."""
-        if not shape.bounded:
-            raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
-
-    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
-        """Build the motion on a device."""
-        inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
-        from .free_body import InFlight
-
-        return InFlight(name, self.pose(0.0), self, inertia, context, friction)
 
 
 def unit_quaternion(name: str, value: Any) -> np.ndarray:

@@ -1,14 +1,16 @@
-"""Free bodies on a device: what the sheet pushes."""
+"""Free bodies, which the sheet pushes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
 
 from ..context import Context
+from ..device.checks import InputError, numbers, positive, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..kernels.contact.body_contact import Given, PointContact
@@ -16,11 +18,79 @@ from ..kernels.contact.body_motion import free_motion, vec6d
 from ..kernels.contact.free_contact import Equations, FreeBody, free_contact, marking
 from ..step import Phase
 from .block_list import BlockList
-from .body_motion import BuiltMotion, Free
-from .body_shapes import rotation_matrix
+from .body_motion import NOT_TURNED, BodyMotion, BuiltMotion, unit_quaternion
+from .body_shapes import BodyShape, rotation_matrix
 
 # Momentum that a free body gives to the sheet, and energy losses; the last one only with friction.
 SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
+# Smallest least eigenvalue of an inertia over the largest.
+LEAST_INERTIA = 1e-9
+
+
+@dataclass(frozen=True)
+class Free(BodyMotion):
+    """Free motion under gravity and the forces of the sheet. Bodies do not interact with each other.
+
+    Attributes:
+        mass: Mass [kg].
+        position: Position of the centre of mass at time 0 [m].
+        rotation: Unit quaternion (x, y, z, w) at time 0, from the frame of the body.
+        velocity: Velocity at time 0 [m/s].
+        spin: Angular velocity at time 0 [1/s], in the coordinates of the sheet.
+        inertia: Moments of inertia in the frame of the body [kg m^2], three numbers or a symmetric matrix; None for
+            uniform density.
+        gravity: Acceleration of gravity [m/s^2].
+    """
+
+    mass: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = NOT_TURNED
+    inertia: Any = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    free: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        positive("Free.mass", self.mass)
+        for name in ("position", "velocity", "spin", "gravity"):
+            vector(f"Free.{name}", getattr(self, name), 3)
+        unit_quaternion("Free.rotation", self.rotation)
+        if self.inertia is not None:
+            self._given_inertia()
+
+    def _given_inertia(self) -> np.ndarray:
+        found = numbers("Free.inertia", self.inertia)
+        matrix = np.diag(found) if found.shape == (3,) else found
+        if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected three moments or a symmetric matrix")
+        values = np.linalg.eigvalsh(matrix)
+        if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected positive moments")
+        return matrix
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m] and quaternion at time 0; later poses are known only to the run."""
+        return np.array(self.position, float), unit_quaternion("Free.rotation", self.rotation)
+
+    def speed(self, radius: float) -> float:
+        """Largest speed [m/s], at time 0, of a point of the body at the distance `radius` [m] from its centre."""
+        return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
+
+    def weight(self) -> float:
+        """Mass times gravity [N]."""
+        return self.mass * float(np.linalg.norm(self.gravity))
+
+    def check(self, shape: BodyShape) -> None:
+        """Check that the shape has a finite mass."""
+        if not shape.bounded:
+            raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
+
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
+        """Build the motion on a device."""
+        inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
+        return InFlight(name, self.pose(0.0), self, inertia, context, friction)
 
 
 class InFlight(BuiltMotion):

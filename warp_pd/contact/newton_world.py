@@ -23,10 +23,10 @@ from ..device.launches import Call, Touched
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..kernels.block_sums import frame_checks
 from ..kernels.contact.newton_world import lead_shape, load_bodies, take_impulses
-from .bodies import RigidBody
 from .body_mesh import TriangleMesh
 from .body_motion import BodyMotion, BuiltMotion, OnPath
 from .body_shapes import BodyShape, Box, Capsule, Cylinder, Plane, Sphere
+from .rigid_body import RigidBody
 
 OWNER = "newton"
 

@@ -1,31 +1,33 @@
-"""Implicit time steps on a device, by generalised alpha."""
+"""Implicit time steps by generalised alpha."""
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError
+from ..device.checks import InputError, below_one, count, not_negative, one_of, positive
 from ..device.clock import Schedule
 from ..device.fields import Array, assign, copy, total
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, DivergedError, FrameSink, History, System
+from ..interfaces import BuiltLaw, BuiltSolver, DivergedError, FrameSink, History, System
 from ..interfaces.solver import FINISHED
 from ..kernels.implicit.motion import COEFFICIENTS, implicit_motion
+from ..solvers.stepping import FramesInTime
 from ..statics.descent import Descent, Secants
 from ..statics.level import Level
+from ..statics.newton_settings import NewtonSettings
 from ..statics.static_rounds import UNIT_ROUND_OFF
 from ..statics.static_system import ALGEBRAIC_FROM, StaticSystem
 from ..step import NOT_IN_EQUILIBRIUM, Phase
-from .solver import Implicit
+from .internal_variables import InternalVariables, internal_variables_of
 from .tears import MOST_ROUNDS, Tears
 
 OWNER = "Implicit"
@@ -50,6 +52,72 @@ FIRST, SAME = 1e-4, 1e-10
 FORGOTTEN, JUMP = 2, 1e-4
 # Error of the energy balance from which a note tells of schedules that steps do not resolve.
 OFF = 0.01
+
+
+@dataclass(frozen=True)
+class Implicit(FramesInTime, NewtonSettings):
+    """Implicit time steps: generalised alpha (Chung and Hulbert 1993), each step solved as `Newton` does.
+
+    Steps may be as long as the motion allows, since no wave limits them. The method takes the forces, tangents and
+    internal variables of every law as they are, and damps what its steps do not resolve; energy-momentum methods need
+    a stress of their own between two displacements, with an unsymmetric tangent, and damp nothing.
+
+    Steps end at the knots of all schedules and at frames. Where Newton's method fails, a step is halved.
+
+    Attributes:
+        duration: Simulated time [s].
+        frames: Number of equally spaced frames after the first one; or their increasing times [s], the last one equal
+            to the duration.
+        steps: Number of equal steps, or more where knots and frames divide them.
+        tolerance: Error of the displacement in a step, over its largest so far (root mean squares), to which steps are
+            adapted instead; 1e-4 is a good value.
+        inertia: Whether the sheet has inertia. Without it and damping every step ends in equilibrium, for slow
+            processes, and the run begins with that under the loads at time 0.
+        radius: Spectral radius of the steps for the highest frequencies: 1 conserves, 0 damps in one step. By default
+            0.8, and 0 with contact, which takes no other, and in a sheet that can tear: steps seldom resolve what its
+            bonds release.
+        damping: Mass damping c [1/s]: a force -c m v on every point.
+        residual: Relative residual of a step; by default 1e-6 in float64 and 1e-4 in float32.
+        history_every: Time between rows of `Result.fine_history` [s], recorded at the next step; None for none.
+        most_iterations: Number of Newton steps after which a time step counts as failed.
+        most_cuts: How many times a time step is halved at most.
+        preconditioner: As for `Newton`.
+    """
+
+    duration: float
+    frames: int | Sequence[float] = 100
+    _: KW_ONLY
+    steps: int | None = None
+    inertia: bool = True
+    radius: float | None = None
+    damping: float = 0.0
+    residual: float | None = None
+    history_every: float | None = None
+    most_cuts: int = 10
+
+    dynamic: ClassVar[bool] = True
+    steps_explicitly: ClassVar[bool] = False
+    default_ramp: ClassVar[Schedule | None] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_frames()
+        if (self.steps is None) == (self.tolerance is None):
+            raise InputError(f"steps = {self.steps!r}, tolerance = {self.tolerance!r}: expected one of them")
+        if self.steps is not None:
+            count("steps", self.steps, 1)
+        one_of("inertia", self.inertia, (True, False))
+        if self.radius is not None and not 0.0 <= not_negative("radius", self.radius) <= 1.0:
+            raise InputError(f"radius = {self.radius!r}: expected a number from 0 to 1")
+        not_negative("damping", self.damping)
+        if self.residual is not None:
+            below_one("residual", self.residual)
+        if self.history_every is not None:
+            positive("history_every", self.history_every)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
+        """Build the solver on a device."""
+        return BuiltImplicit(self, context, law)
 
 
 class BuiltImplicit(StaticSystem):
@@ -495,35 +563,6 @@ class BuiltImplicit(StaticSystem):
             self.tears.jumps = [tuple(jump) for jump in state["jumps"]]
         if self._last > 0.0:
             self._set_coefficients(self._last)
-
-
-class InternalVariables(Protocol):
-    """Internal variables of a law in implicit time steps; they belong to the displacement at the end of a step."""
-
-    def begin_step(self, dt: float, again: bool) -> None:
-        """At the displacement before a step of dt [s]: let the force respond as at its end.
-
-        `again`: the last step failed, and the arrays of a restart file are what they were before it.
-        """
-        ...
-
-    def end_step(self) -> None:
-        """At the displacement after the step: advance to it, at the latest when `settle` or the next step asks."""
-        ...
-
-    def settle(self) -> None:
-        """Let the arrays belong to the displacement, for frames."""
-        ...
-
-
-@functools.singledispatch
-def internal_variables_of(law: BuiltLaw) -> InternalVariables | None:
-    """Prepare a law for implicit steps; laws that have internal variables register how. Before its tangent is made.
-
-    Raises:
-        InputError: if the law has some that such steps cannot advance.
-    """
-    return None
 
 
 def of_step(dt: float, radius: float, inertia: bool, damping: float) -> dict[str, float]:

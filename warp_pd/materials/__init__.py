@@ -20,11 +20,11 @@ if TYPE_CHECKING:
         tension_energy_density,
     )
     from .incompressible import ArrudaBoyce, Carroll, ExtendedTube, Incompressible, MooneyRivlin, Ogden, Yeoh
+    from .plane_stress import PlaneStress
     from .protocols import (
         Capabilities,
         Material,
         PairwiseMaterial,
-        PlaneStress,
         capabilities,
         check_material,
         padded_constants,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..device.checks import InputError
-from .protocols import Capabilities, Material, PlaneStress, capabilities, check_material, padded_constants
+from .plane_stress import PlaneStress
+from .protocols import Capabilities, Material, capabilities, check_material, padded_constants
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from ..device.checks import InputError
 from .incompressible import MooneyRivlin, Ogden, Yeoh
-from .protocols import PlaneStress
+from .plane_stress import PlaneStress
 
 
 @dataclass(frozen=True)

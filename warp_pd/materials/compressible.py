@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import positive
-from .protocols import PlaneStress, out_of_order
+from .plane_stress import PlaneStress
+from .protocols import out_of_order
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions

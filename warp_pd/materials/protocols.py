@@ -1,15 +1,14 @@
-"""Protocols of materials: what force laws need, optional capabilities, and the base class of the package's own."""
+"""Protocols of materials: what force laws need, and optional capabilities."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..device.checks import InputError, finite, said
 
 if TYPE_CHECKING:
-    from ..kernels.materials import MaterialFunctions
     from ..kernels.numeric import FunctionFactory, PairFactory, PairwiseFactory
 
 
@@ -144,25 +143,3 @@ def out_of_order(order: str, **beyond: tuple[float, float, str]) -> list[str]:
         for name, (value, most, what) in beyond.items()
         if not value <= most
     ]
-
-
-class PlaneStress:
-    """Isotropic sheet in plane stress; `on_device` has its capabilities, see `kernels.materials.MaterialFunctions`."""
-
-    isotropic: ClassVar[bool] = True
-
-    @property
-    def functions(self) -> PairFactory:
-        """Factory of (stress, energy)."""
-        return self.on_device.functions
-
-    def stable_to(self, loading: str) -> float:
-        """Largest stretch [-] up to which the material is stable; inf if it always is. See `stability.stable_to`."""
-        from .energy import stable_to
-
-        return stable_to(self, loading)
-
-    @property
-    def on_device(self) -> MaterialFunctions:
-        """Factories of the material's Warp functions."""
-        raise NotImplementedError(f"{type(self).__name__}.on_device: expected the material's Warp functions")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..device.checks import InputError, not_negative, one_of
-from .protocols import Material, PlaneStress, capabilities, check_material
+from .plane_stress import PlaneStress
+from .protocols import Material, capabilities, check_material
 
 if TYPE_CHECKING:
     from ..kernels.materials import MaterialFunctions

@@ -11,7 +11,8 @@ from ..materials.by_region import ByRegion
 from ..materials.compressible import Gent
 from ..materials.energy import borne, energy_density, stretch_of_density
 from ..materials.incompressible import Incompressible
-from ..materials.protocols import Capabilities, Material, PlaneStress, capabilities, padded_constants
+from ..materials.plane_stress import PlaneStress
+from ..materials.protocols import Capabilities, Material, capabilities, padded_constants
 from ..materials.tension_field import TensionField
 
 if TYPE_CHECKING:

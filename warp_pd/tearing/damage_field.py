@@ -45,7 +45,7 @@ from .cut_profiles import CutEnds, damage_of_cuts, initial_damage
 from .damage_ghosts import LAYERS, DamageGhosts
 from .early_softening import EarlySoftening
 from .field_constants import relaxations, screen_of
-from .tearing_energy import TearingEnergy
+from .field_settings import FieldSettings
 
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
@@ -100,7 +100,7 @@ class DamageField(Damaged):
 
     close_enough = CLOSE_ENOUGH
 
-    def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
+    def __init__(self, rupture: FieldSettings, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
         if rupture.every_step and context.at_rest:

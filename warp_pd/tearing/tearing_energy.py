@@ -10,19 +10,17 @@ import numpy as np
 
 from ..context import Context
 from ..device.checks import InputError, by_point, one_of, positive
-from ..geometry.couplings import crack_segments
-from ..geometry.sheet import ByPoint, Sheet
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, Law, Rupture
 from ..interfaces.scales import DENSITIES, Scales, of_stretch
 from ..materials import largest_energy_density
 from ..parts.rupture import CriticalStretch
-from .cut_profiles import longest_between_cuts
 from .damage_ghosts import LAYERS
-from .field_constants import Density, FieldConstants
+from .field_settings import FieldSettings
 
 
 @dataclass(frozen=True, eq=False)
-class TearingEnergy(Rupture):
+class TearingEnergy(FieldSettings):
     """A rupture criterion: a crack advances when the energy release rate reaches the tearing energy Gc.
 
     A damage field d of the points, 0 to 1 and irreversible, reduces the stiffness of the sheet; its energy per area of
@@ -58,17 +56,6 @@ class TearingEnergy(Rupture):
         InputError: if a value is not positive, both strength and stretch_at_break are given, or one of them is given
             with a varying energy.
     """
-
-    energy: ByPoint
-    length: float | None = None
-    strength: float | None = None
-    spared: Any = None
-    stretch_at_break: float | None = None
-    cut_profile: bool = True
-    initial_damage: np.ndarray | None = None
-    screened: bool = True
-    every_step: bool = False
-    stiffens: bool = False
 
     divides: ClassVar[bool] = True
     is_field: ClassVar[bool] = True
@@ -124,16 +111,6 @@ class TearingEnergy(Rupture):
         from .continuation import continued
 
         return cast(Law, replace(law, material=continued(material, limit / softest, context.device)))
-
-    def constants(self, context: Context, horizon: float, density: Density) -> FieldConstants:
-        """Constants of the field at a horizon [m] and an energy density [J/m^3]; see `FieldConstants`."""
-        points = context.given.points
-        free = self.cut_profile and self.length is None and len(crack_segments(context.whole))
-        return FieldConstants(
-            by_point("TearingEnergy.energy", self.energy, points), self.length, self.strength, self.stretch_at_break,
-            horizon, density, context.sheet.spacing, float(np.linalg.norm(np.ptp(points, axis=0))),
-            longest_between_cuts(context.whole) if free else float("inf"),
-        )  # fmt: skip
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """Build the field on a device."""

@@ -13,7 +13,7 @@ from ..context import Context
 from ..device.checks import InputError, not_negative, positive, said
 from ..device.fields import Array, assign, to_host
 from ..device.launches import Stage
-from ..implicit.steps import InternalVariables, internal_variables_of
+from ..implicit.internal_variables import InternalVariables, internal_variables_of
 from ..interfaces import BuiltLaw, Columns
 from ..interfaces.scales import BRANCHES, Scales
 from ..kernels.numeric import FunctionFactory
