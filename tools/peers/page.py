@@ -16,7 +16,9 @@ ERRORS = (0.05, 0.02, 0.01, 0.001)
 
 
 def sections(rows: Sequence[Row], page: Path) -> dict[str, list[str]]:
-    """Sections by heading: what is fastest, one for each problem, the codes."""
+    """Sections by heading: what is fastest, one for each problem, the codes; a CPU first, the codes in their order."""
+    place = {code.name: at for at, code in enumerate(CODES)}
+    rows = sorted(rows, key=lambda r: (r["device"] != "CPU", place[r["code"]], r["points"]))
     found = {"## The fastest": fastest(rows)}
     versions = {r["code"]: r["version"] for r in rows if r.get("version")}
     for name, problem in PROBLEMS.items():
