@@ -17,8 +17,8 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError, positive, said
+from ..device.cores import no_collection
 from ..device.fields import Array
-from ..device.graph import no_collection
 from ..device.launches import Call, Touched
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..kernels.block_sums import frame_checks

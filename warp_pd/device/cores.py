@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import os
 import sys
 import tempfile
@@ -48,6 +49,18 @@ def require_no_cuda_of_parent(device: str) -> None:
             f"device = {device!r}: CUDA does not work in a process forked from one that uses it; expected the start "
             "method 'spawn' or 'forkserver' of multiprocessing, or device 'cpu'"
         )
+
+
+@contextlib.contextmanager
+def no_collection() -> Iterator[None]:
+    """Context without garbage collection, which may free an earlier CUDA graph; a capture forbids that."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def available_cores() -> int:

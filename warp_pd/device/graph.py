@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
-import gc
 import itertools
 import math
 import time
@@ -16,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 import warp as wp
 
-from .cores import available_cores, cores, load_kernel
+from .cores import available_cores, cores, load_kernel, no_collection
 from .fields import Array
 from .launches import Call, Item, Launch, Stage
 
@@ -97,18 +95,6 @@ def wrapped(rounds: Sequence[list[Item]], joined: Launch, leading: int, beside: 
             items += [*own, *coming]
         items.append(rounds[-1][-1] if last else joined)
     return items
-
-
-@contextlib.contextmanager
-def no_collection() -> Iterator[None]:
-    """Disable garbage collection, which could free an earlier CUDA graph; CUDA forbids that during a capture."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _run_calls(calls: Iterable[Call]) -> None:

@@ -6,7 +6,6 @@ import ast
 import contextlib
 import difflib
 import functools
-import gc
 import hashlib
 import importlib
 import importlib.machinery
@@ -22,6 +21,7 @@ from types import CodeType
 from typing import Any
 
 from ..device.checks import InputError, kind_and_text, user_code
+from ..device.cores import no_collection
 from .arguments import converted, is_plain, plain
 from .scene_text import WrittenBuild
 
@@ -48,20 +48,9 @@ def require_scene(name: str) -> None:
 def load_scene(name: str) -> Any:
     """Import the module of a scene, given its name or the path of a Python file with a function `build`."""
     require_scene(name)
-    with _without_collecting():
+    # A fifth of the time to import Warp is garbage collection, and all of Warp stays.
+    with no_collection():
         return _load_file(Path(name)) if name.endswith(".py") else importlib.import_module(f"warp_pd.scenes.{name}")
-
-
-@contextlib.contextmanager
-def _without_collecting() -> Iterator[None]:
-    """Context without garbage collection: a fifth of the time to import Warp goes into it, and all of that stays."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 class _FromSource(importlib.machinery.SourceFileLoader):

@@ -14,8 +14,8 @@ import torch
 import warp as wp
 
 from ...device.checks import InputError
+from ...device.cores import no_collection
 from ...device.fields import Array
-from ...device.graph import no_collection
 from .networks import Network
 from .torch_network import check_network, torch_module
 
