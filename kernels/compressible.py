@@ -225,19 +225,22 @@ def neo_hookean_response(bits: int) -> wp.Function:
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
     area_change, _, plane_stress = invariants(bits)
-    volume_change = neo_hookean.volume(bits)
-    condensed = condensation(bits)
+    root_change, volume_of, condensed = neo_hookean_equations(bits).root_change, volume(bits), condensation(bits)
 
     @wp.func
     def response(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
         area = area_change(G)
         inverse_area = real(1.0) / (real(1.0) + area)
-        S = plane_stress(G, inverse_area, inverse_area * (z - area), constants[0] / wp.cbrt(real(1.0) + z))
+        d = root_change(G[0, 0] + G[1, 1], area, inverse_area, constants, real(0.0))
+        z = volume_of(d)
+        e = real(1.0) / (real(1.0) + d)
+        S = plane_stress(G, inverse_area, inverse_area * (z - area), constants[0] * e)
         q = real(1.0) + z
+        r = e * e * e
         eighth = constants[1] / real(8.0)
-        slope = eighth * (z + z / q)
-        return S, condensed(G, z, real(0.5) * constants[0], real(0.0), slope, eighth * (q + real(1.0) / q))
+        return S, condensed(
+            G, z, e, real(0.5) * constants[0], real(0.0), eighth * z * (real(1.0) + r), eighth * (q + r)
+        )
 
     return response
 
@@ -381,16 +384,19 @@ def locking_response(bits: int, continued: bool) -> wp.Function:
     """Stress and moduli of the Gent material: U1 = -(mu Jm/2) ln(1 - (I1b - 3)/Jm), U2 = (K/4) (q - ln q)."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
-    volume_change = (continued_gent if continued else gent).volume(bits)
-    condensed = condensation(bits)
+    area_change, _, plane_stress = invariants(bits)
+    root_change, volume_of, condensed = locking_equations(bits, continued).root_change, volume(bits), condensation(bits)
 
     @wp.func
     def response(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
         area = area_change(G)
-        thinning = (z - area) / (real(1.0) + area)
-        room = constants[2] - excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
+        inverse_area = real(1.0) / (real(1.0) + area)
+        trace = G[0, 0] + G[1, 1]
+        d = root_change(trace, area, inverse_area, constants, real(0.0))
+        z = volume_of(d)
+        thinning = inverse_area * (z - area)
+        e = real(1.0) / (real(1.0) + d)
+        room = constants[2] - e * (trace + thinning - real(3.0) * d)
         grows = real(1.0)
         if wp.static(continued):
             if room < constants[2] - constants[3]:
@@ -399,9 +405,9 @@ def locking_response(bits: int, continued: bool) -> wp.Function:
         if room <= real(0.0):
             room = real(wp.nan)
         first = real(0.5) * constants[0] * constants[2] / room
-        S = plane_stress(G, real(1.0) / (real(1.0) + area), thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
+        S = plane_stress(G, inverse_area, thinning, real(2.0) * first * e)
         quarter = real(0.25) * constants[1]
-        return S, condensed(G, z, first, grows * first / room, quarter * z, quarter * (real(1.0) + z))
+        return S, condensed(G, z, e, first, grows * first / room, quarter * z, quarter * (real(1.0) + z))
 
     return response
 

@@ -130,48 +130,47 @@ def condensation(bits: int) -> wp.Function:
     Hessian Psi_xy - Psi_x3 Psi_3y / Psi_33.
     """
     types = numeric(bits)
-    real, mat22, vec6, vec4 = types.real, types.mat22, types.vec6, types.parameters
-    mat44 = wp.types.matrix(shape=(4, 4), dtype=real)
+    real, mat22, vec6 = types.real, types.mat22, types.vec6
 
     @wp.func
-    def condensed(G: mat22, z: real, first: real, second: real, volume_first: real, volume_second: real):
-        """T from the volume change z, U1', U1'', and the derivatives U2', U2'' by ln q."""
+    def condensed(
+        G: mat22,
+        z: real,
+        e: real,
+        first: real,
+        second: real,
+        volume_first: real,
+        volume_second: real,
+    ):
+        """T from the volume change z, e = (1 + z)^(-1/3), U1', U1'', and the derivatives U2', U2'' by ln q."""
         c11 = real(1.0) + G[0, 0]
         c22 = real(1.0) + G[1, 1]
         c12 = G[0, 1]
-        d = c11 * c22 - c12 * c12
-        c33 = (real(1.0) + z) / d
-        tau = c11 + c22 + c33
-        e = real(1.0) / wp.cbrt(real(1.0) + z)
+        det = c11 * c22 - c12 * c12
+        inverse = real(1.0) / det
+        c33 = (real(1.0) + z) * inverse
+        l11, l22, l12, l33 = inverse * c22, inverse * c11, -real(2.0) * inverse * c12, det * e * e * e
         third = real(1.0) / real(3.0)
-        T = vec4(real(1.0), real(1.0), real(0.0), real(1.0))
-        L = vec4(c22 / d, c11 / d, -real(2.0) * c12 / d, real(1.0) / c33)
-        H = mat44()
-        for x in range(4):
-            for y in range(4):
-                # Second derivative of ln q: of ln det C among the first three, of ln C33 for the last.
-                bend = real(0.0)
-                if x < 3 and y < 3:
-                    bend = -L[x] * L[y]
-                    if x + y == 1:
-                        bend += real(1.0) / d
-                    if x == 2 and y == 2:
-                        bend -= real(2.0) / d
-                elif x == 3 and y == 3:
-                    bend = -L[3] * L[3]
-                slope_x = e * (T[x] - third * tau * L[x])
-                slope_y = e * (T[y] - third * tau * L[y])
-                curve = e * (third * (third * tau * L[x] * L[y] - T[x] * L[y] - L[x] * T[y]) - third * tau * bend)
-                H[x, y] = second * slope_x * slope_y + first * curve + volume_second * L[x] * L[y] + volume_first * bend
-        two = real(2.0)
-        return vec6(
-            two * (H[0, 0] - H[0, 3] * H[3, 0] / H[3, 3]),
-            two * (H[0, 1] - H[0, 3] * H[3, 1] / H[3, 3]),
-            two * (H[0, 2] - H[0, 3] * H[3, 2] / H[3, 3]),
-            two * (H[1, 1] - H[1, 3] * H[3, 1] / H[3, 3]),
-            two * (H[1, 2] - H[1, 3] * H[3, 2] / H[3, 3]),
-            two * (H[2, 2] - H[2, 3] * H[3, 2] / H[3, 3]),
-        )
+        tau = third * (c11 + c22 + c33)
+        # Psi_xy = c tau_x tau_y + b (tau_x l_y + l_x tau_y) + a l_x l_y + bend l_xy
+        c = second * e * e
+        b = -(tau * c + third * e * first)
+        a = volume_second - tau * b
+        bend = volume_first - tau * e * first
+        # l_xy is -l_x l_y, but for C11 with C22 and C12 with itself, and 0 for C33 with others.
+        plane = a - bend
+        m, n = a * l33 + b, b * l33 + c
+        x11, x22, x12 = l11 * m + n, l22 * m + n, l12 * m
+        m, n = plane * l11 + b, b * l11 + c
+        h11, h12, h13 = l11 * m + n, l22 * m + n + bend * inverse, l12 * m
+        m = plane * l22 + b
+        h22, h23 = l22 * (m + b) + c, l12 * m
+        h33 = plane * l12 * l12 - real(2.0) * bend * inverse
+        r = real(1.0) / (l33 * (plane * l33 + real(2.0) * b) + c)
+        return real(2.0) * vec6(
+            h11 - r * x11 * x11, h12 - r * x11 * x22, h13 - r * x11 * x12,
+            h22 - r * x22 * x22, h23 - r * x22 * x12, h33 - r * x12 * x12,
+        )  # fmt: skip
 
     return condensed
 

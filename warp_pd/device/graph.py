@@ -16,15 +16,15 @@ import warp as wp
 
 from .cores import available_cores, cores, load_kernel, no_collection
 from .fields import Array
-from .launches import Call, Item, Launch, Stage
+from .launches import Call, Item, Launch, Stage, arrays_in
 
 # A launch that takes longer than this on one core of a CPU [s] is split over all; starting them takes a third of it.
 SPLIT_FROM = 1e-4
 # Time that a slice takes at least [s], and most slices for each core: a core that another program uses, too, such as
 # the one that writes files beside the run, then takes fewer of them.
 SLICE_SECONDS, SLICES_PER_CORE = 5e-4, 4
-# Number of runs, of which the shortest decides.
-TIMED_RUNS = 3
+# Number of runs, of which the shortest decides. Launches on so many points or more remember them from run to run.
+TIMED_RUNS, REMEMBERED_FROM = 3, 1000
 
 
 class LaunchSequence:
@@ -119,6 +119,11 @@ class CpuLaunch:
         self._needed = None if item.only_if is None else item.only_if.numpy()
         self._undecided = TIMED_RUNS if min(item.threads, self._parts) > 1 else 0
         self._shortest = math.inf
+        self._same: tuple[Any, ...] | None = None
+        if self._undecided and item.threads >= REMEMBERED_FROM:
+            self._same = item.kernel, item.begin, item.threads, *(array.shape for _, array in arrays_in(item.arguments))
+            self._shortest, self._undecided = _TIMES.get(self._same, (self._shortest, self._undecided))
+            self._split_if_long()
 
     def run(self) -> None:
         """Run the launch and wait for it, unless its condition is 0."""
@@ -144,6 +149,11 @@ class CpuLaunch:
         self.slices[0]()
         self._shortest = min(self._shortest, time.perf_counter() - begin)
         self._undecided -= 1
+        if self._same is not None:
+            _TIMES[self._same] = self._shortest, self._undecided
+        self._split_if_long()
+
+    def _split_if_long(self) -> None:
         if not self._undecided and self._shortest > SPLIT_FROM:
             item = self.item
             most = min(SLICES_PER_CORE * self._parts, int(self._shortest / SLICE_SECONDS), item.threads)
@@ -161,16 +171,46 @@ class CpuLaunch:
                 if isinstance(value, int):
                     setattr(arguments, name, value)
             return functools.partial(self._recorded.hooks.forward, ctypes.byref(bounds), ctypes.byref(arguments))
-        load_kernel(item.kernel, self.device)
-        command: Any = wp.launch(
-            item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
-        )
-        if command.block_dim > 1:
-            return cast(Callable[[], None], command.launch)
-        # Warp packs the arguments at every launch, for ten microseconds.
-        arguments = _packed(tuple(map(type, command.params[1:])))(*command.params[1:])
+        key = item.kernel, item.block_dim, *map(_kind, values)
+        found: tuple[Any, Any] = _RECORDED.get(key, (None, None))
+        command, Arguments = found
+        if command is None:
+            load_kernel(item.kernel, self.device)
+            command = wp.launch(
+                item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
+            )
+            if command.block_dim > 1:
+                return cast(Callable[[], None], command.launch)
+            Arguments = _packed(tuple(map(type, command.params[1:])))
+            arguments = Arguments(*command.params[1:])
+            command.params, command.fwd_args = (), ()
+            if None not in key:
+                _RECORDED[key] = command, Arguments
+        else:
+            # Warp checks and packs each argument for five microseconds; those of other types had another key.
+            arguments = Arguments()
+            for (name, _), value in zip(arguments._fields_, values, strict=True):
+                if value is not None:
+                    setattr(arguments, name, value.__ctype__() if hasattr(value, "__ctype__") else value)
+        bounds = type(command.bounds)((threads,))
         self._recorded, self._arguments = command, arguments
-        return functools.partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(arguments))
+        return functools.partial(command.hooks.forward, ctypes.byref(bounds), ctypes.byref(arguments))
+
+
+# The shortest time [s] of a kernel on arrays of certain shapes, and the number of runs that are left to decide.
+_TIMES: dict[tuple[Any, ...], tuple[float, int]] = {}
+# Launches of kernels with arguments of certain types, without the arguments, and the C struct that takes them.
+_RECORDED: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+
+
+def _kind(value: Any) -> Any:
+    """What Warp checks of an argument; None for one that it converts."""
+    kind = type(value)
+    if kind is wp.array:
+        return value.dtype, value.ndim
+    if value is None or kind in (int, float, bool) or isinstance(value, ctypes.Array):
+        return kind
+    return getattr(value, "_cls", None)
 
 
 @functools.cache

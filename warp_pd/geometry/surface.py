@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
+from ..device.kept import Kept
 from .sheet import Shape
 from .triangulation import corner_sums, doubled_normals, voronoi_areas
 
@@ -48,8 +49,16 @@ def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return turned
 
 
+# Cells of equal sheets, from run to run.
+CELLS = Kept()
+
+
 def cells_of(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Rectangles and the other triangles, whose last corner comes twice, int32, shape (C, 4)."""
+    return CELLS.result(_cells_of, positions, triangles)
+
+
+def _cells_of(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     pairs, corners = rectangles(positions, triangles)
     alone = np.delete(triangles, pairs.ravel(), axis=0)
     return np.concatenate([corners.astype(np.int32), alone[:, [0, 1, 2, 2]].astype(np.int32)])

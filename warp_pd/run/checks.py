@@ -267,7 +267,9 @@ def _untorn(surface: Surface, frame: Frame) -> bool:
 
 def _waves(start: np.ndarray, end: np.ndarray, faces: np.ndarray) -> list[str]:
     """A note if the points lie in short waves at the end that were not there at the start, both (N, 3)."""
-    height = _heights(end, faces) - _heights(start, faces)
+    height = _heights(end, faces)
+    if np.ptp(start[:, 2]) > 0.0:
+        height -= _heights(start, faces)
     if (np.abs(height) > HIGH).mean() < MANY:
         return []
     # Neighbours on one side alone make no wave.

@@ -49,8 +49,9 @@ def code_version() -> str:
     return f"warp-pd {__version__} {text.hexdigest()[:12]}, Warp {wp.config.version}"
 
 
+@functools.cache
 def commit_of(checkout: Path) -> str | None:
-    """The git commit of a checkout or a worktree; None for another folder, or without git."""
+    """The git commit of a checkout or a worktree when first asked for; None for another folder, or without git."""
     if not (checkout / ".git").exists():
         return None
     command = ["git", "-c", "safe.directory=*", "-C", str(checkout), "rev-parse", "HEAD"]

@@ -41,7 +41,7 @@ KEPT = 1e-4
 # a load that nothing bears is one.
 STUCK, MARGIN, LONG, LARGEST_UNSEEN = 0.5, 4.0, 3, 1e-2
 # Residual to which coarser lattices are solved: their discretisation error is larger.
-COARSE_TOLERANCE = 1e-3
+COARSE_TOLERANCE = 2e-2
 
 
 @dataclass

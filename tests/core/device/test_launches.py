@@ -2,6 +2,8 @@
 
 import contextlib
 import functools
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -350,6 +352,27 @@ def test_a_launch_that_takes_long_is_split_over_the_cores(split_from, monkeypatc
     np.testing.assert_array_equal(b.numpy(), 3.0 * np.arange(1000.0))
 
 
+def test_a_launch_that_took_long_in_an_earlier_run_is_split_from_the_first(monkeypatch):
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    monkeypatch.setattr(graph, "available_cores", lambda: 2)
+
+    def launch(points, size):
+        made = stage()
+        made.launch("one", add_kernel(), points, a=array(*[1.0] * size), b=array(*[0.0] * size))
+        return graph.CpuLaunch(next(iter(made)), made.device)
+
+    for number in range(graph.TIMED_RUNS):
+        again = launch(1200, 1201)
+        assert len(again.slices) == 1, number
+        again.run()
+    again = launch(1200, 1201)
+    assert len(again.slices) == 2
+    again.run()
+    assert again.item.arguments["b"].numpy().tolist() == [1.0] * 1200 + [0.0]
+    # Other shapes, and few points.
+    assert len(launch(1200, 1202).slices) == len(launch(900, 1201).slices) == 1
+
+
 def test_a_launch_with_one_thread_is_not_split(monkeypatch):
     monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
     monkeypatch.setattr(graph, "available_cores", lambda: 3)
@@ -359,3 +382,26 @@ def test_a_launch_with_one_thread_is_not_split(monkeypatch):
     for _ in range(graph.TIMED_RUNS + 1):
         launch.run()
     assert len(launch.slices) == 1
+
+
+def test_a_kernel_that_was_recorded_takes_other_arrays_of_the_same_types_alone():
+    kernel, cpu = add_kernel(), find_device("cpu")
+
+    def added(a, b):
+        made = Stage("add", "", cpu, 64, [])
+        made.launch("test", kernel, len(b), a=a, b=b)
+        LaunchSequence(made).run()
+        return b.numpy().tolist()
+
+    def array(*values, kind=float):
+        return wp.array(values, dtype=kind, device=cpu)
+
+    first = array(1.0, 2.0)
+    gone = weakref.ref(first)
+    assert added(first, array(1.0, 1.0)) == [2.0, 3.0]
+    assert added(array(5.0, 6.0, 7.0), array(1.0, 1.0, 1.0)) == [6.0, 7.0, 8.0]
+    del first
+    gc.collect()
+    assert gone() is None
+    with pytest.raises(RuntimeError, match="dtype"):
+        added(array(1.0, 2.0, kind=wp.float64), array(1.0, 1.0))
