@@ -23,12 +23,12 @@ from typing import Any
 
 import warp_pd.scenes
 from warp_pd import InputError, Result
+from warp_pd.command.scene_files import build_scene
 from warp_pd.context import find_device
 from warp_pd.device.checks import DIVERGED, WRONG_INPUT
 from warp_pd.interfaces import DivergedError
 from warp_pd.interfaces.solver import STOPPED
 from warp_pd.run.folder import write_atomically
-from warp_pd.run.scene_files import build_scene
 from warp_pd.run.stopping import deadline
 
 __all__ = ["DivergedError", "InputError", "build_scene"]

@@ -18,16 +18,16 @@ import click
 
 from .command.completion import SceneName, complete_setting
 from .command.group import OneLineGroup, open_closed_streams, release_lost_streams, say, tell
-from .command.scene_help import SceneCommand
-from .device.checks import InputError, count, device_name, one_of, said, vector
-from .device.version import __version__
-from .run.scene_files import (
+from .command.scene_files import (
     build_scene,
     load_scene,
     require_scene,
     require_settings,
     scene_names,
 )
+from .command.scene_help import SceneCommand
+from .device.checks import InputError, count, device_name, one_of, said, vector
+from .device.version import __version__
 
 # Objects that Python may create before it looks for garbage. Warp, USD and Matplotlib create hundreds of thousands that
 # stay; with Python's own 700 a tenth of a short run goes into looking through them.
@@ -303,7 +303,7 @@ def sweep_values(
     sweep and skips finished runs. A failed run does not stop the others: the table shows its status, and the exit code
     is that of the worst run.
     """
-    from .run.arguments import split_values
+    from .command.arguments import split_values
     from .run.folder import picture_formats
 
     require_scene(scene)

@@ -7,8 +7,8 @@ import sys
 import pytest
 from small_runs import cli
 
+from warp_pd.command.scene_files import load_scene, scene_names
 from warp_pd.command.scene_help import scene_arguments
-from warp_pd.run.scene_files import load_scene, scene_names
 
 
 @pytest.mark.parametrize("name", scene_names())

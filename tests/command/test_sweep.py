@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from small_runs import cli
 
+from warp_pd.command.scene_files import build_scene
 from warp_pd.command.sweep import folder_name
-from warp_pd.run.scene_files import build_scene
 
 SCENE = """
 from warp_pd import *

@@ -11,7 +11,7 @@ import pytest
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, NeoHookean, Sheet, Simulation
-from warp_pd.run.scene_files import _meant
+from warp_pd.command.scene_files import _meant
 
 
 def test_broken_scene_files_end_with_one_line(tmp_path):

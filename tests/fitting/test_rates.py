@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from warp_pd import InputError, Maxwell, NeoHookean, Prony, Visco, Yeoh
+from warp_pd.command.scene_files import build_scene, load_scene
 from warp_pd.fitting import Curve, RateTests, fit, nominal_stress, rate_stress, read_table
 from warp_pd.fitting.command import fit_scene
 from warp_pd.fitting.rates import law_tests, read_ramps
-from warp_pd.run.scene_files import build_scene, load_scene
 
 DATA = Path(__file__).parents[1] / "references" / "vhb.csv"
 # VE table 1 and the rates of its figure 2.

@@ -7,8 +7,8 @@ import re
 import pytest
 from small_runs import cli
 
+from warp_pd.command.scene_files import build_scene, load_scene, scene_file, scene_names
 from warp_pd.papers.as_published import PRINTED, as_published
-from warp_pd.run.scene_files import build_scene, load_scene, scene_file, scene_names
 
 
 def test_every_scene_that_a_paper_printed_has_its_arguments():

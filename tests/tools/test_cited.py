@@ -14,9 +14,9 @@ import pytest
 import warp_pd
 from warp_pd import fitting, measures
 from warp_pd.__main__ import _assigned, main
-from warp_pd.run.arguments import split_values
+from warp_pd.command.arguments import split_values
+from warp_pd.command.scene_files import load_scene, require_settings, scene_names
 from warp_pd.run.result import Result
-from warp_pd.run.scene_files import load_scene, require_settings, scene_names
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, split_arg_string
 
-from ..run.scene_files import scene_file, scene_names
+from .scene_files import scene_file, scene_names
 
 
 class SceneName(click.types.StringParamType):

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ..run.scene_files import load_scene
+from .scene_files import load_scene
 
 # Arguments that mean the same in every scene; a scene says otherwise under "Args:" of its `build`.
 COMMON = {

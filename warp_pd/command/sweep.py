@@ -24,10 +24,10 @@ from ..run import restart
 from ..run.built import compose
 from ..run.folder import RESTART, remove_if_empty, require_free, run_summary, sole_use, writable_folder, write_csv
 from ..run.recorder import code_version
-from ..run.scene_files import build_scene, load_scene
 from ..run.stopping import deadline
 from ..viewer.curves import draw_sweep
 from ..viewer.pictures import Drawing, drawing
+from .scene_files import build_scene, load_scene
 
 REFUSED = "refused"
 # Length of the name of a folder whose values take more; file systems take 255 bytes.

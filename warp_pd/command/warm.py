@@ -9,7 +9,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ..device.checks import InputError
-from ..run.scene_files import build_scene, require_scene, scene_names
+from .scene_files import build_scene, require_scene, scene_names
 
 
 def warm(scenes: Sequence[str], device: str | None, precision: int | None, quiet: bool) -> tuple[int, float]:

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..command.arguments import converted
+from ..command.scene_files import load_scene, require_settings, written_parameters
 from ..device.checks import InputError, one_of
-from ..run.arguments import converted
 from ..run.folder import claimed_folder, pictures_in, remove_if_empty, results_in, sole_use, writable_folder
-from ..run.scene_files import load_scene, require_settings, written_parameters
 from ..viewer.pictures import Drawing, drawing
 from .data import LOSSES, read_table
 

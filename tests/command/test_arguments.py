@@ -9,8 +9,8 @@ import pytest
 from helpers import refused
 from small_runs import cli
 
-from warp_pd.run.arguments import converted, is_plain, plain, split_values
-from warp_pd.run.scene_files import build_scene, require_settings
+from warp_pd.command.arguments import converted, is_plain, plain, split_values
+from warp_pd.command.scene_files import build_scene, require_settings
 
 
 def build(

@@ -155,7 +155,7 @@ def _values(name: str, settings: Mapping[str, Any], parameters: Mapping[str, ins
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
     """Build the simulation of a scene; `settings` maps arguments of its `build` to text or numbers."""
-    from .scene import Scene
+    from ..run.scene import Scene
 
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
